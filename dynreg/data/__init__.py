@@ -1,0 +1,1 @@
+"""Recordings, and the logs that they are read from."""

@@ -1,0 +1,37 @@
+"""What a robot's recordings must hold, said without knowing the robot."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ChannelSpec:
+    """A channel that a log is asked for.
+
+    `kind` is "state", "action", "input" (a measured exogenous signal) or "enable" (1 where the drive is on).
+    `low`, `high` bound what the channel can be, in its unit; None where nothing is known.
+    `hold` tells how it is resampled: True keeps the last value (commands, flags), False interpolates.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    optional: bool = False
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def hold(self) -> bool:
+        return self.kind in ("action", "enable")
+
+
+@dataclass(frozen=True)
+class RecordingSpec:
+    """The channels and settings of one robot's recordings and the rate [Hz] they are resampled to.
+
+    `rate` is None for robots whose control is timed: every row of a log stays as it is.
+    """
+
+    robot: str
+    channels: tuple[ChannelSpec, ...]
+    settings: tuple[str, ...]
+    rate: float | None

@@ -1,0 +1,64 @@
+"""The errors that dynreg raises: each says what is wrong, what was expected and what to do next."""
+
+
+class DynregError(Exception):
+    """Root of every error that a user can cause or mend.
+
+    The message is always one line: the bad value, what was expected, the next step.
+
+    Parameters
+    ----------
+    problem : what is wrong, with the bad value in it.
+    expected : what a good value looks like (valid choices, a range, a form).
+    do : what to do next.
+    """
+
+    exit_status = 1
+
+    def __init__(self, problem: str, *, expected: str, do: str):
+        self.problem = _one_line(problem)
+        self.expected = _one_line(expected)
+        self.do = _one_line(do)
+        super().__init__(f"{self.problem}; expected {self.expected}; {self.do}")
+
+
+class UsageError(DynregError):
+    """A command or a call that was put together wrongly (exit status 2)."""
+
+    exit_status = 2
+
+
+class LogError(DynregError):
+    """A log that cannot be read or does not hold what is needed."""
+
+
+class MapError(DynregError):
+    """A map file that does not say how a log becomes a robot's channels."""
+
+
+class RobotError(DynregError):
+    """A robot folder that is not one."""
+
+
+class SimulationError(DynregError):
+    """A simulation that diverged or was asked for something its engine does not offer."""
+
+
+class RegistryError(DynregError):
+    """A registry directory that cannot be used as asked."""
+
+
+class CorruptError(RegistryError):
+    """Stored data lost or changed (exit status 3)."""
+
+    exit_status = 3
+
+
+class NoMatchError(DynregError):
+    """Nothing found, or nothing close enough (exit status 4)."""
+
+    exit_status = 4
+
+
+def _one_line(text: str) -> str:
+    return " ".join(str(text).split())
