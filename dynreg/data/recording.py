@@ -48,7 +48,8 @@ class Episode:
         if not np.all(np.diff(time) > 0):
             at = int(np.argmax(~(np.diff(time) > 0))) + 1
             raise LogError(
-                f"episode {self.name!r}: time does not increase at row {at} ({time[at]!r} s after {time[at - 1]!r} s)",
+                f"episode {self.name!r}: time does not increase at row {at} "
+                f"({time[at]!r} s after {time[at - 1]!r} s)",
                 expected="strictly increasing time stamps",
                 do="mend the log's clock, or let `dynreg doctor` show where it runs back",
             )
@@ -83,12 +84,18 @@ class Recording:
         object.__setattr__(self, "episodes", tuple(self.episodes))
         names = [c.name for c in self.channels]
         if len(set(names)) != len(names):
-            raise LogError(f"channel named twice in {names}", expected="unique channel names", do="rename one of them")
+            raise LogError(
+                f"channel named twice in {names}", expected="unique channel names", do="rename one of them"
+            )
         if not self.episodes:
-            raise LogError("the recording has no episodes", expected="at least one", do="check the map and the log")
+            raise LogError(
+                "the recording has no episodes", expected="at least one", do="check the map and the log"
+            )
         episode_names = [e.name for e in self.episodes]
         if len(set(episode_names)) != len(episode_names):
-            raise LogError(f"episode named twice in {episode_names}", expected="unique names", do="rename one of them")
+            raise LogError(
+                f"episode named twice in {episode_names}", expected="unique names", do="rename one of them"
+            )
         for episode in self.episodes:
             if episode.values.shape[1] != len(names):
                 raise LogError(
@@ -127,7 +134,9 @@ class Recording:
     def select(self, names: Sequence[str]) -> "Recording":
         """The same episodes with only these episodes' names, in this order."""
         by_name = {episode.name: episode for episode in self.episodes}
-        return Recording(self.channels, tuple(by_name[name] for name in names), self.measured, self.provenance)
+        return Recording(
+            self.channels, tuple(by_name[name] for name in names), self.measured, self.provenance
+        )
 
     def to_frame(self):
         """A pandas DataFrame: columns `episode`, `time`, then one for each channel."""

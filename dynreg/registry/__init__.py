@@ -1,0 +1,1 @@
+"""The store: populations of simulators with their data and models, recordings, results."""

@@ -1,0 +1,141 @@
+"""Figures of dynreg.models: quality and time of training, time of losses.
+
+    python benchmarks/bench_models.py [--quick]
+
+The family is planted: twelve coupled joints with torque limits, friction and gravity push a body along; every
+configuration has its own constants. Losses are mean squared errors of the normalised delta on held-out
+episodes, the mean over configurations; persistence (predicting no motion) is the reference.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dynreg.models.bank import LossBank
+from dynreg.models.base import train_base
+from dynreg.models.mlp import MlpStack, initial
+from dynreg.models.normaliser import fit_normaliser
+from dynreg.models.threads import available_threads
+from dynreg.models.train import train
+from dynreg.rng import stream
+
+JOINTS, BODY, EPISODES, STEPS, SUBSTEPS, RATE = 12, 9, 20, 50, 8, 40.0  # RATE in Hz
+TRAIN_ROWS = 800  # the first 16 episodes; the other 4 are held out
+
+
+def family(configs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Normalised inputs (configs, 1000, 55) and targets (configs, 1000, 33) of random configurations."""
+    rng = stream(seed, "family")
+    shape = (configs, 1, JOINTS)
+    low, high = np.array([[15, 0.5, 4, 0.05, 2, 0.05], [45, 3, 20, 1.0, 9, 0.5]])[..., None, None, None]
+    stiffness, damping, limit, coulomb, gravity, slip = rng.uniform(low, high, (6, configs, 1, 1))
+    coupling = stream(0, "family", "coupling").normal(0, 0.15, (JOINTS, JOINTS))
+    feet = stream(0, "family", "feet").normal(0, 1, (JOINTS, BODY)) / np.sqrt(JOINTS)
+    bank = stream(0, "family", "actions").uniform(
+        -0.8, 0.8, (EPISODES, STEPS, JOINTS)
+    )  # shared, as in a registry
+    offset = rng.uniform(-0.2, 0.2, shape)
+
+    q, v = np.zeros((2, configs, EPISODES, JOINTS))
+    body = np.zeros((configs, EPISODES, BODY))
+    states = np.empty((configs, EPISODES, STEPS + 1, 2 * JOINTS + BODY))
+    for step in range(STEPS + 1):
+        states[:, :, step] = np.concatenate([q, v, body], -1)
+        for _ in range(SUBSTEPS if step < STEPS else 0):
+            torque = np.clip(stiffness * (bank[:, step] - q - offset) - damping * v, -limit, limit)
+            force = torque - coulomb * np.tanh(20 * v) - gravity * np.sin(q) + np.sin(q) @ coupling * gravity
+            v = v + force / (RATE * SUBSTEPS)
+            q = q + v / (RATE * SUBSTEPS)
+            body = body + (np.tanh((v @ feet) / slip) * slip - 0.5 * body) * (4 / (RATE * SUBSTEPS))
+    states = states + rng.normal(0, 0.002, states.shape)
+    context = np.broadcast_to(rng.normal(0, 1, (configs, EPISODES, 1, 10)), (configs, EPISODES, STEPS, 10))
+    actions = np.broadcast_to(bank, (configs, *bank.shape))
+    tables = [states[:, :, :-1], actions, context, states[:, :, 1:]]
+    tables = [table.reshape(configs, EPISODES * STEPS, -1) for table in tables]
+    normaliser = fit_normaliser(*(table[:16].reshape(-1, table.shape[-1]) for table in tables))
+    return normaliser.inputs(*tables[:3]), normaliser.targets(tables[0], tables[3])
+
+
+def held_out(models: MlpStack, inputs: np.ndarray, targets: np.ndarray) -> float:
+    """Mean loss of every model (or of the only one) on its own held-out rows."""
+    bank = LossBank(models, inputs[:, TRAIN_ROWS:], targets[:, TRAIN_ROWS:])
+    ids = np.arange(len(inputs))
+    return float(bank.pairs(ids if len(models) > 1 else 0 * ids, ids).mean())
+
+
+def timed(call: Callable, *args: Any, repeat: int = 1, **options: Any) -> tuple[Any, float, float]:
+    """The result, the shortest time [s] of `repeat` calls, and the processor time [s] of all threads in it."""
+    best = np.inf, np.inf
+    for _ in range(repeat):
+        start = time.perf_counter(), time.process_time()
+        result = call(*args, **options)
+        best = min(best, (time.perf_counter() - start[0], time.process_time() - start[1]))
+    return result, *best
+
+
+def bench_base(inputs: np.ndarray, targets: np.ndarray, test: tuple, grid: list) -> MlpStack:
+    """Base models over a grid of settings; the last one is kept."""
+    for epochs, rate, batch in grid:
+        flat = inputs.reshape(-1, inputs.shape[-1]), targets.reshape(-1, targets.shape[-1])
+        base, seconds, cpu = timed(train_base, *flat, epochs=epochs, learning_rate=rate, batch_size=batch)
+        print(f"base  {len(inputs)} configs  epochs {epochs:3d} lr {rate:g} batch {batch:4d}: "
+              f"held-out {held_out(base, *test):.3f}  {seconds:.1f} s ({cpu:.1f} s of cores)", flush=True)  # fmt: skip
+    return base
+
+
+def bench_train(base: MlpStack, inputs: np.ndarray, targets: np.ndarray, grid: list) -> MlpStack:
+    """Entries trained from the base and from scratch over a grid of settings; the last one is kept."""
+    rows = inputs[:, :TRAIN_ROWS], targets[:, :TRAIN_ROWS]
+    scratch = initial(*base.sizes[:: len(base.sizes) - 1], len(inputs), 1)
+    for name, epochs, rate, batch in grid:
+        models, seconds, cpu = timed(
+            train, base if name == "base" else scratch, *rows,
+            epochs=epochs, learning_rate=rate, batch_size=batch,
+        )  # fmt: skip
+        print(f"train from {name:7s} epochs {epochs:2d} lr {rate:g} batch {batch:3d}: "
+              f"held-out {held_out(models, inputs, targets):.3f}  "
+              f"{1e3 * seconds / len(inputs):.1f} ms a model ({1e3 * cpu / len(inputs):.1f} ms of a core)", flush=True)  # fmt: skip
+    return models
+
+
+def bench_losses(models: MlpStack, inputs: np.ndarray, targets: np.ndarray) -> None:
+    """Times of LossBank: one new set, chosen pairs of 64 rows, all pairs."""
+    many = models[np.arange(1000) % len(models)]
+    probes = inputs[np.arange(200) % len(inputs), :64], targets[np.arange(200) % len(inputs), :64]
+    bank, seconds, _ = timed(LossBank, many, *probes)
+    print(f"bank of 1000 models and 200 sets: {seconds:.2f} s")
+    _, seconds, cpu = timed(bank.of_set, inputs[0, :250], targets[0, :250], repeat=5)
+    print(f"1000 models on 250 rows of a new set: {seconds:.3f} s ({cpu:.3f} s of cores)")
+    rng = stream(0, "pairs")
+    for count in (1, 10, 100, 5000):
+        ids = rng.integers(1000, size=count), rng.integers(200, size=count)
+        _, seconds, cpu = timed(bank.pairs, *ids, repeat=5)
+        print(
+            f"{count:5d} pairs of 64 rows: {1e3 * seconds:8.2f} ms, {1e3 * cpu / count:.3f} ms of a core each"
+        )
+    few = LossBank(many[:50], *probes)
+    _, seconds, cpu = timed(few.all, repeat=3)
+    print(f"all 50 x 200 pairs of 64 rows: {seconds:.3f} s, {1e3 * cpu / 10_000:.3f} ms of a core each")
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer configurations")
+    quick = parser.parse_args().quick
+    configs = 24 if quick else 96
+    inputs, targets = family(configs + 64, seed=1)
+    pool, own = (inputs[:configs], targets[:configs]), (inputs[configs:], targets[configs:])
+    print(f"{available_threads()} threads; persistence {np.square(own[1][:, TRAIN_ROWS:]).mean():.3f}")
+    base = bench_base(*pool, own, [(12, 2e-3, 256)])
+    grid = [("scratch", 4, 1e-3, 100), ("scratch", 20, 1e-3, 100), ("base", 4, 1e-3, 100)]
+    bench_losses(bench_train(base, *own, grid), *own)
+
+
+if __name__ == "__main__":
+    main()

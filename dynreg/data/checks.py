@@ -1,0 +1,279 @@
+"""What can be wrong with a log, and where: clocks, gaps, numbers, units, limits."""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from dynreg.data.episodes import RawEpisode
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Finding, Series
+
+STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clock
+JITTER = 3.0  # 99th percentile over median period
+STUCK_SHARE, STUCK_SECONDS = 0.2, 1.0
+TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
+BEYOND = 5.0  # times its limit: no scatter, another unit
+LIMIT_MARGIN = 0.01  # share of the range
+AGREEMENT = (0.7, 1.4)  # slope of a velocity channel on the derivative of its position
+MISTAKES: Mapping[str, float] = {
+    "deg": 180 / np.pi,
+    "rpm": 60 / (2 * np.pi),
+    "turns": 1 / (2 * np.pi),
+    "milli-": 1000.0,
+}
+
+
+def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple[Finding, ...]:
+    """Everything that is found in one episode against the channels; `gap` [s] is a silence to report."""
+    where = f"{episode.file}, episode {episode.name}"
+    findings = list(_missing(episode, spec, where))
+    specs = {c.name: c for c in spec.channels}
+    shown = {name: s for name, s in episode.channels.items() if not specs[name].hold}
+    findings += check_clocks(episode.channels, where, None)
+    findings += check_clocks(shown, where, gap, only_gaps=True)
+    for name, series in episode.channels.items():
+        here = f"{where}, {name}"
+        findings += check_numbers(series, here)
+        findings += check_range(series, specs[name], here)
+    findings += _stuck_channels(episode, specs, where)
+    findings += _velocities(episode, where)
+    findings += _short(episode, spec, where)
+    return tuple(findings)
+
+
+def check_clocks(
+    channels: Mapping[str, Series], where: str, gap: float | None, only_gaps: bool = False
+) -> Iterator[Finding]:
+    """Clock findings, once for all signals that share their stamps."""
+    groups: dict[bytes, list[str]] = {}
+    for name, series in channels.items():
+        groups.setdefault(series.time.tobytes(), []).append(name)
+    for names in groups.values():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        time = channels[names[0]].time
+        here = f"{where}, {names[0]}{more}"
+        if not only_gaps:
+            yield from check_clock(time, here)
+        if gap is not None:
+            yield from check_gaps(time, here, gap)
+
+
+def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
+    """Stamps that run back, stand still, repeat or scatter."""
+    if not np.all(np.isfinite(time)):
+        row = int(np.argmin(np.isfinite(time)))
+        yield Finding("error", "clock", f"{where}, row {row}", "the time stamp is not a number")
+        return
+    steps = np.diff(time)
+    if not len(steps):
+        return
+    back = np.flatnonzero(steps < 0)
+    if len(back):
+        row = int(back[0]) + 1
+        yield Finding(
+            "error",
+            "clock",
+            f"{where}, row {row}",
+            f"the clock runs back by {-steps[row - 1]:.6g} s at {time[row - 1]:.6f} s ({len(back)} times); "
+            'mend it, or split there with by = "gaps" under [episodes]',
+        )
+    equal = steps == 0
+    if equal.any():
+        start, run = longest_run(equal)
+        stopped = run >= STANDSTILL_ROWS
+        yield Finding(
+            "error" if stopped else "warning",
+            "clock",
+            f"{where}, row {start}",
+            f"the clock stands still at {time[start]:.6f} s for {run + 1} rows"
+            if stopped
+            else f"{int(equal.sum())} stamps repeat the one before; the last row of each stands",
+        )
+    moving = steps[steps > 0]
+    if len(moving) >= 10:
+        median, late = np.median(moving), np.quantile(moving, 0.99)
+        if late > JITTER * median:
+            text = f"uneven stamps: median {1e3 * median:.3g} ms, 99 % below {1e3 * late:.3g} ms"
+            yield Finding("info", "jitter", where, text)
+
+
+def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
+    """Silences longer than `gap` [s]."""
+    steps = np.diff(time)
+    long = np.flatnonzero(steps > gap)
+    if len(long):
+        first = int(long[0])
+        yield Finding(
+            "warning",
+            "gap",
+            f"{where}, row {first + 1}",
+            f"{len(long)} gaps longer than {gap:g} s, the first {steps[first]:.3f} s at {time[first]:.3f} s, "
+            f'the longest {steps.max():.3f} s; split there with by = "gaps" under [episodes]',
+        )
+
+
+def check_numbers(series: Series, where: str) -> Iterator[Finding]:
+    """Values that are no numbers."""
+    bad = ~np.isfinite(series.values)
+    if bad.all():
+        yield Finding("error", "nan", where, "holds no number at all")
+    elif bad.any():
+        row = int(np.argmax(bad))
+        text = f"{int(bad.sum())} of {len(bad)} values are NaN or infinite; they are left out"
+        yield Finding("warning", "nan", f"{where}, row {row}, {series.time[row]:.3f} s", text)
+
+
+def check_range(series: Series, channel: ChannelSpec, where: str) -> Iterator[Finding]:
+    """Units that cannot be, actions beyond their limits, angles that wrap."""
+    values = series.values[np.isfinite(series.values)]
+    if not len(values):
+        return
+    largest = float(np.abs(values).max())
+    bounds = [abs(b) for b in (channel.low, channel.high) if b is not None and np.isfinite(b)]
+    if bounds and max(bounds) > 0 and largest > BEYOND * max(bounds):
+        hint = "; degrees?" if channel.unit.startswith("rad") else ""
+        text = (
+            f"reaches {largest:.4g} {channel.unit}, {largest / max(bounds):.3g} x its limit{hint}; set `unit`"
+        )
+        yield Finding("error", "units", where, text)
+        return
+    if channel.unit == "rad" and not bounds and largest > TURNS:
+        text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: degrees?"
+        yield Finding("warning", "units", where, text)
+    if channel.kind == "enable" and not np.all(np.isin(values, (0.0, 1.0))):
+        yield Finding("warning", "units", where, "a flag with values other than 0 and 1")
+    if channel.kind in ("action", "state") and channel.low is not None and channel.high is not None:
+        margin = LIMIT_MARGIN * (channel.high - channel.low)
+        out = (values < channel.low - margin) | (values > channel.high + margin)
+        if out.any():
+            limits = f"[{channel.low:g}, {channel.high:g}] {channel.unit}"
+            text = f"{100 * out.mean():.1f} % of values lie beyond {limits}, as far as {largest:.4g}"
+            yield Finding("warning", "limits", where, text)
+    if channel.unit == "rad" and channel.kind != "action" and largest < 7.0:
+        jumps = np.flatnonzero(np.abs(np.abs(np.diff(values)) - 2 * np.pi) < 0.3)
+        if len(jumps):
+            text = f"jumps by a whole turn {len(jumps)} times; set unwrap = true in the map"
+            yield Finding("warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text)
+
+
+def _missing(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
+    for channel in spec.channels:
+        if channel.name not in episode.channels and not channel.optional:
+            yield Finding("error", "missing", where, f"channel {channel.name!r} is missing")
+    for name in spec.settings:
+        if name not in episode.settings:
+            yield Finding("warning", "missing", where, f"setting {name!r} is not known")
+
+
+def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where: str) -> Iterator[Finding]:
+    """States that keep one value while a command of the same joint moves."""
+    for name, series in episode.channels.items():
+        if specs[name].kind != "state" or len(series) < 3 or _position_of(name) in episode.channels:
+            continue
+        start, run = longest_run(np.diff(series.values) == 0)
+        begin, end = series.time[start], series.time[start + run]
+        if end - begin < max(STUCK_SECONDS, STUCK_SHARE * (series.time[-1] - series.time[0])):
+            continue
+        if any(_moves(episode.channels[a], begin, end) for a in _commands(name, episode, specs)):
+            text = (
+                f"stays at {series.values[start]:.6g} from {begin:.3f} to {end:.3f} s while its command moves"
+            )
+            yield Finding("warning", "stuck", f"{where}, {name}, row {start}", text)
+
+
+def _commands(name: str, episode: RawEpisode, specs: Mapping[str, ChannelSpec]) -> list[str]:
+    actions = [n for n in episode.channels if specs[n].kind == "action"]
+    same = [n for n in actions if n.split("/")[0] == name.split("/")[0]]
+    return same or actions
+
+
+def _moves(series: Series, begin: float, end: float) -> bool:
+    inside = series.values[(series.time >= begin) & (series.time <= end)]
+    return len(inside) > 1 and np.ptp(inside) > 0.1 * np.ptp(series.values) > 0
+
+
+def _position_of(name: str) -> str:
+    """ "arm/position" for "arm/velocity", "" for other names."""
+    return name.removesuffix("velocity") + "position" if name.endswith("/velocity") else ""
+
+
+def _velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:
+    """A velocity channel that is not the rate of its position."""
+    for name, velocity in episode.channels.items():
+        position = episode.channels.get(_position_of(name))
+        if position is None:
+            continue
+        slope = velocity_slope(position, velocity)
+        if slope is None or AGREEMENT[0] <= slope <= AGREEMENT[1]:
+            continue
+        unit = next((u for u, k in MISTAKES.items() for f in (k, 1 / k) if 0.85 < slope / f < 1.15), None)
+        text = f"is {slope:.3g} times the rate of its position"
+        if unit is None:
+            yield Finding("warning", "units", f"{where}, {name}", f"{text}; check its sign and unit")
+        else:
+            yield Finding(
+                "error", "units", f"{where}, {name}", f"{text}: one of the two is in {unit}; set `unit`"
+            )
+
+
+def velocity_slope(position: Series, velocity: Series) -> float | None:
+    """Slope of a velocity signal on the rate of its position, both as mean values over 20 samples.
+
+    The means of the rate are differences of position, so encoder steps hardly matter. None where either
+    hardly moves, or the two do not correlate (r < 0.8), so that nothing can be said.
+    """
+    rows = np.isfinite(position.values)
+    time, values = position.time[rows], position.values[rows]
+    good = np.isfinite(velocity.values)
+    if len(time) < 200 or good.sum() < 200 or np.any(np.diff(time) < 0) or np.any(np.diff(velocity.time) < 0):
+        return None
+    edges = time[:: max(len(time) // max(len(time) // 20, 1), 1)]
+    spans = np.diff(edges)
+    rate = np.diff(np.interp(edges, time, values))
+    travel = np.concatenate([[0.0], np.cumsum(_trapezoids(velocity.time[good], velocity.values[good]))])
+    mean = np.diff(np.interp(edges, velocity.time[good], travel))
+    keep = spans > 0
+    rate, mean = rate[keep] / spans[keep], mean[keep] / spans[keep]
+    if np.std(rate) == 0 or np.std(mean) == 0 or abs(np.corrcoef(rate, mean)[0, 1]) < 0.8:
+        return None
+    return float(np.dot(rate, mean) / np.dot(rate, rate))
+
+
+def _trapezoids(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+
+
+def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
+    states = [episode.channels[c.name] for c in spec.channels if c.name in episode.channels and not c.hold]
+    if not states:
+        return
+    duration = min(s.time[-1] - s.time[0] if len(s) else 0.0 for s in states)
+    rows = min(len(s) for s in states)
+    if rows < 2:
+        yield Finding("error", "short", where, f"{rows} samples; at least 2 are needed")
+    elif spec.rate is not None and duration * spec.rate < 10:
+        yield Finding(
+            "warning", "short", where, f"lasts {duration:.3f} s, less than 10 steps at {spec.rate:g} Hz"
+        )
+    elif spec.rate is not None and rows < 0.1 * duration * spec.rate:
+        text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds?"
+        yield Finding("warning", "rate", where, text)
+
+
+def longest_run(flags: np.ndarray) -> tuple[int, int]:
+    """Start and length of the longest run of True.
+
+    >>> longest_run(np.array([False, True, True, False, True]))
+    (1, 2)
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    if not len(edges):
+        return 0, 0
+    lengths = edges[1::2] - edges[::2]
+    best = int(np.argmax(lengths))
+    return int(edges[2 * best]), int(lengths[best])
+
+
+def errors(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """The findings that block ingestion."""
+    return tuple(f for f in findings if f.severity == "error")

@@ -1,0 +1,260 @@
+"""Maps: TOML files that say how a log's sources become a robot's channels."""
+
+import re
+import string
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.units import UNITS, conversion
+from dynreg.errors import MapError
+
+DEFAULT_GAP = 0.5  # [s] a longer silence is a gap
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+class ChannelMap(_Strict):
+    """Where one channel comes from.
+
+    value = scale * logged + offset in `unit`, converted to the robot's SI unit; `delay` [s] is subtracted
+    from the stamps. `derivative_of` names another channel, which is differentiated in SI units after a
+    zero-phase second-order Butterworth filter at `filter_hz`; it takes no `unit`. `unwrap` removes the turns
+    of 2 pi from a wrapped angle.
+    """
+
+    source: str | None = None
+    derivative_of: str | None = None
+    filter_hz: float | None = Field(default=None, gt=0)
+    unit: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    delay: float = 0.0
+    unwrap: bool = False
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> "ChannelMap":
+        if (self.source is None) == (self.derivative_of is None):
+            raise ValueError("give one of `source` and `derivative_of`")
+        if self.derivative_of is not None and self.unit is not None:
+            raise ValueError("a derivative takes the unit of its channel: leave `unit` out")
+        if self.filter_hz is not None and self.derivative_of is None:
+            raise ValueError("`filter_hz` goes with `derivative_of`")
+        if self.unit is not None and self.unit not in UNITS:
+            raise ValueError(f"unknown unit {self.unit!r}; one of {', '.join(UNITS)}")
+        return self
+
+
+class SettingMap(_Strict):
+    """Where one setting comes from: the log's metadata, a fixed value, or the file's name."""
+
+    metadata: str | None = None
+    value: float | None = None
+    filename: str | None = None
+    scale: float = 1.0
+    default: float | None = None
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> "SettingMap":
+        if sum(v is not None for v in (self.metadata, self.value, self.filename)) != 1:
+            raise ValueError("give one of `metadata`, `value` and `filename`")
+        if self.filename is not None:
+            try:
+                groups = re.compile(self.filename).groups
+            except re.error as error:
+                raise ValueError(f"`filename` is not a regular expression: {error}") from error
+            if groups != 1:
+                raise ValueError(f"`filename` has {groups} groups; give it one")
+        return self
+
+
+class EpisodeMap(_Strict):
+    """How a log falls into episodes, and their names.
+
+    `gap` [s] is the silence that ends an episode (by = "gaps") or is reported (otherwise).
+    """
+
+    by: Literal["file", "column", "gaps"] = "file"
+    column: str | None = None
+    gap: float = Field(default=DEFAULT_GAP, gt=0)
+    name: str | None = None
+
+    @model_validator(mode="after")
+    def _column_given(self) -> "EpisodeMap":
+        if (self.by == "column") != (self.column is not None):
+            raise ValueError('`column` goes with by = "column"')
+        for _, field, spec, convert in string.Formatter().parse(self.name or ""):
+            # Plain names only: a format string could otherwise reach into the objects behind them.
+            if field is not None and (not re.fullmatch(r"\w+", field) or convert or "{" in (spec or "")):
+                raise ValueError(f"`name` holds {{{field}}}; use plain names of settings or metadata")
+        return self
+
+
+class _Head(_Strict):
+    robot: str | None = None
+    time: str | None = None
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    note: str | None = None
+
+
+class LogMap(_Strict):
+    """A whole map file. `files` names the members of an episode that lies in several files, by suffix."""
+
+    map: _Head = Field(default_factory=_Head)
+    channels: dict[str, ChannelMap]
+    settings: dict[str, SettingMap] = Field(default_factory=dict)
+    episodes: EpisodeMap = Field(default_factory=EpisodeMap)
+    files: dict[str, str] = Field(default_factory=dict)
+
+
+def read_map(path: str | Path) -> LogMap:
+    """Read a map file.
+
+    Raises MapError that names the file, the line and the key where it is not a map.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MapError(
+            f"map {str(path)!r} cannot be read: {error}", expected="a TOML file", do="check the path"
+        ) from error
+    return parse_map(text, path.name)
+
+
+def parse_map(text: str, name: str = "map") -> LogMap:
+    """A map from TOML text; `name` is what its errors call it."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MapError(f"{name}: {error}", expected="TOML", do="mend that line") from error
+    try:
+        return LogMap.model_validate(document)
+    except ValidationError as error:
+        raise _map_error(error, text, name) from None
+
+
+def _map_error(error: ValidationError, text: str, name: str) -> MapError:
+    first = error.errors()[0]
+    keys = [str(key) for key in first["loc"]]
+    line = line_of(text, keys)
+    where = f"{name}, line {line}" if line else name
+    key = ".".join(keys)
+    if first["type"] == "extra_forbidden":
+        return MapError(
+            f"{where}: unknown key {key!r}",
+            expected=f"one of {', '.join(_known(keys[:-1]))}",
+            do="correct or remove it",
+        )
+    problem = first["msg"].removeprefix("Value error, ")
+    return MapError(f"{where}: {key}: {problem}", expected="a value of that kind", do="correct the map")
+
+
+def _known(table: list[str]) -> list[str]:
+    models: Mapping[str, type[BaseModel]] = {
+        "map": _Head,
+        "channels": ChannelMap,
+        "settings": SettingMap,
+        "episodes": EpisodeMap,
+    }
+    return list((models[table[0]] if table else LogMap).model_fields)
+
+
+def line_of(text: str, keys: list[str]) -> int | None:
+    """The line (from 1) of a TOML document where a key is written, or the nearest table above it."""
+    found, table = None, []
+    for number, line in enumerate(text.splitlines(), start=1):
+        line = line.strip()
+        if line.startswith("["):
+            table = _split_key(line.strip("[] ").split("]")[0])
+            here = table
+        elif "=" in line and not line.startswith("#"):
+            here = table + _split_key(line.split("=")[0])
+        else:
+            continue
+        if here == keys:
+            return number
+        if here and here == keys[: len(here)]:
+            found = number
+    return found
+
+
+def _split_key(key: str) -> list[str]:
+    parts = re.findall(r'"([^"]*)"|\'([^\']*)\'|([\w-]+)', key)
+    return ["".join(part) for part in parts]
+
+
+def check_map(log_map: LogMap, spec: RecordingSpec) -> None:
+    """Hold a map against the robot: names it does not know, units that cannot become its own.
+
+    Raises MapError for the first fault.
+    """
+    if log_map.map.robot is not None and log_map.map.robot != spec.robot:
+        raise MapError(
+            f"the map is for robot {log_map.map.robot!r}",
+            expected=f"a map for {spec.robot!r}",
+            do="pass --robot or its map",
+        )
+    channels = {c.name: c for c in spec.channels}
+    for name, entry in log_map.channels.items():
+        _known_name(name, "channel", tuple(channels))
+        factors(entry, channels[name])
+        if entry.derivative_of is not None:
+            _known_name(entry.derivative_of, "channel", tuple(n for n in log_map.channels if n != name))
+    for name in log_map.settings:
+        _known_name(name, "setting", spec.settings)
+    for channel in spec.channels:
+        if not channel.optional and channel.name not in log_map.channels:
+            raise MapError(
+                f"the map gives no source for channel {channel.name!r}",
+                expected=f'[channels."{channel.name}"] with source = "..."',
+                do="add it to the map",
+            )
+
+
+def _known_name(name: str, kind: str, known: tuple[str, ...]) -> None:
+    if name not in known:
+        raise MapError(
+            f"the map names {kind} {name!r}, which the robot does not have",
+            expected=f"one of {list(known)}",
+            do="correct the name",
+        )
+
+
+def factors(entry: ChannelMap, channel: ChannelSpec) -> tuple[float, float]:
+    """Factor and offset from the logged number to the channel's SI unit; MapError where units do not meet."""
+    try:
+        factor, shift = conversion(entry.unit or channel.unit, channel.unit)
+    except MapError as error:
+        raise MapError(
+            f"channel {channel.name!r}: {error.problem}", expected=error.expected, do=error.do
+        ) from None
+    return factor * entry.scale, factor * entry.offset + shift
+
+
+def identity_map(spec: RecordingSpec, sources: Mapping[str, Any], labels: Mapping[str, Any]) -> LogMap:
+    """The map of a table whose columns are named like the robot's channels and settings (and `episode`).
+
+    Raises MapError where a required channel has no column.
+    """
+    for channel in spec.channels:
+        if not channel.optional and channel.name not in sources:
+            raise MapError(
+                f"the log has no column {channel.name!r}",
+                expected=f"columns named like the robot's channels, not {list(sources)[:20]}",
+                do="write a map and pass it with --map",
+            )
+    episodes = {"by": "column", "column": "episode"} if "episode" in sources or "episode" in labels else {}
+    return LogMap.model_validate(
+        {
+            "channels": {c.name: {"source": c.name} for c in spec.channels},
+            "settings": {name: {"metadata": name} for name in spec.settings},
+            "episodes": episodes,
+        }
+    )

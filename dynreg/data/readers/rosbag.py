@@ -1,0 +1,99 @@
+"""ROS 1 bags, rosbag2 .db3 files and rosbag2 folders (read with the rosbags library)."""
+
+from pathlib import Path
+from typing import Any
+
+from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.messages import Topic, gather
+from dynreg.data.series import Finding, RawLog
+from dynreg.errors import LogError
+
+
+def read(path: Path, options: ReadOptions) -> RawLog:
+    """Read a .bag, a .db3 or a rosbag2 folder.
+
+    Raises LogError for a bag without its index (a recording that was cut off) and for damaged ones.
+    """
+    if path.is_dir():
+        info = bag_information(path)
+        if info.get("storage_identifier") == "mcap":
+            return _read_mcap_folder(path, info, options)
+    topics: dict[str, Topic] = {}
+    findings: list[Finding] = []
+    failed: dict[str, int] = {}
+    count = 0
+    try:
+        with _open(path) as reader:
+            for connection, stamp, data in reader.messages():
+                count += 1
+                try:
+                    message = reader.deserialize(data, connection.msgtype)
+                except Exception:  # the message's bytes and its definition come from the file
+                    failed[connection.topic] = failed.get(connection.topic, 0) + 1
+                    continue
+                topics.setdefault(connection.topic, Topic(connection.topic)).add(message, stamp)
+    except Exception as error:  # rosbags, apsw, bz2 and lz4 each have their own errors for a damaged file
+        raise LogError(
+            f"{path.name!r} cannot be read: {error}",
+            expected="a whole bag with its index",
+            do="mend it with `rosbag reindex` or `ros2 bag reindex`, or record it again",
+        ) from error
+    for topic, n in failed.items():
+        findings.append(
+            Finding("warning", "decode", f"{path.name}, {topic}", f"{n} messages cannot be decoded")
+        )
+    sources, metadata, found = gather(topics, options.time != "log")
+    metadata.update(messages_read=count, messages_lost=0)
+    return RawLog(path, sources, metadata, findings=(*findings, *found))
+
+
+def _open(path: Path):
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    # Older rosbag2 files carry no definitions; the standard types of Humble decode them.
+    return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+
+
+def bag_information(folder: Path) -> dict[str, Any]:
+    """The `rosbag2_bagfile_information` of a folder's metadata.yaml; LogError where it is not one."""
+    from ruamel.yaml import YAML
+
+    try:
+        document = YAML(typ="safe", pure=True).load((folder / "metadata.yaml").read_text())
+        info = document["rosbag2_bagfile_information"]
+        names = info["relative_file_paths"]
+        if not isinstance(names, list) or not names:
+            raise ValueError("no files are listed")
+        return info
+    except Exception as error:  # any malformed YAML
+        raise LogError(
+            f"{folder.name}/metadata.yaml is not that of a rosbag2 folder: {error}",
+            expected="rosbag2_bagfile_information with relative_file_paths",
+            do="mend it with `ros2 bag reindex`, or pass the .mcap or .db3 file itself",
+        ) from error
+
+
+def stated_counts(info: dict[str, Any]) -> dict[str, int]:
+    """Messages in each file of a rosbag2 folder, as far as its metadata tells."""
+    counts = {Path(f["path"]).name: int(f["message_count"]) for f in info.get("files") or []}
+    names = info["relative_file_paths"]
+    if not counts and len(names) == 1 and "message_count" in info:
+        counts[Path(names[0]).name] = int(info["message_count"])
+    return counts
+
+
+def _read_mcap_folder(path: Path, info: dict[str, Any], options: ReadOptions) -> RawLog:
+    from dynreg.data.readers.mcap_log import read as read_mcap
+    from dynreg.data.readers.merge import join
+
+    counts = stated_counts(info)
+    logs = []
+    for name in info["relative_file_paths"]:
+        file = path / Path(name).name
+        if not file.exists():
+            raise LogError(
+                f"{path.name!r} lacks its file {file.name!r}", expected="all its files", do="copy it again"
+            )
+        logs.append(read_mcap(file, options, counts.get(file.name)))
+    return join(path, logs)

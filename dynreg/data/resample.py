@@ -1,0 +1,102 @@
+"""From the log's own stamps to the robot's control rate: said, never silent."""
+
+import numpy as np
+
+from dynreg.data.episodes import RawEpisode
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Series
+from dynreg.errors import LogError
+
+STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point still counts for it
+GRID_LIMIT = 200_000  # rows; beyond it a grid far denser than the log is taken for a clock in a wrong unit
+
+
+def clean(series: Series) -> Series:
+    """Rows with a finite value on strictly increasing stamps; of equal stamps the last row stands."""
+    series = series.rows(np.isfinite(series.values) & np.isfinite(series.time))
+    if len(series) < 2:
+        return series
+    return series.rows(np.append(np.diff(series.time) > 0, True))
+
+
+def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:
+    """Bring an episode's channels to one time base.
+
+    States and inputs are interpolated linearly; actions and flags hold their last value. The grid runs from
+    the first stamp that all channels have reached to the last that none has left (a held flag need not be
+    repeated to stand), at `spec.rate`; without a rate it has the stamps of the first action.
+
+    Returns
+    -------
+    start : [s] the first common stamp on the log's clock; it becomes time 0.
+    time : (T,) [s] from 0.
+    values : (T, C) in the order of `spec.channels`, NaN for channels that the episode does not have.
+
+    Raises LogError where the channels have fewer than two samples in common.
+    """
+    series = {name: clean(s) for name, s in episode.channels.items()}
+    series = {name: s for name, s in series.items() if len(s)}
+    start, end = common_span(episode, series, spec)
+    grid = _grid(episode, series, spec, start, end)
+    values = np.full((len(grid), len(spec.channels)), np.nan)
+    for column, channel in enumerate(spec.channels):
+        if channel.name in series:
+            values[:, column] = at(series[channel.name], start + grid, channel.hold)
+    return start, grid, values
+
+
+def at(series: Series, time: np.ndarray, hold: bool) -> np.ndarray:
+    """(T,) values of a signal at `time`, held or interpolated."""
+    if not hold:
+        return np.interp(time, series.time, series.values)
+    last = np.searchsorted(series.time, time + STAMP_TOLERANCE, side="right") - 1
+    return series.values[np.maximum(last, 0)]
+
+
+def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:
+    """First and last stamp [s] between which every channel is known."""
+    kinds = {c.name: c.kind for c in spec.channels}
+    start = max((s.time[0] for s in series.values()), default=0.0)
+    ends = {name: s.time[-1] for name, s in series.items() if kinds[name] != "enable"}
+    end = min(ends.values(), default=0.0)
+    if not end > start:
+        late = max(series, key=lambda n: series[n].time[0], default="?")
+        early = min(ends, key=lambda n: ends[n], default="?")
+        raise LogError(
+            f"{episode.file}, episode {episode.name!r}: {early!r} ends at {end:.3f} s, "
+            f"before {late!r} begins at {start:.3f} s",
+            expected="channels that overlap in time",
+            do="check their clocks, or set `delay` in the map",
+        )
+    return float(start), float(end)
+
+
+def _grid(
+    episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec, start: float, end: float
+) -> np.ndarray:
+    if spec.rate is None:
+        base = series[_base(series, spec.channels)].time
+        grid = base[(base >= start) & (base <= end)] - start
+    else:
+        rows = int((end - start) * spec.rate + STAMP_TOLERANCE * spec.rate) + 1
+        logged = max(len(s) for s in series.values())
+        if rows > max(GRID_LIMIT, 200 * logged):
+            raise LogError(
+                f"{episode.file}, episode {episode.name!r}: {logged} samples over {end - start:.4g} s "
+                f"would become {rows} rows at {spec.rate:g} Hz",
+                expected="a clock in seconds",
+                do='set time_unit = "ms", "us" or "ns" under [map]',
+            )
+        grid = np.arange(rows) / spec.rate
+    if len(grid) < 2:
+        raise LogError(
+            f"{episode.file}, episode {episode.name!r} has {len(grid)} samples in common to all channels",
+            expected="at least 2",
+            do="record a longer run, or leave this file out",
+        )
+    return grid
+
+
+def _base(series: dict[str, Series], channels: tuple[ChannelSpec, ...]) -> str:
+    names = [c.name for c in channels if c.kind == "action"] + [c.name for c in channels]
+    return next(name for name in names if name in series)

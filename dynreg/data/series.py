@@ -1,0 +1,88 @@
+"""A log as it was read: every numeric signal under its source name, before any robot is known."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from dynreg.errors import LogError
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check saw in a log.
+
+    Attributes
+    ----------
+    severity : "error" blocks ingestion, "warning" goes to the provenance, "info" is only told.
+    check : stable name of the check ("clock", "gap", "units", ...).
+    where : file, channel and time or row.
+    message : what was seen and what to do, one line.
+    """
+
+    severity: Literal["error", "warning", "info"]
+    check: str
+    where: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.severity} [{self.check}] {self.where}: {self.message}"
+
+
+@dataclass(frozen=True)
+class Series:
+    """One signal over time, in the order in which it was logged.
+
+    Attributes
+    ----------
+    time : (T,) seconds since the log's first stamp. Not yet checked: it may stop or run back.
+    values : (T,) float64; NaN where the log holds none.
+    unit : the unit that the log itself states, or None.
+    """
+
+    time: np.ndarray
+    values: np.ndarray
+    unit: str | None = None
+
+    def __post_init__(self):
+        time = np.ascontiguousarray(self.time, dtype=np.float64)
+        values = np.ascontiguousarray(self.values, dtype=np.float64)
+        if time.ndim != 1 or time.shape != values.shape:
+            raise LogError(
+                f"a series has time of shape {time.shape} and values of shape {values.shape}",
+                expected="both of shape (T,)",
+                do="pass one value for each time stamp",
+            )
+        time.setflags(write=False)
+        values.setflags(write=False)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "values", values)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def rows(self, keep: np.ndarray | slice) -> "Series":
+        """The same signal at some of its rows."""
+        return Series(self.time[keep], self.values[keep], self.unit)
+
+
+@dataclass(frozen=True)
+class RawLog:
+    """A log as read.
+
+    Attributes
+    ----------
+    path : the file or directory.
+    sources : signals by source name: "topic.field[index]" of messages, the column's name of tables.
+    metadata : settings found in the log (a gain, a mass); `start` [s] is the first stamp in absolute time.
+    labels : text columns of tables, (T,) each, in the table's row order: names of episodes.
+    findings : what the reader itself saw (lost messages, a damaged chunk).
+    """
+
+    path: Path
+    sources: Mapping[str, Series]
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    labels: Mapping[str, np.ndarray] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()

@@ -1,0 +1,157 @@
+"""Recordings as Arrow tables, Parquet, CSV and MCAP files, and back."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from dynreg.data.maps import LogMap
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.errors import LogError
+
+SCHEMA = "dynreg/recording/1"
+_KEY = b"dynreg"
+_PAUSE = 1.0  # [s] between episodes in an MCAP file
+
+
+def to_table(recording: Recording) -> pa.Table:
+    """Columns `episode`, `time` [s] and one a channel (its unit under `unit` in the field's metadata).
+
+    Names, settings, provenance and whether it was measured are JSON under `dynreg` in the schema's metadata.
+    """
+    rows = [len(e.time) for e in recording.episodes]
+    names = pa.array([e.name for e in recording.episodes], pa.string())
+    values = np.concatenate([e.values for e in recording.episodes])
+    fields = [pa.field("episode", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
+    fields += [pa.field(c.name, pa.float64(), metadata={"unit": c.unit}) for c in recording.channels]
+    columns = [names.take(pa.array(np.repeat(np.arange(len(rows)), rows)))]
+    columns.append(pa.array(np.concatenate([e.time for e in recording.episodes])))
+    columns += [pa.array(np.ascontiguousarray(values[:, i])) for i in range(values.shape[1])]
+    about = {
+        "schema": SCHEMA,
+        "episodes": [
+            {"name": e.name, "rows": n, "settings": dict(e.settings)}
+            for e, n in zip(recording.episodes, rows, strict=True)
+        ],
+        "measured": recording.measured,
+        "provenance": dict(recording.provenance),
+    }
+    text = json.dumps(about, sort_keys=True, separators=(",", ":"))
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata={_KEY: text.encode()}))
+
+
+def from_table(table: pa.Table, name: str = "table") -> Recording:
+    """The recording of a table that `to_table` made; LogError for any other."""
+    try:
+        about = json.loads((table.schema.metadata or {})[_KEY])
+        if about["schema"] != SCHEMA:
+            raise ValueError(f"schema {about['schema']!r}")
+        fields = [f for f in table.schema if f.name not in ("episode", "time")]
+        channels = tuple(Channel(f.name, f.metadata[b"unit"].decode()) for f in fields)
+        time = table["time"].to_numpy()
+        values = np.empty((table.num_rows, len(fields)))
+        for i, field in enumerate(fields):
+            values[:, i] = table[field.name].to_numpy()
+        ends = np.cumsum([e["rows"] for e in about["episodes"]])
+        if not len(ends) or ends[-1] != table.num_rows:
+            raise ValueError("its rows are not those of its episodes")
+        episodes = tuple(
+            Episode(e["name"], time[end - e["rows"] : end], values[end - e["rows"] : end], e["settings"])
+            for e, end in zip(about["episodes"], ends, strict=True)
+        )
+        return Recording(channels, episodes, about["measured"], about["provenance"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise LogError(
+            f"{name!r} is not a stored recording: {error}",
+            expected=f"a Parquet file of {SCHEMA}",
+            do="ingest it as a log with `dynreg ingest`",
+        ) from error
+
+
+def write_parquet(recording: Recording, path: str | Path) -> None:
+    """Write a recording; the same recording gives the same bytes."""
+    import pyarrow.parquet as pq
+
+    pq.write_table(to_table(recording), path, compression="zstd", compression_level=3, version="2.6")
+
+
+def read_parquet(path: str | Path) -> Recording:
+    """Read what `write_parquet` wrote, bit for bit; LogError where it is damaged or something else."""
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    try:
+        table = pq.read_table(path, partitioning=None)
+    except (pa.ArrowException, OSError) as error:
+        raise LogError(
+            f"{path.name!r} cannot be read: {error}", expected="a Parquet file", do="copy it again"
+        ) from error
+    return from_table(table, path.name)
+
+
+def write_csv(recording: Recording, path: str | Path) -> None:
+    """Write `episode`, `time`, the channels and the settings as columns: a log that needs no map."""
+    from pyarrow import csv
+
+    table = to_table(recording).replace_schema_metadata(None)
+    for name in sorted({s for e in recording.episodes for s in e.settings}):
+        column = [np.full(len(e.time), e.settings.get(name, np.nan)) for e in recording.episodes]
+        table = table.append_column(name, pa.array(np.concatenate(column)))
+    csv.write_csv(table, path)
+
+
+def write_mcap(recording: Recording, path: str | Path) -> None:
+    """Write JSON messages: the channel "arm/position" is the field `position` of topic "/arm".
+
+    Episodes follow each other with a pause of 1 s; "/episode" tells where each begins, "/settings" its
+    settings. `map_for` gives the map that reads it back (stamps are whole nanoseconds, and episodes are
+    named by their number).
+    """
+    from mcap.writer import CompressionType, Writer
+
+    groups = _groups(recording)
+    with open(path, "wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="dynreg")
+        schema = writer.register_schema("object", "jsonschema", b'{"type":"object"}')
+        topics = {t: writer.register_channel(t, "json", schema) for t in ("/episode", "/settings", *groups)}
+        start = 0.0
+        for number, episode in enumerate(recording.episodes):
+            base = start - episode.time[0]
+
+            def send(topic: str, message: dict, time: float, base: float = base) -> None:
+                stamp = round((base + time) * 1e9)
+                writer.add_message(topics[topic], stamp, json.dumps(message).encode(), stamp)
+
+            send("/episode", {"index": number}, episode.time[0])
+            send("/settings", dict(episode.settings), episode.time[0])
+            for time, row in zip(episode.time, episode.values.tolist(), strict=True):
+                for topic, fields in groups.items():
+                    send(topic, {f: row[i] for f, i in fields.items() if np.isfinite(row[i])}, time)
+            start += episode.duration + _PAUSE
+        writer.finish()
+
+
+def map_for(recording: Recording) -> LogMap:
+    """The map that reads back what `write_mcap` wrote."""
+    sources = {
+        (t, f): recording.channels[i] for t, fields in _groups(recording).items() for f, i in fields.items()
+    }
+    settings = sorted({s for e in recording.episodes for s in e.settings})
+    return LogMap.model_validate(
+        {
+            "channels": {c.name: {"source": f"{t}.{f}", "unit": c.unit} for (t, f), c in sources.items()},
+            "settings": {name: {"metadata": f"/settings.{name}"} for name in settings},
+            "episodes": {"by": "column", "column": "/episode.index"},
+        }
+    )
+
+
+def _groups(recording: Recording) -> dict[str, dict[str, int]]:
+    """Topics, their fields and the columns these hold."""
+    groups: dict[str, dict[str, int]] = {}
+    for i, name in enumerate(recording.names):
+        prefix, _, field = name.rpartition("/")
+        groups.setdefault(f"/{prefix or field}", {})[field if prefix else "value"] = i
+    return groups

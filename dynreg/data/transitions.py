@@ -1,0 +1,82 @@
+"""Rows (state, action, next state) of a Recording: what dynamics models learn from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.errors import LogError
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """One row a control step; float32.
+
+    states (N, S), actions (N, A), context (N, K), next_states (N, S); `episode` (N,) int numbers the
+    recording's episodes, so that rows can be held out by trajectory.
+    """
+
+    states: np.ndarray
+    actions: np.ndarray
+    context: np.ndarray
+    next_states: np.ndarray
+    episode: np.ndarray
+
+    def __post_init__(self):
+        for field in fields(self):
+            dtype = np.int64 if field.name == "episode" else np.float32
+            array = np.ascontiguousarray(getattr(self, field.name), dtype=dtype)
+            array.setflags(write=False)
+            object.__setattr__(self, field.name, array)
+        if (
+            len({len(getattr(self, f.name)) for f in fields(self)}) != 1
+            or self.states.shape != self.next_states.shape
+        ):
+            raise LogError(
+                f"transitions with states {self.states.shape}, actions {self.actions.shape}, context "
+                f"{self.context.shape}, next states {self.next_states.shape}, episode {self.episode.shape}",
+                expected="the same N in all, and as many next states as states",
+                do="build them with `transitions`",
+            )
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+
+def transitions(
+    recording: Recording, states: Sequence[str], actions: Sequence[str], context: Sequence[str] = ()
+) -> Transitions:
+    """The transitions of all episodes; none spans two episodes.
+
+    Names in `context` are channels (inputs) or settings (constants of an episode), in the order given. Rows
+    in which anything is NaN are left out. Raises LogError for a name that the recording does not have.
+    """
+    state_columns, action_columns = recording.columns(states), recording.columns(actions)
+    parts = []
+    for number, episode in enumerate(recording.episodes):
+        now = episode.values[:-1, state_columns]
+        after = episode.values[1:, state_columns]
+        act = episode.values[:-1, action_columns]
+        extra = _context(recording, number, context)[:-1]
+        good = np.isfinite(np.concatenate([now, after, act, extra], axis=1)).all(axis=1)
+        parts.append((now[good], act[good], extra[good], after[good], np.full(good.sum(), number)))
+    return Transitions(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _context(recording: Recording, number: int, names: Sequence[str]) -> np.ndarray:
+    """(T, K) inputs and settings of one episode."""
+    episode = recording.episodes[number]
+    out = np.empty((len(episode.time), len(names)))
+    for column, name in enumerate(names):
+        if name in episode.settings:
+            out[:, column] = episode.settings[name]
+        elif name in recording.names:
+            out[:, column] = episode.values[:, recording.names.index(name)]
+        else:
+            raise LogError(
+                f"episode {episode.name!r} has neither an input nor a setting {name!r}",
+                expected=f"one of {[*recording.names, *episode.settings]}",
+                do="add it to the map",
+            )
+    return out

@@ -1,0 +1,123 @@
+"""What an index knows of the things it orders: how many there are, and how far apart two of them lie."""
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from dynreg.arrays import Distances, Ids
+from dynreg.errors import UsageError
+
+To = Callable[[Ids], Distances]
+"""A query that is no node yet: from ids (m,) to its distances to them (m,), in one batched call."""
+
+ToMany = Callable[[Ids, Ids], Distances]
+"""Many queries at once: from rows (m,), which query, and ids (m,) to the distances (m,)."""
+
+
+@runtime_checkable
+class Distance(Protocol):
+    """Dissimilarity between nodes 0 .. len-1. No triangle inequality and no zero on the diagonal is asked
+    for; smaller means nearer. A call has a fixed cost, so callers ask for many pairs at once."""
+
+    def __len__(self) -> int:
+        """How many nodes there are."""
+        ...
+
+    def between(self, a: int, others: Ids) -> Distances:
+        """Distances of node `a` to `others` (m,) -> (m,)."""
+        ...
+
+    def pairs(self, a: Ids, b: Ids) -> Distances:
+        """Distances a[i] to b[i]: (m,), (m,) -> (m,)."""
+        ...
+
+
+class MatrixDistance:
+    """A distance that is already known in full.
+
+    Parameters
+    ----------
+    matrix : (n, n) or, for queries that are no nodes, (Q, n): entry [a, b] is the distance of a to b.
+
+    Raises
+    ------
+    UsageError : the matrix is not two-dimensional or holds NaN.
+    """
+
+    def __init__(self, matrix: np.ndarray):
+        matrix = np.asarray(matrix, dtype=np.float64)
+        if matrix.ndim != 2:
+            raise UsageError(
+                f"a distance matrix of shape {matrix.shape}",
+                expected="a table of shape (from, to)",
+                do="pass one row for each node or query",
+            )
+        if np.isnan(matrix).any():
+            row, column = np.argwhere(np.isnan(matrix))[0]
+            raise UsageError(
+                f"the distance from {row} to {column} is NaN",
+                expected="a number for every pair",
+                do="leave out the entries whose model diverged",
+            )
+        self.matrix = matrix
+
+    def __len__(self) -> int:
+        return self.matrix.shape[1]
+
+    def between(self, a: int, others: Ids) -> Distances:
+        return self.matrix[a, others]
+
+    def pairs(self, a: Ids, b: Ids) -> Distances:
+        return self.matrix[a, b]
+
+
+class Counted:
+    """A distance that remembers: within one search a pair is evaluated, and counted, once.
+
+    Attributes
+    ----------
+    evaluations : pairs evaluated since the beginning.
+    calls : batched calls made to the distance within.
+
+    Parameters
+    ----------
+    distance : what is to be counted.
+    symmetric : whether (a, b) and (b, a) are the same pair.
+    """
+
+    def __init__(self, distance: Distance, *, symmetric: bool = True):
+        self.distance = distance
+        self.symmetric = symmetric
+        self.evaluations = 0
+        self.calls = 0
+        self._known: dict[int, float] = {}
+
+    def new_search(self) -> None:
+        """Forget the pairs, keep the count: the next search pays for itself."""
+        self._known.clear()
+
+    def __len__(self) -> int:
+        return len(self.distance)
+
+    def between(self, a: int, others: Ids) -> Distances:
+        return self.pairs(np.full(len(others), a), others)
+
+    def pairs(self, a: Ids, b: Ids) -> Distances:
+        a, b = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64)
+        keys = _pair_keys(a, b, self.symmetric)
+        unknown, first = np.unique(keys, return_index=True)
+        first = first[[key not in self._known for key in unknown.tolist()]]
+        if len(first):
+            found = self.distance.pairs(a[first], b[first])
+            self._known.update(zip(keys[first].tolist(), np.asarray(found).tolist(), strict=True))
+            self.evaluations += len(first)
+            self.calls += 1
+        return np.array([self._known[key] for key in keys.tolist()], dtype=np.float64)
+
+
+def _pair_keys(a: Ids, b: Ids, symmetric: bool) -> Ids:
+    """One integer for each pair; ids stay below 2**31."""
+    if symmetric:
+        a, b = np.minimum(a, b), np.maximum(a, b)
+    return (a << 31) | b

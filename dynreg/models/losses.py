@@ -1,0 +1,81 @@
+"""Predictions and losses of many models, as plain functions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy import ndarray
+
+from dynreg.errors import UsageError
+from dynreg.models.bank import TILE, WORTH_A_THREAD, Forward, LossBank
+from dynreg.models.mlp import MlpStack
+from dynreg.models.rows import checked_inputs, checked_rows
+from dynreg.models.threads import available_threads, in_threads
+
+
+def predict(
+    stack: MlpStack, inputs: ndarray, *, threads: int | None = None, device: str | None = None
+) -> ndarray:
+    """(M, N, S) normalised deltas that the models predict for shared inputs (N, D) or their own (M, N, D)."""
+    import torch
+
+    from dynreg.models.network import choose_device
+
+    x = checked_inputs(stack.sizes, inputs)
+    _check_sets(len(x), len(stack))
+    device = choose_device(device)
+    out = np.empty((len(stack), x.shape[1], stack.sizes[-1]), np.float32)
+    sets = torch.tensor(x, device=device)
+
+    def run(ids: ndarray) -> None:
+        forward = Forward(stack.sizes, device)
+        for m in ids:
+            model = tuple(torch.tensor(a[m], device=device) for a in (*stack.weights, *stack.biases))
+            for a in range(0, x.shape[1], TILE):
+                rows = sets[m if len(x) > 1 else 0, a : a + TILE]
+                out[m, a : a + TILE] = forward.predict(model, rows).cpu().numpy()
+
+    threads = (threads or available_threads()) if device == "cpu" else 1
+    parts = np.array_split(
+        np.arange(len(stack)), min(threads, max(1, len(stack) * x.shape[1] // WORTH_A_THREAD))
+    )
+    in_threads(run, parts, threads)
+    return out
+
+
+def losses(stack: MlpStack, inputs: ndarray, targets: ndarray, *, threads: int | None = None) -> ndarray:
+    """(M,) loss of every model on shared rows (N, D) or on its own (M, N, D)."""
+    x, y = checked_rows(stack.sizes, inputs, targets)
+    _check_sets(len(x), len(stack))
+    bank = LossBank(stack, x, y, threads=threads)
+    return bank.pairs(
+        np.arange(len(stack)), np.arange(len(stack)) if len(x) > 1 else np.zeros(len(stack), int)
+    )
+
+
+def cross_losses(
+    stack: MlpStack, inputs: ndarray, targets: ndarray, *, threads: int | None = None
+) -> ndarray:
+    """(M, B) loss of every model on every one of B sets (B, N, D), (B, N, S)."""
+    return LossBank(stack, inputs, targets, threads=threads).all()
+
+
+def pair_losses(
+    stack: MlpStack,
+    model_ids: Sequence[int] | ndarray,
+    inputs: ndarray,
+    targets: ndarray,
+    set_ids: Sequence[int] | ndarray,
+    *,
+    threads: int | None = None,
+) -> ndarray:
+    """(Q,) loss of model `model_ids[q]` on set `set_ids[q]`. To ask more than once, keep a `LossBank`."""
+    return LossBank(stack, inputs, targets, threads=threads).pairs(model_ids, set_ids)
+
+
+def _check_sets(sets: int, models: int) -> None:
+    if sets not in (1, models):
+        raise UsageError(
+            f"{sets} sets of rows for {models} models",
+            expected=f"1 or {models}",
+            do="use cross_losses for all pairs",
+        )

@@ -1,0 +1,146 @@
+"""Training dynamics MLPs by the thousand, a few at a time as batched matrix products (paper D)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy import ndarray
+
+from dynreg.errors import UsageError
+from dynreg.models.mlp import MlpStack, stack_of
+from dynreg.models.rows import checked_rows
+from dynreg.models.threads import in_threads
+from dynreg.rng import stream
+
+if TYPE_CHECKING:
+    import torch
+
+GPU_CHUNK = 2048  # models at once on a GPU: 2 GB of weights, gradients and Adam's moments
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Which rows each step takes and how far it goes, the same for every model of a run.
+
+    Attributes
+    ----------
+    batches : the row numbers of each step; sizes are at most one apart, so no step is a small rest.
+    rates : (T,) learning rates, falling linearly towards 0: most of the worth of longer training, at no cost.
+    """
+
+    batches: tuple[ndarray, ...]
+    rates: ndarray
+
+
+def schedule(rows: int, *, epochs: int, learning_rate: float, batch_size: int, seed: int) -> Schedule:
+    """`epochs` passes over `rows` rows in a new order each.
+
+    Raises UsageError where there is nothing to do or the learning rate is not positive.
+    """
+    if min(rows, epochs, batch_size) < 1 or not 0 < learning_rate < np.inf:
+        raise UsageError(
+            f"{rows} rows, {epochs} epochs, batch size {batch_size}, learning rate {learning_rate}",
+            expected="at least one of each and a positive learning rate",
+            do="start from epochs=4, batch_size=100, learning_rate=1e-3",
+        )
+    steps = -(-rows // batch_size)
+    batches = []
+    for epoch in range(epochs):
+        order = stream(seed, "training", "order", epoch).permutation(rows)
+        batches += np.array_split(order, steps)
+    return Schedule(tuple(batches), learning_rate * (1 - np.arange(len(batches)) / len(batches)))
+
+
+def train(
+    start: MlpStack,
+    inputs: ndarray,
+    targets: ndarray,
+    *,
+    epochs: int = 4,
+    learning_rate: float = 1e-3,
+    batch_size: int = 100,
+    seed: int = 0,
+    chunk: int = 4,
+    threads: int | None = None,
+    device: str | None = None,
+) -> MlpStack:
+    """Train M networks with Adam on the mean squared error of the normalised delta.
+
+    All M see their rows in the same order. A model's weights depend on its start, its rows, `seed` and the
+    settings of training; not on `chunk`, on `threads` or on the other models: the same bytes on the same kind
+    of processor.
+
+    Parameters
+    ----------
+    start : M models, or 1 from which all start (the base model).
+    inputs : (M, N, D) normalised, or (1, N, D) shared by all models.
+    targets : (M, N, S) normalised deltas, or (1, N, S) shared.
+    learning_rate : of the first step; it falls linearly towards 0.
+    chunk : models trained together on one core; 4 keep weights, gradients and moments in the cache.
+    threads : cores, all of them by default.
+    device : "cpu", "cuda", ...; by default cuda where torch sees one. There, all models train at once.
+
+    Raises UsageError where shapes do not agree, a number is not finite, or training diverged.
+    """
+    x, y = checked_rows(start.sizes, inputs, targets)
+    models = max(len(start), len(x), len(y))
+    for name, count in (("start", len(start)), ("inputs", len(x)), ("targets", len(y))):
+        if count not in (1, models):
+            raise UsageError(
+                f"{name} for {count} models and others for {models}",
+                expected=f"1 or {models}",
+                do="give every model its rows, or one set to all",
+            )
+    plan = schedule(x.shape[1], epochs=epochs, learning_rate=learning_rate, batch_size=batch_size, seed=seed)
+    from dynreg.models.network import choose_device
+
+    device = choose_device(device)
+    on_cpu = device == "cpu"
+    step = max(1, chunk) if on_cpu else GPU_CHUNK
+
+    def train_chunk(first: int) -> MlpStack:
+        ids = np.arange(first, min(first + step, models))
+        return _train_together(*(_part(part, ids) for part in (start, x, y)), len(ids), plan, device)
+
+    trained = stack_of(in_threads(train_chunk, range(0, models, step), threads if on_cpu else 1))
+    check_trained(trained)
+    return trained
+
+
+def check_trained(trained: MlpStack) -> None:
+    """Raises UsageError where a weight is not finite: training ran away."""
+    lost = ~np.all([np.isfinite(w).all(axis=(1, 2)) for w in trained.weights], axis=0)
+    if lost.any():
+        raise UsageError(
+            f"training of model {int(np.argmax(lost))} diverged ({int(lost.sum())} of {len(lost)} models)",
+            expected="finite weights",
+            do="lower the learning rate, or look for outliers in the normalised rows",
+        )
+
+
+def _train_together(
+    start: MlpStack, inputs: ndarray, targets: ndarray, models: int, plan: Schedule, device: str
+) -> MlpStack:
+    """One chunk of M models: start, inputs and targets of 1 or M."""
+    import torch
+
+    from dynreg.models.network import Adam, Backprop, Parameters
+
+    net = Parameters(models, start.sizes, device).load(start)
+    x, y = torch.tensor(inputs, device=device), net.padded(targets)
+    gradient, adam = Parameters(models, start.sizes, device), Adam(net)
+    passes = {len(b): Backprop(models, len(b), net) for b in plan.batches}
+    for batch, rate in zip(plan.batches, plan.rates, strict=True):
+        rows = torch.from_numpy(batch).to(device)
+        x_batch, y_batch = (_gather(table, rows, models) for table in (x, y))
+        passes[len(batch)].gradient(net, x_batch, y_batch, 1.0, gradient)
+        adam.step(gradient, float(rate))
+    return net.stack()
+
+
+def _gather(table: "torch.Tensor", rows: "torch.Tensor", models: int) -> "torch.Tensor":
+    return table.index_select(1, rows).expand(models, -1, -1)
+
+
+def _part(whole: MlpStack | ndarray, ids: ndarray) -> MlpStack | ndarray:
+    return whole if len(whole) == 1 else whole[ids]

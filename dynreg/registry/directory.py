@@ -1,0 +1,154 @@
+"""The registry as a directory: its marker, its folders, and files registered with their hashes."""
+
+import json
+import os
+from pathlib import Path, PurePosixPath
+
+from sqlalchemy import Connection, insert, select
+
+from dynreg.errors import CorruptError, RegistryError
+from dynreg.registry import tables
+from dynreg.registry.catalog import FILE, Catalog
+from dynreg.registry.files import (
+    FOLDERS,
+    LOCKS,
+    StoredFile,
+    is_temporary,
+    sha256_of,
+    sync_folder,
+    unreadable,
+    write_file,
+)
+
+MARKER = "dynreg.json"
+VERSION = 1
+
+
+class Directory:
+    """An open registry directory and its catalogue."""
+
+    def __init__(self, path: Path, catalog: Catalog):
+        self.path = path
+        self.catalog = catalog
+
+    def stage(self, file: StoredFile, data: bytes) -> None:
+        """Bring `data` to disk, before the transaction that registers it."""
+        self.catalog.check_writable()
+        if not self.holds(file):
+            write_file(self.path / file.path, data)
+
+    def register(self, connection: Connection, file: StoredFile, data: bytes) -> None:
+        """Enter a staged file into the catalogue, inside the caller's transaction."""
+        if not (self.path / file.path).exists():  # a repair took it for an orphan in the meantime
+            write_file(self.path / file.path, data)
+        known = connection.execute(select(tables.files).where(tables.files.c.path == file.path)).first()
+        if known is None:
+            connection.execute(
+                insert(tables.files).values(path=file.path, sha256=file.sha256, size=file.size)
+            )
+
+    def holds(self, file: StoredFile) -> bool:
+        """True when the file is on disk with exactly these bytes."""
+        path = self.locate(file.path)
+        return path.is_file() and path.stat().st_size == file.size and sha256_of(path) == file.sha256
+
+    def locate(self, relative: str) -> Path:
+        """Where a registered file lies; CorruptError for a path that leads out of the registry."""
+        parts = PurePosixPath(relative).parts
+        if not parts or parts[0] not in FOLDERS or ".." in parts:
+            raise CorruptError(
+                f"the catalogue names the file {relative!r}",
+                expected="a path inside the registry",
+                do="do not use this registry: its catalogue was changed from outside",
+            )
+        return self.path / relative
+
+    def read_json(self, relative: str) -> dict:
+        """A registered JSON document; CorruptError when it is missing or no JSON object."""
+        path = self.locate(relative)
+        try:
+            document = json.loads(path.read_bytes())
+        except (OSError, ValueError) as error:
+            raise unreadable(path, error) from error
+        if not isinstance(document, dict):
+            raise unreadable(path, "it is not a JSON object")
+        return document
+
+
+def open_directory(path: Path, create: bool) -> Directory:
+    """Open (or create) the registry at `path`.
+
+    Raises
+    ------
+    RegistryError : nothing there, not a registry, written by a newer version, locked, not writable.
+    CorruptError : the catalogue is lost or damaged.
+    """
+    if not (path / MARKER).is_file():
+        _create(path, create)
+    check_marker(path)
+    stored = any(any((path / name).glob("*")) for name in FOLDERS)
+    if not (path / FILE).exists() and stored:
+        raise CorruptError(
+            f"the catalogue {str(path / FILE)!r} is lost",
+            expected="a registry with its catalogue",
+            do="restore it from a copy, or run `dynreg verify --repair` to rebuild it from the stored files",
+        )
+    if os.access(path, os.W_OK):
+        make_folders(path)
+    return Directory(path, Catalog(path))
+
+
+def check_marker(path: Path) -> None:
+    """RegistryError when `dynreg.json` is not the marker of a registry that this version can read."""
+    try:
+        marker = json.loads((path / MARKER).read_bytes())
+        version = int(marker["version"]) if marker["format"] == "dynreg-registry" else None
+    except (OSError, ValueError, KeyError, TypeError):
+        version = None
+    if version is None or version > VERSION:
+        raise RegistryError(
+            f"{str(path / MARKER)!r} is {'not the marker of a registry' if version is None else f'of format {version}'}",
+            expected=f"a registry of format {VERSION} or older",
+            do="upgrade dynreg" if version else "give the directory of a registry",
+        )
+
+
+def _create(path: Path, create: bool) -> None:
+    if path.exists() and not path.is_dir():
+        problem = f"{str(path)!r} is a file"
+    elif path.is_dir() and _foreign(path):
+        problem = f"{str(path)!r} is a directory that is not a registry"
+    elif create:
+        _lay_out(path)
+        return
+    else:
+        problem = f"there is no registry at {str(path)!r}"
+    raise RegistryError(
+        problem,
+        expected="a registry directory" + (" or an empty place for a new one" if create else ""),
+        do="name another directory with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
+    )
+
+
+def _foreign(path: Path) -> bool:
+    names = [p.name for p in path.iterdir() if not is_temporary(p.name)]
+    return bool(names) and not (path / MARKER).is_file()  # another process may be creating it right now
+
+
+def _lay_out(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RegistryError(
+            f"cannot create {str(path)!r}: {error.strerror}",
+            expected="a place that may be written",
+            do="name another directory with --registry",
+        ) from error
+    write_file(path / MARKER, json.dumps({"format": "dynreg-registry", "version": VERSION}).encode() + b"\n")
+
+
+def make_folders(path: Path) -> None:
+    """The folders of a registry, made where they are missing (an archive may drop empty ones)."""
+    for name in (*FOLDERS, LOCKS):
+        (path / name).mkdir(exist_ok=True)
+    sync_folder(path)

@@ -1,0 +1,83 @@
+"""A part of a registry as a registry of its own."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from dynreg.errors import RegistryError
+from dynreg.registry.loading import load_shards
+from dynreg.registry.populations import put_shard
+from dynreg.registry.registry import Registry
+
+_KINDS = ("population", "entry", "recording", "robot", "simulator", "result")
+
+
+def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> tuple[str, ...]:
+    """Copy what `refs` name, with all it needs, to a new registry at `destination`; returns the ids.
+
+    A population brings its robot, its arrays and all its entries; an entry brings the population's arrays
+    and itself alone; a result brings its recording. Ids stay as they are.
+
+    Raises
+    ------
+    RegistryError : `destination` exists, or `refs` is empty.
+    NoMatchError : a ref fits nothing, or several things.
+    """
+    destination = Path(destination)
+    if not refs or destination.exists():
+        raise RegistryError(
+            f"cannot export {list(refs)} to {str(destination)!r}",
+            expected="at least one ref, and a destination that does not exist yet",
+            do="name what to export and a new directory",
+        )
+    wanted = [registry.resolve(ref, _KINDS) for ref in refs]
+    with Registry.open(destination, create=True) as copy:
+        for kind, identity in wanted:
+            _COPY[kind](registry, copy, identity)
+    return tuple(identity for _, identity in wanted)
+
+
+def _copy_robot(registry: Registry, copy: Registry, robot_hash: str) -> None:
+    copy.put_robot(registry.robot_folder(robot_hash), robot_hash, registry.robots()[robot_hash])
+
+
+def _copy_population(registry: Registry, copy: Registry, population_id: str) -> None:
+    record = registry.population(population_id)
+    _copy_robot(registry, copy, record.robot_hash)
+    copy.put_population(record)
+    for start, data in load_shards(registry.directory, population_id):
+        put_shard(copy.directory, population_id, start, data)
+
+
+def _copy_entry(registry: Registry, copy: Registry, entry_id: str) -> None:
+    entry = registry.load_entry(entry_id)
+    record = registry.population(entry.population_id)
+    _copy_robot(registry, copy, record.robot_hash)
+    copy.put_population(record)
+    copy.put_shard(record.id, entry.number, entry.as_shard())
+
+
+def _copy_recording(registry: Registry, copy: Registry, recording_id: str) -> None:
+    (info,) = [info for info in registry.recordings() if info.id == recording_id]
+    _copy_robot(registry, copy, info.robot_hash)
+    for name in info.names or (None,):
+        copy.put_recording(registry.recording(recording_id), info.robot_hash, name)
+
+
+def _copy_simulator(registry: Registry, copy: Registry, simulator_id: str) -> None:
+    copy.put_simulator(registry.simulator(simulator_id))
+
+
+def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:
+    result = registry.result(result_id)
+    _copy_recording(registry, copy, result.recording_id)
+    copy.put_result(result.kind, result.recording_id, result.document)
+
+
+_COPY = {
+    "robot": _copy_robot,
+    "population": _copy_population,
+    "entry": _copy_entry,
+    "recording": _copy_recording,
+    "simulator": _copy_simulator,
+    "result": _copy_result,
+}

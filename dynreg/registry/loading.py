@@ -1,0 +1,142 @@
+"""Entries back from their shards."""
+
+from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from sqlalchemy import Connection, Row, select
+
+from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.registry import tables
+from dynreg.registry.directory import Directory
+from dynreg.registry.files import decode_arrays
+from dynreg.registry.populations import get_population
+from dynreg.registry.records import EntryRecord, PopulationArrays, ShardData
+from dynreg.registry.shards import read_shard, read_states, read_states_header, strip
+
+COLUMNS = ("states", "weights")
+_THREADS = 2  # shards decoded side by side; beyond two, memory is the limit
+
+
+def load_population(
+    directory: Directory, population_id: str, columns: Collection[str] = COLUMNS
+) -> PopulationArrays:
+    """All entries of a population, stacked; `columns` says which of the large arrays to read.
+
+    Raises
+    ------
+    NoMatchError : the population is unknown, or has no entries yet.
+    CorruptError : a shard is missing or damaged.
+    """
+    if not set(columns) <= set(COLUMNS):
+        raise RegistryError(
+            f"columns {list(columns)}", expected=f"some of {list(COLUMNS)}", do="name only these"
+        )
+    record = get_population(directory, population_id)
+    with directory.catalog.read() as connection:
+        shards = _shards(connection, population_id)
+        table = tables.entries
+        query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
+        entries = connection.execute(query.order_by(table.c.number)).all()
+    numbers = np.array([row.number for row in entries], dtype=np.int64)
+    _check_whole(population_id, shards, numbers)
+    skip = "/" if "weights" in columns else "weights/"
+    parts = [decode_arrays(directory.locate(shard.arrays_path), skip)[1] for shard in shards]
+    return PopulationArrays(
+        ids=tuple(row.id for row in entries),
+        numbers=numbers,
+        parameters=record.parameters,
+        values=_stack(parts, "values"),
+        states=_states(directory, shards) if "states" in columns else None,
+        weights=strip(_stack_all(parts, "weights/"), "weights/") if "weights" in columns else None,
+        own_loss=_stack(parts, "own_loss"),
+        train_loss=_stack(parts, "train_loss"),
+        extra=strip(_stack_all(parts, "extra/"), "extra/"),
+    )
+
+
+def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
+    """One entry, read alone; NoMatchError when unknown, CorruptError when its shard is damaged."""
+    with directory.catalog.read() as connection:
+        entry = connection.execute(select(tables.entries).where(tables.entries.c.id == entry_id)).first()
+        if entry is None:
+            raise NoMatchError(
+                f"no entry {entry_id!r}", expected="the id of an entry", do="see `dynreg list`"
+            )
+        holds = [s for s in _shards(connection, entry.population_id) if s.start <= entry.number < s.stop]
+    _check_whole(entry.population_id, holds, np.array([entry.number]), alone=True)
+    position = entry.number - holds[0].start
+    states_path = directory.locate(holds[0].states_path)
+    states = np.empty((1, *read_states_header(states_path)["shape"][1:]), np.float32)
+    read_states(states_path, states, position)
+    _, arrays = decode_arrays(directory.locate(holds[0].arrays_path))
+    row = {name: array[position] for name, array in arrays.items()}
+    parameters = get_population(directory, entry.population_id).parameters
+    return EntryRecord(
+        id=entry.id,
+        population_id=entry.population_id,
+        number=entry.number,
+        values=dict(zip(parameters, row["values"].tolist(), strict=True)),
+        states=states[0],
+        weights=strip(row, "weights/"),
+        own_loss=float(row["own_loss"]),
+        train_loss=float(row["train_loss"]),
+        extra={name: float(value) for name, value in strip(row, "extra/").items()},
+    )
+
+
+def load_shards(directory: Directory, population_id: str) -> Iterator[tuple[int, ShardData]]:
+    """The shards of a population one after the other, with the number of their first entry."""
+    with directory.catalog.read() as connection:
+        shards = _shards(connection, population_id)
+    for shard in shards:
+        _, data = read_shard(directory.locate(shard.states_path), directory.locate(shard.arrays_path))
+        yield shard.start, data
+
+
+def _shards(connection: Connection, population_id: str) -> Sequence[Row]:
+    table = tables.shards
+    return connection.execute(
+        select(table).where(table.c.population_id == population_id).order_by(table.c.start)
+    ).all()
+
+
+def _check_whole(population_id: str, shards: Sequence[Row], numbers: np.ndarray, alone: bool = False) -> None:
+    if not len(numbers):
+        raise NoMatchError(
+            f"population {population_id[:12]} has no entries yet",
+            expected="at least one shard",
+            do="run `dynreg populate` first",
+        )
+    held = [number for shard in shards for number in range(shard.start, shard.stop)]
+    if not (numbers[0] in held if alone else np.array_equal(held, numbers)):
+        raise CorruptError(
+            f"the catalogue's entries and shards of population {population_id[:12]} do not fit together",
+            expected=f"one row for each of the {len(held)} entries in its shards",
+            do="run `dynreg verify --repair`",
+        )
+
+
+def _states(directory: Directory, shards: Sequence[Row]) -> np.ndarray:
+    paths = [directory.locate(shard.states_path) for shard in shards]
+    offsets = np.cumsum([0, *(shard.stop - shard.start for shard in shards)])
+    out = np.empty((offsets[-1], *read_states_header(paths[0])["shape"][1:]), np.float32)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        for _ in pool.map(
+            lambda i: read_states(paths[i], out[offsets[i] : offsets[i + 1]]), range(len(paths))
+        ):
+            pass  # draws the errors out
+    return out
+
+
+def _stack(parts: Sequence[dict[str, np.ndarray]], name: str) -> np.ndarray:
+    return np.concatenate([part[name] for part in parts])
+
+
+def _stack_all(parts: Sequence[dict[str, np.ndarray]], prefix: str) -> dict[str, np.ndarray]:
+    names = sorted({name for part in parts for name in part if name.startswith(prefix)})
+    missing = [np.full(len(part["values"]), np.nan) for part in parts]
+    return {
+        name: np.concatenate([part.get(name, absent) for part, absent in zip(parts, missing, strict=True)])
+        for name in names
+    }

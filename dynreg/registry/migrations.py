@@ -1,0 +1,64 @@
+"""Named steps that bring any older catalogue to the present form; each is applied once, in order.
+
+A released step is never edited: the next change of the tables is a new step at the end.
+"""
+
+from sqlalchemy import Connection, inspect, text
+
+from dynreg.errors import RegistryError
+
+STEPS: dict[str, tuple[str, ...]] = {
+    "0001_entries": (
+        "CREATE TABLE files (path TEXT PRIMARY KEY, sha256 TEXT NOT NULL, size INTEGER NOT NULL)",
+        "CREATE TABLE robots (hash TEXT PRIMARY KEY, name TEXT NOT NULL, manifest TEXT NOT NULL)",
+        """CREATE TABLE populations (id TEXT PRIMARY KEY, robot_hash TEXT NOT NULL REFERENCES robots (hash),
+           name TEXT NOT NULL, size INTEGER NOT NULL, path TEXT NOT NULL REFERENCES files (path), layout TEXT)""",
+        """CREATE TABLE shards (population_id TEXT NOT NULL REFERENCES populations (id), start INTEGER NOT NULL,
+           stop INTEGER NOT NULL, states_path TEXT NOT NULL REFERENCES files (path),
+           arrays_path TEXT NOT NULL REFERENCES files (path), PRIMARY KEY (population_id, start))""",
+        """CREATE TABLE entries (id TEXT PRIMARY KEY, population_id TEXT NOT NULL REFERENCES populations (id),
+           number INTEGER NOT NULL, parameter_values TEXT NOT NULL, own_loss FLOAT, train_loss FLOAT,
+           extra TEXT NOT NULL, UNIQUE (population_id, number))""",
+        """CREATE TABLE recordings (id TEXT PRIMARY KEY, robot_hash TEXT NOT NULL REFERENCES robots (hash),
+           path TEXT NOT NULL REFERENCES files (path), ordinal INTEGER NOT NULL)""",
+        """CREATE TABLE recording_names (name TEXT PRIMARY KEY,
+           recording_id TEXT NOT NULL REFERENCES recordings (id))""",
+    ),
+    "0002_simulators_and_results": (
+        "CREATE TABLE simulators (id TEXT PRIMARY KEY, path TEXT NOT NULL REFERENCES files (path))",
+        """CREATE TABLE results (id TEXT PRIMARY KEY, kind TEXT NOT NULL, recording_id TEXT NOT NULL,
+           path TEXT NOT NULL REFERENCES files (path), ordinal INTEGER NOT NULL)""",
+    ),
+    "0003_indexes": (
+        """CREATE TABLE indexes (population_id TEXT NOT NULL REFERENCES populations (id), key TEXT NOT NULL,
+           entries_hash TEXT NOT NULL, path TEXT NOT NULL REFERENCES files (path),
+           PRIMARY KEY (population_id, key))""",
+    ),
+}
+
+
+def pending(connection: Connection) -> list[str]:
+    """Names of the steps that this catalogue still lacks.
+
+    Raises RegistryError when the catalogue holds a step that this version does not know.
+    """
+    applied = []
+    if inspect(connection).has_table("migrations"):
+        applied = [row.name for row in connection.execute(text("SELECT name FROM migrations"))]
+    unknown = sorted(set(applied) - set(STEPS))
+    if unknown:
+        raise RegistryError(
+            f"the catalogue was written by a newer dynreg: it holds the step {unknown[-1]!r}",
+            expected=f"steps up to {list(STEPS)[-1]!r}",
+            do="upgrade dynreg to the version that wrote it",
+        )
+    return [name for name in STEPS if name not in applied]
+
+
+def apply(connection: Connection, names: list[str]) -> None:
+    """Run the steps `names` and record them, inside the transaction that the caller holds."""
+    connection.execute(text("CREATE TABLE IF NOT EXISTS migrations (name TEXT PRIMARY KEY)"))
+    for name in names:
+        for statement in STEPS[name]:
+            connection.execute(text(statement))
+        connection.execute(text("INSERT INTO migrations (name) VALUES (:name)"), {"name": name})

@@ -1,0 +1,150 @@
+"""The catalogue written again from the files, keeping what only its old rows knew (names, order, sizes)."""
+
+import json
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, delete, insert, text
+
+from dynreg.registry import tables
+from dynreg.registry.files import ROBOTS, canonical_json
+from dynreg.registry.hashes import entries_hash, result_id
+from dynreg.registry.scan import Found
+
+Row = dict[str, Any]
+Rows = dict[str, list[Row]]
+
+
+def replace_rows(connection: Connection, root: Path, held: Rows, found: Found) -> list[str]:
+    """Put rows for all sound files in place of the present ones, inside the caller's transaction.
+
+    `held` are the old rows. Returns the files that no row knows afterwards, for the caller to put away.
+    """
+    rows = _new_rows(root, held, found)
+    connection.execute(text("PRAGMA defer_foreign_keys = ON"))
+    for table in reversed(tables.metadata.sorted_tables):
+        if table.name != "migrations":
+            connection.execute(delete(table))
+    for table in tables.metadata.sorted_tables:
+        if rows.get(table.name):
+            connection.execute(insert(table), rows[table.name])
+    known = {row["path"] for row in rows["files"]} - _drop_stale_indexes(connection, rows["indexes"])
+    known |= {
+        f"{ROBOTS}/{row['hash']}/{name}" for row in rows["robots"] for name in json.loads(row["manifest"])
+    }
+    return sorted(name for name in {*found.files, *found.bad} if name not in known)
+
+
+def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
+    populations = _populations(held, found)
+    alive = {row["id"] for row in populations}
+    shards = [shard for key, shard in sorted(found.shards.items()) if key[0] in alive]
+    hashes = {name.split("/")[1] for name in found.files if name.startswith(f"{ROBOTS}/")}
+    hashes |= {row["hash"] for row in held["robots"]} | {row["robot_hash"] for row in populations}
+    recordings = _recordings(held, found, hashes)
+    stored = {row["id"] for row in recordings}
+    used = {row["robot_hash"] for row in (*populations, *recordings)} | {
+        row["hash"] for row in held["robots"]
+    }
+    rows = {
+        "robots": _robots(root, held, found, used),
+        "populations": populations,
+        "shards": [shard.row for shard in shards],
+        "entries": [row for shard in shards for row in shard.entries],
+        "recordings": recordings,
+        "recording_names": [row for row in held["recording_names"] if row["recording_id"] in stored],
+        "simulators": list(found.simulators.values()),
+        "results": _results(held, found, stored),
+        "indexes": [row for row in found.indexes.values() if row["population_id"] in alive],
+    }
+    return rows | {"files": _files(held, found, rows)}
+
+
+def _robots(root: Path, held: Rows, found: Found, used: Iterable[str]) -> list[Row]:
+    """Rows of the robots; one whose row is gone is taken from its folder as it is."""
+    known = {row["hash"]: row for row in held["robots"]}
+    rows = []
+    for robot_hash in sorted(used):
+        prefix = f"{ROBOTS}/{robot_hash}/"
+        manifest = {n.removeprefix(prefix): f.sha256 for n, f in found.files.items() if n.startswith(prefix)}
+        row = {"hash": robot_hash, "name": _robot_name(root / prefix), "manifest": canonical_json(manifest)}
+        rows.append(known.get(robot_hash, row))
+    return rows
+
+
+def _robot_name(folder: Path) -> str:
+    try:
+        return str(tomllib.loads((folder / "robot.toml").read_text())["robot"]["name"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return folder.name[:12]
+
+
+def _populations(held: Rows, found: Found) -> list[Row]:
+    """Rows of the populations: from their files, or the old row where only the file is lost."""
+    known = {row["id"]: row for row in held["populations"]}
+    registered = {row["path"] for row in held["files"]}
+    rows = {key: row for key, row in known.items() if row["path"] in registered}
+    for key, population in found.populations.items():
+        header = population["header"]
+        shards = [shard for (owner, _), shard in found.shards.items() if owner == key]
+        size = max([1, *(shard.row["stop"] for shard in shards)])
+        rows[key] = {
+            "id": key,
+            "robot_hash": header["robot"],
+            "name": header["name"],
+            "size": max(size, known[key]["size"]) if key in known else size,
+            "path": population["path"],
+            "layout": canonical_json(shards[0].layout) if shards else None,
+        }
+    return list(rows.values())
+
+
+def _recordings(held: Rows, found: Found, robots: Iterable[str]) -> list[Row]:
+    known = {row["id"]: row for row in held["recordings"]}
+    last = max([0, *(row["ordinal"] for row in held["recordings"])])
+    rows = []
+    for key, recording in found.recordings.items():
+        robot = [robot_hash for robot_hash in robots if robot_hash.startswith(recording["robot"])]
+        if key in known:
+            rows.append(known[key] | {"path": recording["path"]})
+        elif len(robot) == 1:
+            last += 1
+            rows.append({"id": key, "robot_hash": robot[0], "path": recording["path"], "ordinal": last})
+    return rows
+
+
+def _results(held: Rows, found: Found, recordings: Iterable[str]) -> list[Row]:
+    known = {row["path"]: row for row in held["results"]}
+    last = max([0, *(row["ordinal"] for row in held["results"])])
+    rows = []
+    for path, result in found.results.items():
+        about = [recording for recording in recordings if recording.startswith(result["recording"])]
+        if path in known:
+            rows.append(known[path])
+        elif len(about) == 1:
+            last += 1
+            row = {"id": result_id(result["kind"], about[0], result["sha256"]), "kind": result["kind"]}
+            rows.append(row | {"recording_id": about[0], "path": path, "ordinal": last})
+    return rows
+
+
+def _files(held: Rows, found: Found, rows: Rows) -> list[Row]:
+    columns = ("path", "states_path", "arrays_path")
+    paths = {row[column] for table in rows.values() for row in table for column in columns if row.get(column)}
+    known = {row["path"]: row for row in held["files"]}
+    sound = {path: {"path": path, "sha256": f.sha256, "size": f.size} for path, f in found.files.items()}
+    return [sound.get(path) or known[path] for path in sorted(paths)]
+
+
+def _drop_stale_indexes(connection: Connection, indexes: Iterable[Row]) -> set[str]:
+    table = tables.indexes
+    dropped = set()
+    for row in indexes:
+        population, key = row["population_id"], row["key"]
+        if row["entries_hash"] != entries_hash(connection, population):
+            connection.execute(delete(table).where(table.c.population_id == population, table.c.key == key))
+            connection.execute(delete(tables.files).where(tables.files.c.path == row["path"]))
+            dropped.add(row["path"])
+    return dropped

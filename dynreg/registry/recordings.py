@@ -1,0 +1,155 @@
+"""Recordings: what a robot did, stored under the hash of its numbers and under names."""
+
+from pathlib import Path
+
+from sqlalchemy import Connection, Row, Table, func, insert, select, update
+
+from dynreg.data.recording import Recording
+from dynreg.errors import NoMatchError, RegistryError
+from dynreg.registry import tables
+from dynreg.registry.directory import Directory
+from dynreg.registry.files import StoredFile, content_name, temporary_name, unreadable
+from dynreg.registry.records import RecordingInfo
+from dynreg.registry.robots import require_robot
+
+_IS_HASH = 64
+
+
+def put_recording(
+    directory: Directory, recording: Recording, robot_hash: str, name: str | None = None
+) -> str:
+    """Store a recording of a registered robot and return its id; it becomes `@last`.
+
+    A recording may have several names; one that is stored already keeps its first provenance.
+
+    Raises
+    ------
+    RegistryError : the name is taken by another recording or cannot be one; the recording belongs to another robot.
+    NoMatchError : the robot is unknown.
+    """
+    directory.catalog.check_writable()
+    _check_name(name)
+    file, data = _encode(directory, recording, robot_hash)
+    recording_id = recording.id
+    with directory.catalog.read() as connection:
+        require_robot(connection, robot_hash)
+        known = _known(connection, recording_id)
+        _check_free(connection, name, recording_id)
+    if known is None or not directory.locate(known.path).is_file():
+        directory.stage(file, data)
+    with directory.catalog.write() as connection:
+        _check_free(connection, name, recording_id)
+        known = _known(connection, recording_id)
+        if known is None:
+            directory.register(connection, file, data)
+            _insert(connection, recording_id, robot_hash, file.path)
+        elif known.robot_hash != robot_hash:
+            raise RegistryError(
+                f"recording {recording_id[:12]} is stored as one of robot {known.robot_hash[:12]}",
+                expected="one robot for a recording",
+                do="check which robot the log was made with",
+            )
+        _touch(connection, recording_id)
+        _name(connection, name, recording_id)
+    return recording_id
+
+
+def get_recording(directory: Directory, recording_id: str) -> Recording:
+    """A stored recording; NoMatchError when unknown, CorruptError when its file is damaged."""
+    from dynreg.data.table import read_parquet
+
+    with directory.catalog.read() as connection:
+        known = _known(connection, recording_id)
+    if known is None:
+        raise NoMatchError(
+            f"no recording {recording_id!r}", expected="the id of a recording", do="see `dynreg list`"
+        )
+    path = directory.locate(known.path)
+    try:
+        recording = read_parquet(path)
+    except Exception as error:  # whatever a damaged file makes the reader raise
+        raise unreadable(path, error) from error
+    if recording.id != recording_id:
+        raise unreadable(path, "its numbers are not those that were stored")
+    return recording
+
+
+def list_recordings(directory: Directory) -> tuple[RecordingInfo, ...]:
+    """All recordings, in the order of their last ingestion."""
+    names: dict[str, list[str]] = {}
+    with directory.catalog.read() as connection:
+        for row in connection.execute(select(tables.recording_names).order_by(tables.recording_names.c.name)):
+            names.setdefault(row.recording_id, []).append(row.name)
+        rows = connection.execute(select(tables.recordings).order_by(tables.recordings.c.ordinal)).all()
+    return tuple(RecordingInfo(row.id, row.robot_hash, tuple(names.get(row.id, ()))) for row in rows)
+
+
+def next_ordinal(connection: Connection, table: Table) -> int:
+    """One more than the highest ordinal of a table."""
+    return (connection.execute(select(func.max(table.c.ordinal))).scalar() or 0) + 1
+
+
+def _encode(directory: Directory, recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
+    from dynreg.data.table import write_parquet
+
+    temporary = temporary_name(directory.path / "recordings" / "recording")
+    try:
+        write_parquet(recording, temporary)
+        data = Path(temporary).read_bytes()
+    finally:
+        temporary.unlink(missing_ok=True)
+    # Both hashes in the name let a lost catalogue row be written again.
+    return content_name("recordings", f"{recording.id[:16]}-{robot_hash[:16]}", data, "parquet"), data
+
+
+def _known(connection: Connection, recording_id: str) -> Row | None:
+    return connection.execute(select(tables.recordings).where(tables.recordings.c.id == recording_id)).first()
+
+
+def _insert(connection: Connection, recording_id: str, robot_hash: str, path: str) -> None:
+    row = {"id": recording_id, "robot_hash": robot_hash, "path": path}
+    connection.execute(insert(tables.recordings).values(**row, ordinal=0))
+
+
+def _touch(connection: Connection, recording_id: str) -> None:
+    table = tables.recordings
+    ordinal = next_ordinal(connection, table)
+    connection.execute(update(table).where(table.c.id == recording_id).values(ordinal=ordinal))
+
+
+def _name(connection: Connection, name: str | None, recording_id: str) -> None:
+    table = tables.recording_names
+    if name is not None and connection.execute(select(table).where(table.c.name == name)).first() is None:
+        connection.execute(insert(table).values(name=name, recording_id=recording_id))
+
+
+def _check_free(connection: Connection, name: str | None, recording_id: str) -> None:
+    table = tables.recording_names
+    holder = connection.execute(select(table.c.recording_id).where(table.c.name == name)).scalar()
+    if holder is not None and holder != recording_id:
+        raise RegistryError(
+            f"the name {name!r} is in use for recording {holder[:12]}, which holds other data",
+            expected="a name that is free",
+            do="give another --name",
+        )
+
+
+def _check_name(name: str | None) -> None:
+    if name is None:
+        return
+    if (
+        not name
+        or name != name.strip()
+        or name.startswith("@")
+        or not name.isprintable()
+        or _reads_as_hash(name)
+    ):
+        raise RegistryError(
+            f"{name!r} cannot be a recording's name",
+            expected="printable text that does not begin with '@' and is no 64-digit hash",
+            do="give another --name",
+        )
+
+
+def _reads_as_hash(name: str) -> bool:
+    return len(name) == _IS_HASH and set(name) <= set("0123456789abcdef")

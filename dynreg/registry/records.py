@@ -1,0 +1,199 @@
+"""The nouns of the registry: what goes in and what comes out, all frozen."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dynreg.data.recording import Channel
+from dynreg.errors import RegistryError
+
+
+@dataclass(frozen=True)
+class PopulationRecord:
+    """Everything that the entries of one population share.
+
+    Attributes
+    ----------
+    id : the population's content hash, which does not depend on `size`.
+    robot_hash : id of a robot that the registry holds.
+    name : for people.
+    channels : (S,) state channels with their units, in the order of `ShardData.states`.
+    parameters : (P,) parameter names, in the order of `ShardData.values`.
+    size : planned number of entries; may grow.
+    shard_size : entries in a full shard.
+    seed : root of every random draw.
+    spec : JSON data: ranges, excitation, training settings.
+    arrays : excitation actions, normaliser, base model weights, by name.
+    """
+
+    id: str
+    robot_hash: str
+    name: str
+    channels: tuple[Channel, ...]
+    parameters: tuple[str, ...]
+    size: int
+    seed: int
+    spec: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    shard_size: int = 200
+
+    def __post_init__(self):
+        object.__setattr__(self, "channels", tuple(self.channels))
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        if self.size < 1 or self.shard_size < 1:
+            raise RegistryError(
+                f"population {self.name!r} of {self.size} entries in shards of {self.shard_size}",
+                expected="at least one entry in shards of at least one",
+                do="ask for a population of one entry or more",
+            )
+
+
+@dataclass(frozen=True)
+class ShardData:
+    """A run of consecutive entries of one population, stacked along the first axis.
+
+    Attributes
+    ----------
+    values : (n, P) float64, parameter values in their units.
+    states : (n, E, T+1, S) float32, E episodes of T transitions.
+    weights : model weights by name, each (n, ...), float16 as a rule.
+    own_loss : (n,) held-out loss of each model on its own simulator's data.
+    train_loss : (n,) loss at the end of training.
+    extra : further figures by name, each (n,).
+    """
+
+    values: np.ndarray
+    states: np.ndarray
+    weights: Mapping[str, np.ndarray]
+    own_loss: np.ndarray
+    train_loss: np.ndarray
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self):
+        set_ = object.__setattr__
+        set_(self, "values", np.ascontiguousarray(self.values, dtype=np.float64))
+        set_(self, "states", np.ascontiguousarray(self.states, dtype=np.float32))
+        set_(self, "weights", {k: np.ascontiguousarray(v) for k, v in sorted(self.weights.items())})
+        for name in ("own_loss", "train_loss"):
+            set_(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
+        set_(self, "extra", {k: np.asarray(v, dtype=np.float64) for k, v in sorted(self.extra.items())})
+        self._check()
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def slice(self, start: int, stop: int) -> "ShardData":
+        """Entries `start` to `stop` (positions in this shard)."""
+        return ShardData(
+            self.values[start:stop],
+            self.states[start:stop],
+            {name: array[start:stop] for name, array in self.weights.items()},
+            self.own_loss[start:stop],
+            self.train_loss[start:stop],
+            {name: array[start:stop] for name, array in self.extra.items()},
+        )
+
+    @property
+    def layout(self) -> dict[str, Any]:
+        """Shapes of one entry, which all entries of a population share."""
+        weights = {name: [list(array.shape[1:]), str(array.dtype)] for name, array in self.weights.items()}
+        return {"states": list(self.states.shape[1:]), "weights": weights}
+
+    def entry_id(self, population_id: str, position: int) -> str:
+        """Content hash of one entry: its population, values, states and weights, not its losses."""
+        digest = hashlib.sha256(population_id.encode())
+        digest.update(self.values[position].tobytes())
+        digest.update(str(self.states.shape[1:]).encode())
+        digest.update(self.states[position].data)
+        for name, array in self.weights.items():
+            digest.update(f"{name}{array.dtype}{array.shape[1:]}".encode())
+            digest.update(array[position].tobytes())
+        return digest.hexdigest()
+
+    def entry_ids(self, population_id: str) -> tuple[str, ...]:
+        """Content hashes of all entries, in order."""
+        return tuple(self.entry_id(population_id, i) for i in range(len(self)))
+
+    def _check(self) -> None:
+        count = len(self.values)
+        lengths = {"states": self.states, "own_loss": self.own_loss, "train_loss": self.train_loss}
+        lengths |= {f"weights {k!r}": v for k, v in self.weights.items()}
+        lengths |= {f"extra {k!r}": v for k, v in self.extra.items()}
+        wrong = [f"{name} {array.shape}" for name, array in lengths.items() if array.shape[:1] != (count,)]
+        if wrong or count == 0 or self.values.ndim != 2 or self.states.ndim != 4:
+            raise RegistryError(
+                f"a shard with values {self.values.shape}, states {self.states.shape} {' '.join(wrong)}",
+                expected="values (n, P), states (n, E, T+1, S) and n > 0 rows in every other array",
+                do="stack one row for each entry",
+            )
+
+
+@dataclass(frozen=True)
+class PopulationArrays:
+    """The entries of a population, stacked in the order of their numbers.
+
+    `ids` (N,) content hashes; `numbers` (N,) index in the population; `parameters` (P,) names of the
+    columns of `values` (N, P); `states` (N, E, T+1, S) float32 and `weights` (N, ...) by name, both None
+    where they were not asked for; `own_loss`, `train_loss` (N,); `extra` by name, (N,), NaN where missing.
+    """
+
+    ids: tuple[str, ...]
+    numbers: np.ndarray
+    parameters: tuple[str, ...]
+    values: np.ndarray
+    states: np.ndarray | None
+    weights: dict[str, np.ndarray] | None
+    own_loss: np.ndarray
+    train_loss: np.ndarray
+    extra: dict[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True)
+class EntryRecord:
+    """One entry: `values` by parameter name, `states` (E, T+1, S), `weights` by name."""
+
+    id: str
+    population_id: str
+    number: int
+    values: dict[str, float]
+    states: np.ndarray
+    weights: dict[str, np.ndarray]
+    own_loss: float
+    train_loss: float
+    extra: dict[str, float]
+
+    def as_shard(self) -> ShardData:
+        """The entry as a shard of one."""
+        return ShardData(
+            np.array([list(self.values.values())]),
+            self.states[None],
+            {name: array[None] for name, array in self.weights.items()},
+            np.array([self.own_loss]),
+            np.array([self.train_loss]),
+            {name: np.array([value]) for name, value in self.extra.items()},
+        )
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What the catalogue says of a recording, without reading it."""
+
+    id: str
+    robot_hash: str
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ResultRecord:
+    """A stored result: its kind ("neighbours", "diagnosis", ...), the recording it is about, its JSON."""
+
+    id: str
+    kind: str
+    recording_id: str
+    document: dict[str, Any]

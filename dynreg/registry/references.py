@@ -1,0 +1,104 @@
+"""What a person calls a thing, turned into its id."""
+
+import difflib
+import re
+from collections.abc import Collection
+
+from sqlalchemy import Connection, select
+
+from dynreg.errors import NoMatchError, RegistryError
+from dynreg.registry import tables
+
+LAST = "@last"
+_ID_COLUMNS = {
+    "robot": tables.robots.c.hash,
+    "population": tables.populations.c.id,
+    "entry": tables.entries.c.id,
+    "recording": tables.recordings.c.id,
+    "simulator": tables.simulators.c.id,
+    "result": tables.results.c.id,
+}
+_NAME_COLUMNS = {
+    "robot": (tables.robots.c.name, tables.robots.c.hash),
+    "population": (tables.populations.c.name, tables.populations.c.id),
+    "recording": (tables.recording_names.c.name, tables.recording_names.c.recording_id),
+}
+KINDS = tuple(_ID_COLUMNS)
+_PREFIX = re.compile(r"[0-9a-f]{4,}")
+_SHOWN = 5
+
+
+def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) -> tuple[str, str]:
+    """(kind, id) of `ref`: a content hash, a name, a unique prefix of a hash (4 digits or more), or `@last`.
+
+    A name goes before a prefix. `@last` is the recording ingested last.
+
+    Raises
+    ------
+    NoMatchError : nothing has this name or hash, or several do; the message shows what comes near.
+    RegistryError : `kinds` holds a word that is no kind.
+    """
+    if not set(kinds) <= set(KINDS):
+        raise RegistryError(f"kinds {sorted(kinds)}", expected=f"some of {list(KINDS)}", do="name only these")
+    if ref == LAST and "recording" in kinds:
+        return "recording", _last(connection)
+    for find in (_by_id, _by_name, _by_prefix):
+        found = find(connection, ref, kinds)
+        if len(found) == 1:
+            return found[0]
+        if found:
+            shown = ", ".join(f"{kind} {identity[:16]}" for kind, identity in found[:_SHOWN])
+            raise NoMatchError(
+                f"{ref!r} fits more than one: {shown}{', ...' if len(found) > _SHOWN else ''}",
+                expected="a hash, a unique prefix of one, or a name",
+                do="give more digits of the one you mean",
+            )
+    near = _near(connection, ref, kinds)
+    raise NoMatchError(
+        f"no {' or '.join(kinds) if len(kinds) < len(KINDS) else 'stored thing'} is called {ref!r}",
+        expected=f"a hash, a unique prefix of 4 digits or more, {LAST}, or a name"
+        + (f" (near: {', '.join(near)})" if near else ""),
+        do="see `dynreg list` for what there is",
+    )
+
+
+def _last(connection: Connection) -> str:
+    table = tables.recordings
+    found = connection.execute(select(table.c.id).order_by(table.c.ordinal.desc()).limit(1)).scalar()
+    if found is None:
+        raise NoMatchError("there is no last recording", expected="a recording", do="ingest a log first")
+    return found
+
+
+def _by_id(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
+    columns = {kind: _ID_COLUMNS[kind] for kind in KINDS if kind in kinds}
+    return [
+        (k, i) for k, c in columns.items() for i in connection.execute(select(c).where(c == ref)).scalars()
+    ]
+
+
+def _by_name(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
+    return [
+        (kind, identity)
+        for kind, (name, column) in _NAME_COLUMNS.items()
+        if kind in kinds
+        for identity in connection.execute(select(column).where(name == ref)).scalars()
+    ]
+
+
+def _by_prefix(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
+    if not _PREFIX.fullmatch(ref):
+        return []
+    found = []
+    for kind in (kind for kind in KINDS if kind in kinds):
+        column = _ID_COLUMNS[kind]
+        # "g" comes after every hexadecimal digit: a range that the key's index serves.
+        query = select(column).where(column >= ref, column < f"{ref}g").order_by(column).limit(_SHOWN + 1)
+        found += [(kind, identity) for identity in connection.execute(query).scalars()]
+    return found
+
+
+def _near(connection: Connection, ref: str, kinds: Collection[str]) -> list[str]:
+    columns = [name for kind, (name, _) in _NAME_COLUMNS.items() if kind in kinds]
+    names = {name for column in columns for name in connection.execute(select(column)).scalars()}
+    return difflib.get_close_matches(ref, sorted(names), n=3, cutoff=0.5)

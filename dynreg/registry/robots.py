@@ -1,0 +1,102 @@
+"""Copies of robot folders, so that a registry can be moved and still simulate."""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from sqlalchemy import Connection, Row, insert, select
+
+from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.registry import tables
+from dynreg.registry.directory import Directory
+from dynreg.registry.files import ROBOTS, canonical_json, sha256_of, write_file
+
+_HASH = re.compile(r"[0-9a-f]{8,128}")
+
+
+def put_robot(directory: Directory, folder: Path, robot_hash: str, name: str) -> None:
+    """Copy a robot folder under its hash; files that were lost or changed are put right again.
+
+    Hidden files are left out. Raises RegistryError when the folder is not there, or when this hash stands
+    for other files.
+    """
+    directory.catalog.check_writable()
+    contents = _read_folder(folder, robot_hash)
+    manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
+    with directory.catalog.read() as connection:
+        _check_same(_row(connection, robot_hash), manifest, folder)
+    _write_copy(directory, robot_hash, contents, manifest)
+    with directory.catalog.write() as connection:
+        known = _row(connection, robot_hash)
+        _check_same(known, manifest, folder)
+        _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
+        if known is None:
+            row = {"hash": robot_hash, "name": name, "manifest": canonical_json(manifest)}
+            connection.execute(insert(tables.robots).values(**row))
+
+
+def robot_folder(directory: Directory, robot_hash: str) -> Path:
+    """Where the copy of a robot lies; NoMatchError when unknown, CorruptError when files are not as they were."""
+    with directory.catalog.read() as connection:
+        manifest = json.loads(require_robot(connection, robot_hash).manifest)
+    for relative, sha256 in manifest.items():
+        path = directory.locate(f"{ROBOTS}/{robot_hash}/{relative}")
+        if not path.is_file() or sha256_of(path) != sha256:
+            raise CorruptError(
+                f"robot {robot_hash[:12]} has lost its {relative!r}",
+                expected="the folder as it was registered",
+                do="register the robot again from its own folder",
+            )
+    return directory.path / ROBOTS / robot_hash
+
+
+def require_robot(connection: Connection, robot_hash: str) -> Row:
+    """The catalogue's row of a robot; NoMatchError when there is none."""
+    row = _row(connection, robot_hash)
+    if row is None:
+        raise NoMatchError(
+            f"no robot {robot_hash!r}",
+            expected="the hash of a robot of this registry",
+            do="register its folder first",
+        )
+    return row
+
+
+def _row(connection: Connection, robot_hash: str) -> Row | None:
+    return connection.execute(select(tables.robots).where(tables.robots.c.hash == robot_hash)).first()
+
+
+def _check_same(known: Row | None, manifest: Mapping[str, str], folder: Path) -> None:
+    if known is not None and json.loads(known.manifest) != manifest:
+        raise RegistryError(
+            f"robot {known.hash[:12]} ({known.name!r}) is registered with other files than those of {str(folder)!r}",
+            expected="the same files under the same hash",
+            do="compute the hash of the changed folder anew",
+        )
+
+
+def _write_copy(
+    directory: Directory, robot_hash: str, contents: Mapping[str, bytes], manifest: Mapping[str, str]
+) -> None:
+    for relative, data in contents.items():
+        path = directory.locate(f"{ROBOTS}/{robot_hash}/{relative}")
+        if not path.is_file() or sha256_of(path) != manifest[relative]:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_file(path, data)
+
+
+def _read_folder(folder: Path, robot_hash: str) -> dict[str, bytes]:
+    if not folder.is_dir() or not _HASH.fullmatch(robot_hash):
+        raise RegistryError(
+            f"cannot register robot {robot_hash!r} from {str(folder)!r}",
+            expected="a robot folder and its hash in hexadecimal digits",
+            do="give the folder that holds robot.toml",
+        )
+    paths = sorted(p for p in folder.rglob("*") if p.is_file() and not _left_out(p.relative_to(folder)))
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in paths}
+
+
+def _left_out(relative: Path) -> bool:
+    return any(part.startswith(".") or part == "__pycache__" for part in relative.parts)

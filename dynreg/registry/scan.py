@@ -1,0 +1,170 @@
+"""What the files of a registry hold, found without asking the catalogue.
+
+Every file but those of the robots carries the hash of its bytes in its name and says in its header what it
+is, so the catalogue can be compared with the files, and written again from them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dynreg.errors import DynregError
+from dynreg.registry.catalog import FILE
+from dynreg.registry.directory import MARKER
+from dynreg.registry.files import (
+    FOLDERS,
+    LOCKS,
+    LOST_AND_FOUND,
+    ROBOTS,
+    StoredFile,
+    decode_arrays,
+    is_temporary,
+    sha256_of,
+    unreadable,
+)
+from dynreg.registry.populations import entry_rows
+from dynreg.registry.shards import read_shard, read_states_header
+
+_KNOWN_AT_TOP = {
+    MARKER,
+    FILE,
+    f"{FILE}-wal",
+    f"{FILE}-shm",
+    f"{FILE}-journal",
+    LOCKS,
+    LOST_AND_FOUND,
+    *FOLDERS,
+}
+
+
+@dataclass(frozen=True)
+class FoundShard:
+    """A sound pair of shard files: catalogue row, rows of its entries, layout of an entry."""
+
+    row: dict[str, Any]
+    entries: list[dict[str, Any]]
+    layout: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Sound contents by what identifies them, and in `bad` the files that are not, with the reason."""
+
+    files: dict[str, StoredFile] = field(default_factory=dict)
+    populations: dict[str, dict[str, Any]] = field(default_factory=dict)
+    shards: dict[tuple[str, int], FoundShard] = field(default_factory=dict)
+    recordings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    simulators: dict[str, dict[str, Any]] = field(default_factory=dict)
+    results: dict[str, dict[str, Any]] = field(default_factory=dict)
+    indexes: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
+    bad: dict[str, str] = field(default_factory=dict)
+
+
+def scan(root: Path, registered: set[str]) -> Found:
+    """Read every file below `root` and sort it; where two would do, one in `registered` goes first."""
+    found = Found()
+    for path in sorted(root.iterdir()):
+        if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
+            found.bad[path.name] = "no part of a registry"
+    states, rest = {}, {}
+    for relative in sorted(_files(root), key=lambda name: (name not in registered, name)):
+        path, folder = root / relative, relative.split("/")[0]
+        file = StoredFile(relative, sha256_of(path), path.stat().st_size)
+        try:
+            if folder != ROBOTS:
+                _check_name(path, file)
+            if folder == "shards":
+                _sort_half(path, file, states, rest)
+            elif folder != ROBOTS:
+                _READERS[folder](found, path, file)
+            found.files[relative] = file
+        except (DynregError, KeyError, TypeError, ValueError) as error:
+            found.bad[relative] = getattr(error, "problem", str(error))
+    _pair(root, found, states, rest)
+    return found
+
+
+def _files(root: Path) -> Iterator[str]:
+    for folder in FOLDERS:
+        for path in (root / folder).rglob("*"):
+            if not path.is_dir() and not is_temporary(path.name):
+                yield path.relative_to(root).as_posix()
+
+
+def _check_name(path: Path, file: StoredFile) -> None:
+    if path.is_symlink() or not path.stem.endswith(f"-{file.sha256[:16]}"):
+        raise unreadable(path, "its bytes do not fit the hash in its name")
+
+
+def _sort_half(path: Path, file: StoredFile, states: dict, rest: dict) -> None:
+    is_states = path.suffix == ".parquet"
+    header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
+    span = (header["population"], int(header["start"]), int(header["stop"]))
+    (states if is_states else rest).setdefault(span, []).append(file.path)
+
+
+def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
+    """Join the two files of each shard; registered ones come first, later ones must not overlap them."""
+    for span in states:
+        if span not in rest:
+            continue
+        population, start, stop = span
+        states_path, rest_path = states[span][0], rest[span][0]
+        try:
+            _, data = read_shard(root / states_path, root / rest_path)
+        except DynregError as error:
+            found.bad[states_path] = found.bad[rest_path] = error.problem
+            continue
+        taken = [s.row for (owner, _), s in found.shards.items() if owner == population]
+        if len(data) != stop - start or any(start < row["stop"] and row["start"] < stop for row in taken):
+            found.bad[states_path] = found.bad[rest_path] = "its entries are in another shard"
+            continue
+        row = {"population_id": population, "start": start, "stop": stop}
+        row |= {"states_path": states_path, "arrays_path": rest_path}
+        entries = entry_rows(population, start, data, data.entry_ids(population))
+        found.shards[population, start] = FoundShard(row, entries, data.layout)
+
+
+def _read_population(found: Found, path: Path, file: StoredFile) -> None:
+    header, _ = decode_arrays(path)
+    found.populations[header["id"]] = {"header": header, "path": file.path}
+
+
+def _read_recording(found: Found, path: Path, file: StoredFile) -> None:
+    from dynreg.data.table import read_parquet
+
+    try:
+        recording_id = read_parquet(path).id
+    except Exception as error:  # whatever a damaged file makes the reader raise
+        raise unreadable(path, error) from error
+    found.recordings.setdefault(recording_id, {"robot": path.stem.split("-")[1], "path": file.path})
+
+
+def _read_simulator(found: Found, path: Path, file: StoredFile) -> None:
+    found.simulators[file.sha256] = {"id": file.sha256, "path": file.path}
+
+
+def _read_result(found: Found, path: Path, file: StoredFile) -> None:
+    kind, recording, _ = path.stem.split("-")
+    found.results[file.path] = {
+        "kind": kind,
+        "recording": recording,
+        "path": file.path,
+        "sha256": file.sha256,
+    }
+
+
+def _read_index(found: Found, path: Path, file: StoredFile) -> None:
+    header, _ = decode_arrays(path)
+    row = {"population_id": header["population"], "key": header["key"], "entries_hash": header["entries"]}
+    found.indexes.setdefault((row["population_id"], row["key"]), row | {"path": file.path})
+
+
+_READERS = {
+    "populations": _read_population,
+    "recordings": _read_recording,
+    "simulators": _read_simulator,
+    "results": _read_result,
+    "index": _read_index,
+}

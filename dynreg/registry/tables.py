@@ -1,0 +1,103 @@
+"""The catalogue's tables, as the newest migration leaves them.
+
+Portable SQL only (no SQLite types or functions), so that the same code can stand on another database.
+JSON is stored as text.
+"""
+
+from sqlalchemy import Column, Float, ForeignKey, Integer, MetaData, Table, Text, UniqueConstraint
+
+metadata = MetaData()
+
+migrations = Table("migrations", metadata, Column("name", Text, primary_key=True))
+
+files = Table(
+    "files",
+    metadata,
+    Column("path", Text, primary_key=True),
+    Column("sha256", Text, nullable=False),
+    Column("size", Integer, nullable=False),
+)
+
+robots = Table(
+    "robots",
+    metadata,
+    Column("hash", Text, primary_key=True),
+    Column("name", Text, nullable=False),
+    Column("manifest", Text, nullable=False),  # sha256 of each file of the folder, by its path in it
+)
+
+populations = Table(
+    "populations",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("robot_hash", ForeignKey("robots.hash"), nullable=False),
+    Column("name", Text, nullable=False),
+    Column("size", Integer, nullable=False),
+    Column("path", ForeignKey("files.path"), nullable=False),
+    Column("layout", Text),  # shapes of one entry, set by the first shard
+)
+
+shards = Table(
+    "shards",
+    metadata,
+    Column("population_id", ForeignKey("populations.id"), primary_key=True),
+    Column("start", Integer, primary_key=True),
+    Column("stop", Integer, nullable=False),
+    Column("states_path", ForeignKey("files.path"), nullable=False),
+    Column("arrays_path", ForeignKey("files.path"), nullable=False),
+)
+
+entries = Table(
+    "entries",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("population_id", ForeignKey("populations.id"), nullable=False),
+    Column("number", Integer, nullable=False),  # index in the population; row group = number - shard's start
+    Column("parameter_values", Text, nullable=False),
+    Column("own_loss", Float),
+    Column("train_loss", Float),
+    Column("extra", Text, nullable=False),
+    UniqueConstraint("population_id", "number"),
+)
+
+recordings = Table(
+    "recordings",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("robot_hash", ForeignKey("robots.hash"), nullable=False),
+    Column("path", ForeignKey("files.path"), nullable=False),
+    Column("ordinal", Integer, nullable=False),  # the highest is the last one ingested
+)
+
+recording_names = Table(
+    "recording_names",
+    metadata,
+    Column("name", Text, primary_key=True),
+    Column("recording_id", ForeignKey("recordings.id"), nullable=False),
+)
+
+simulators = Table(
+    "simulators",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("path", ForeignKey("files.path"), nullable=False),
+)
+
+results = Table(
+    "results",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("kind", Text, nullable=False),
+    Column("recording_id", Text, nullable=False),  # no foreign key: a result outlives a lost recording
+    Column("path", ForeignKey("files.path"), nullable=False),
+    Column("ordinal", Integer, nullable=False),
+)
+
+indexes = Table(
+    "indexes",
+    metadata,
+    Column("population_id", ForeignKey("populations.id"), primary_key=True),
+    Column("key", Text, primary_key=True),
+    Column("entries_hash", Text, nullable=False),
+    Column("path", ForeignKey("files.path"), nullable=False),
+)

@@ -1,0 +1,30 @@
+"""From the commands of a log to what the drives are told: motor noise, largest step, joint range."""
+
+import numpy as np
+
+from dynreg.sim.ports import Ports
+
+
+def shaped_commands(
+    actions: np.ndarray, start: np.ndarray, low: np.ndarray, high: np.ndarray, ports: Ports, noise: np.ndarray | None
+) -> np.ndarray:
+    """(n, T, A) commands after the control port, for n simulations.
+
+    Parameters
+    ----------
+    actions : (n, T, A) as commanded.
+    start : (n, A) where the commands start from (joint positions), for the largest step.
+    low, high : (n, A) limits of the commands.
+    noise : (n, T, A) standard normal draws, times `control.noise` of each simulation; None for none.
+    """
+    commands = np.clip(actions, low[:, None], high[:, None])
+    largest = ports.control["max_step"][:, None]
+    if np.isfinite(largest).any():
+        commands = commands.copy()
+        previous = start
+        for t in range(commands.shape[1]):
+            previous = previous + np.clip(commands[:, t] - previous, -largest, largest)
+            commands[:, t] = previous
+    if noise is not None:
+        commands = commands + ports.control["noise"][:, None, None] * noise
+    return commands

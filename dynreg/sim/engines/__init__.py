@@ -1,0 +1,1 @@
+"""What advances many simulators at once; every engine is a function of the same signature."""

@@ -1,0 +1,125 @@
+"""Named banks of command sequences that every simulator of a population runs."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from dynreg.rng import stream
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+# Each kind draws (steps, A) offsets in [-1, 1] for commands at `rate` Hz.
+Kind = Callable[[np.random.Generator, int, int, float], np.ndarray]
+
+
+def levels(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:
+    """Random steps, each joint at times of its own, held for 0.1 to 0.5 s: reaches saturation and limits."""
+    out = np.empty((steps, actions))
+    for a in range(actions):
+        t = 0
+        while t < steps:
+            hold = max(1, int(rng.uniform(0.1, 0.5) * rate))
+            out[t : t + hold, a] = rng.uniform(-1, 1)
+            t += hold
+    return out
+
+
+def walk(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:
+    """A random walk pulled to zero and smoothed over 0.1 s: rich and gentle."""
+    keep = np.exp(-1.0 / (0.4 * rate))
+    out, x = np.empty((steps, actions)), np.zeros(actions)
+    for t in range(steps):
+        x = keep * x + np.sqrt(1 - keep**2) * rng.standard_normal(actions)
+        out[t] = 0.5 * x
+    return np.clip(out, -1, 1)
+
+
+def gait(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:
+    """One frequency (0.5 to 2.5 Hz) for all joints, random amplitudes and phases: what walking looks like."""
+    t = np.arange(steps)[:, None] / rate
+    amplitude, phase = rng.uniform(0, 1, actions), rng.uniform(0, 2 * np.pi, actions)
+    return amplitude * (np.sin(2 * np.pi * rng.uniform(0.5, 2.5) * t + phase) - np.sin(phase) * np.exp(-t / 0.2))
+
+
+def chirp(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:
+    """Sines of rising frequency (0.3 to at most 4 Hz), a random amplitude for each joint."""
+    t = np.arange(steps)[:, None] / rate
+    f0, f1 = rng.uniform(0.3, 1.0, actions), rng.uniform(1.0, min(4.0, rate / 5), actions)
+    duration = max(steps / rate, 1e-9)
+    return rng.uniform(0.2, 1, actions) * np.sin(2 * np.pi * (f0 * t + (f1 - f0) * t**2 / (2 * duration)))
+
+
+def triangle(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:
+    """Slow triangles (period 2 to 4 s): friction without inertia."""
+    t = np.arange(steps)[:, None] / rate + rng.uniform(0, 4, actions)
+    period = rng.uniform(2, 4, actions)
+    return rng.uniform(0.3, 1, actions) * (4 * np.abs(t / period % 1 - 0.5) - 1)
+
+
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {"levels": levels, "walk": walk, "gait": gait, "chirp": chirp, "triangle": triangle, "drop": levels}
+)
+
+
+def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0, steps: int = 0) -> Run:
+    """The commands of one bank: depends on the robot, the seed and the name alone.
+
+    Offsets are scaled to `amplitude` times the room between the reset pose and the action's limits. A "drop"
+    holds a random pose and then switches the drives off for the last half. Settings run through their `values`,
+    optional inputs are drawn once an episode between their low and high.
+    """
+    file = robot.file.excitation
+    episodes, steps = episodes or file.episodes, steps or file.steps
+    pose = reset_pose(robot)
+    low = np.array([a.low if a.low is not None else -1.0 for a in robot.file.actions])
+    high = np.array([a.high if a.high is not None else 1.0 for a in robot.file.actions])
+    actions = np.empty((episodes, steps, len(robot.actions)))
+    inputs = np.tile(robot.input_defaults, (episodes, steps, 1))
+    settings = np.empty((episodes, len(robot.settings)))
+    for e in range(episodes):
+        kind = file.kinds[e % len(file.kinds)]
+        rng = stream(seed, "excitation", robot.name, name, e)
+        # the settings change once all kinds had their turn, so that every pair of the two comes up
+        for k, setting in enumerate(robot.file.settings):
+            choices = setting.values or [setting.nominal]
+            settings[e, k] = choices[(e // len(file.kinds)) % len(choices)]
+        offset = KINDS[kind](rng, steps, len(robot.actions), _typical_rate(robot))
+        room = np.where(offset > 0, high - pose, pose - low)
+        # gentle and violent episodes: standing robots tell masses and friction, violent ones speed and limits
+        size = file.amplitude * rng.uniform(0.3, 1.7)
+        actions[e] = np.clip(pose + size * room * offset, low, high)
+        _draw_inputs(robot, rng, inputs[e])
+        if kind == "drop":
+            actions[e] = actions[e, :1]
+            inputs[e, steps // 2 :, len(robot.file.inputs) :] = 0.0
+    return Run(actions, inputs=inputs, settings=settings)
+
+
+def reset_pose(robot: Robot) -> np.ndarray:
+    """(A,) commands that hold the reset pose: joint positions for position-like drives, else zero."""
+    from dynreg.sim.ports import nominal_ports
+
+    if not robot.actions:
+        return np.zeros(0)
+    model = robot.model
+    name = robot.file.reset.keyframe
+    qpos = model.keyframe(name).qpos if name else model.qpos0
+    types = nominal_ports(robot, 1).types
+    joints = [action.split("/")[0] for action in robot.actions]
+    return np.array(
+        [
+            qpos[model.joint(j).qposadr[0]] if t in ("position", "duty_servo") else 0.0
+            for j, t in zip(joints, types, strict=True)
+        ]
+    )
+
+
+def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray) -> None:
+    for i, table in enumerate(robot.file.inputs):
+        if table.low is not None and table.high is not None:
+            inputs[:, i] = rng.uniform(table.low, table.high)
+
+
+def _typical_rate(robot: Robot) -> float:
+    return robot.file.robot.control_rate or 10.0

@@ -1,0 +1,115 @@
+"""Per-simulation MjModel fields of a mujoco.batch.Batch, written through the `sets` grammar."""
+
+from types import MappingProxyType
+
+import mujoco
+import numpy as np
+
+from dynreg.errors import RobotError
+from dynreg.sim.sets import Assignment, combine, matching
+
+_OBJECTS = MappingProxyType(
+    {
+        "body": mujoco.mjtObj.mjOBJ_BODY,
+        "geom": mujoco.mjtObj.mjOBJ_GEOM,
+        "jnt": mujoco.mjtObj.mjOBJ_JOINT,
+        "dof": mujoco.mjtObj.mjOBJ_JOINT,
+        "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+        "site": mujoco.mjtObj.mjOBJ_SITE,
+        "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+        "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
+    }
+)
+
+
+def names_of(model: mujoco.MjModel, prefix: str) -> list[str]:
+    """Names of the rows of the fields with this prefix; dofs carry their joint's name."""
+    if prefix == "dof":
+        return [model.joint(int(j)).name for j in model.dof_jntid]
+    kind = _OBJECTS[prefix]
+    count = {"jnt": model.njnt, "body": model.nbody, "geom": model.ngeom}.get(prefix)
+    count = getattr(model, {"actuator": "nu"}.get(prefix, f"n{prefix}")) if count is None else count
+    return [mujoco.mj_id2name(model, kind, i) or "" for i in range(count)]
+
+
+def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
+    """Write `mj.<field>[elements][index]` of every simulation from (B,) values; RobotError on a wrong name."""
+    field = assignment.path
+    try:
+        array = batch.expand(field)
+    except (AttributeError, KeyError, ValueError, TypeError) as problem:
+        raise RobotError(
+            f"sets entry {assignment.text!r}: {problem}",
+            expected="a field of MjModel that can differ between simulations, such as mj.body_mass",
+            do="correct the field",
+        ) from None
+    if field.startswith("opt."):
+        at = tuple(int(e) for e in assignment.elements)
+        where = (slice(None), *at)
+    else:
+        prefix = field.split("_")[0]
+        if prefix not in _OBJECTS:
+            raise RobotError(
+                f"sets entry {assignment.text!r}: rows of {field!r} have no names",
+                expected=f"a field that starts with one of {sorted(_OBJECTS)}",
+                do="correct the field",
+            )
+        rows = matching(names_of(model, prefix), assignment.elements, assignment.text)
+        where = (slice(None), rows) if assignment.index is None else (slice(None), rows, assignment.index)
+    array[where] = combine(assignment.op, array[where], values)
+
+
+def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
+    """Apply a named modifier from (B,) values.
+
+    gravity [m/s^2, downwards], mass [kg or factor; inertia in proportion], link_length [m or factor; the
+    link's children, geometry, mass (as length) and inertia (as length cubed, a slender rod)].
+    """
+    if assignment.path == "gravity":
+        gravity = batch.expand("opt.gravity")
+        gravity[:, 2] = -combine(assignment.op, -gravity[:, 2], values)
+        return
+    bodies = matching(names_of(model, "body"), assignment.elements, assignment.text)
+    for body in bodies:
+        if assignment.path == "mass":
+            old = batch.expand("body_mass")[:, body].copy()
+            new = combine(assignment.op, old, values)
+            batch.expand("body_inertia")[:, body] *= (new / old)[:, None]
+            batch.expand("body_mass")[:, body] = new
+        else:
+            _scale_link(batch, model, int(body), assignment, values)
+
+
+def _scale_link(batch, model: mujoco.MjModel, body: int, assignment: Assignment, values: np.ndarray) -> None:
+    length = link_length(model, body)
+    ratio = combine(assignment.op, np.full(len(values), length), values) / length
+    for child in np.flatnonzero(model.body_parentid == body):
+        if child != body:
+            batch.expand("body_pos")[:, child] *= ratio[:, None]
+    geoms = np.flatnonzero(model.geom_bodyid == body)
+    batch.expand("geom_pos")[:, geoms] *= ratio[:, None, None]
+    long = [
+        g for g in geoms if model.geom_type[g] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
+    ]
+    if long:
+        batch.expand("geom_size")[:, long, 1] *= ratio[:, None]
+        batch.expand("geom_rbound")[:, long] *= np.maximum(ratio, 1.0)[:, None]
+    batch.expand("body_ipos")[:, body] *= ratio[:, None]
+    batch.expand("body_mass")[:, body] *= ratio
+    batch.expand("body_inertia")[:, body] *= ratio[:, None] ** 3
+
+
+def link_length(model: mujoco.MjModel, body: int) -> float:
+    """Metres from a link's origin to its first child, or to its farthest geom where it is the last."""
+    children = [c for c in np.flatnonzero(model.body_parentid == body) if c != body]
+    if children:
+        return float(np.linalg.norm(model.body_pos[children[0]]))
+    geoms = np.flatnonzero(model.geom_bodyid == body)
+    lengths = np.linalg.norm(model.geom_pos[geoms], axis=1) if len(geoms) else np.zeros(1)
+    if not lengths.max() > 0:
+        raise RobotError(
+            f"link {model.body(body).name!r} has no length",
+            expected="a child body or a geom away from the link's origin",
+            do="set its fields one by one with mj.* instead of modifier.link_length",
+        )
+    return float(lengths.max())

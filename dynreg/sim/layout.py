@@ -1,0 +1,142 @@
+"""Where each channel and action of a robot lives in a MuJoCo state."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from dynreg.errors import RobotError
+from dynreg.sim.robot import Robot
+
+BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of the state vector in qpos, qvel and the base's motion; qpos, dof and actuator of each action.
+
+    `position`, `velocity` and `base` are (channel columns, addresses or BASE indexes).
+    """
+
+    position: tuple[np.ndarray, np.ndarray]
+    velocity: tuple[np.ndarray, np.ndarray]
+    base: tuple[np.ndarray, np.ndarray]
+    base_qpos: int
+    base_dof: int
+    action_qpos: np.ndarray
+    action_dof: np.ndarray
+    action_actuator: np.ndarray
+    action_range: np.ndarray
+
+
+def layout_of(robot: Robot) -> Layout:
+    """Resolve the robot's names against its model; RobotError when one is not there.
+
+    "<joint>/position" and "<joint>/velocity" are a hinge's or slide's; "<free joint>/roll" and the other
+    names of BASE are the floating base's: position and Euler angles in the world, velocities in the body frame.
+    """
+    model = robot.model
+    joints = {model.joint(j).name: j for j in range(model.njnt)}
+    free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
+    columns: dict[str, list[tuple[int, int]]] = {"position": [], "velocity": [], "base": []}
+    for column, name in enumerate(robot.channels):
+        owner, _, quantity = name.partition("/")
+        joint = joints.get(owner)
+        if joint is None:
+            raise _unknown(f"channel {name!r}", list(joints))
+        if joint in free and quantity in BASE:
+            columns["base"].append((column, BASE.index(quantity)))
+        elif joint not in free and quantity == "position":
+            columns["position"].append((column, int(model.jnt_qposadr[joint])))
+        elif joint not in free and quantity == "velocity":
+            columns["velocity"].append((column, int(model.jnt_dofadr[joint])))
+        else:
+            choices = BASE if joint in free else ("position", "velocity")
+            raise _unknown(f"channel {name!r}", [f"{owner}/{q}" for q in choices])
+    base = free[0] if free else -1
+    return Layout(
+        *(_pairs(columns[key]) for key in ("position", "velocity", "base")),
+        int(model.jnt_qposadr[base]) if free else -1,
+        int(model.jnt_dofadr[base]) if free else -1,
+        *_action_addresses(robot, joints),
+    )
+
+
+def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray, ...]:
+    model = robot.model
+    qpos, dof, actuator, ranges = [], [], [], []
+    for action in robot.file.actions:
+        owner = action.name.split("/")[0]
+        if owner not in joints:
+            raise _unknown(f"action {action.name!r}", list(joints))
+        joint = joints[owner]
+        driven = [
+            i
+            for i in range(model.nu)
+            if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[i, 0] == joint
+        ]
+        if not driven:
+            raise RobotError(
+                f"action {action.name!r}: no actuator of the model moves joint {owner!r}",
+                expected="a <general>, <motor> or <position> actuator on that joint",
+                do="add one to the MJCF",
+            )
+        qpos.append(model.jnt_qposadr[joint])
+        dof.append(model.jnt_dofadr[joint])
+        actuator.append(driven[0])
+        low = -np.inf if action.low is None else action.low
+        high = np.inf if action.high is None else action.high
+        ranges.append((low, high))
+    as_ids = lambda items: np.array(items, dtype=int)  # noqa: E731
+    return as_ids(qpos), as_ids(dof), as_ids(actuator), np.array(ranges, dtype=float).reshape(-1, 2)
+
+
+def observe(layout: Layout, qpos: np.ndarray, qvel: np.ndarray, channels: int) -> np.ndarray:
+    """State vectors (..., S) of MuJoCo states (..., nq), (..., nv)."""
+    states = np.empty(qpos.shape[:-1] + (channels,))
+    for (columns, addresses), source in ((layout.position, qpos), (layout.velocity, qvel)):
+        states[..., columns] = source[..., addresses]
+    columns, which = layout.base
+    if len(columns):
+        states[..., columns] = base_motion(layout, qpos, qvel)[..., which]
+    return states
+
+
+def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """(..., 12) the floating base in the order of BASE [m, rad, m/s, rad/s]."""
+    at, dof = layout.base_qpos, layout.base_dof
+    quaternion = qpos[..., at + 3 : at + 7]
+    w, x, y, z = np.moveaxis(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True), -1, 0)
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    rotation = np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+    linear = np.einsum("...ij,...i->...j", rotation, qvel[..., dof : dof + 3])
+    angles = np.stack([roll, pitch, yaw], -1)
+    return np.concatenate([qpos[..., at : at + 3], angles, linear, qvel[..., dof + 3 : dof + 6]], -1)
+
+
+def place(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
+    """Write known state channels (n, S; NaN = leave) into MuJoCo states (n, nq), (n, nv), in place.
+
+    The base keeps the pose and height of the reset: a log does not know where it stands in the world.
+    """
+    for (columns, addresses), target in ((layout.position, qpos), (layout.velocity, qvel)):
+        known = states[:, columns]
+        target[:, addresses] = np.where(np.isnan(known), target[:, addresses], known)
+
+
+def _pairs(items: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    columns = np.array([c for c, _ in items], dtype=int)
+    return columns, np.array([a for _, a in items], dtype=int)
+
+
+def _unknown(what: str, choices: list[str]) -> RobotError:
+    return RobotError(f"{what} is not in the model", expected=f"one of {choices}", do="correct robot.toml or the MJCF")

@@ -1,0 +1,143 @@
+"""The ports where parameters, settings and effects act: drives, friction, control.
+
+Both engines read the same `Ports`, and one torque law (`servo_law`) serves every drive on every engine.
+"""
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from dynreg.errors import RobotError
+from dynreg.sim.robot import Robot
+from dynreg.sim.sets import PORT_KEYS, Assignment, combine, matching
+
+_DEFAULTS = {
+    "gain": 1.0,
+    "rate_gain": 0.0,
+    "torque_limit": 1e6,
+    "speed_limit": 1e6,
+    "duty_gain": 0.0,
+    "kt": 0.0,
+    "resistance": 1.0,
+    "supply": 0.0,
+}
+
+
+@dataclass
+class Ports:
+    """Port values of B simulators: drive and friction (B, A), control (B,).
+
+    joints : the driven joint of each action.
+    types : the drive type of each action.
+    """
+
+    joints: list[str]
+    types: list[str]
+    drive: dict[str, np.ndarray]
+    friction: dict[str, np.ndarray]
+    control: dict[str, np.ndarray]
+    supply_input: np.ndarray
+    enable_input: np.ndarray
+
+    def apply(self, assignment: Assignment, values: np.ndarray) -> None:
+        """Set one port from (B,) values."""
+        if assignment.root == "control":
+            old = self.control[assignment.path]
+            self.control[assignment.path] = np.array(combine(assignment.op, old, values))
+            return
+        port, _, key = assignment.path.partition(".")
+        array = getattr(self, port)[key]
+        at = matching(self.joints, assignment.elements, assignment.text)
+        array[:, at] = combine(assignment.op, array[:, at], values)
+
+    def repeat(self, times: int) -> "Ports":
+        """Each simulator `times` times in a row, for its episodes."""
+        spread = lambda group: {k: np.repeat(v, times, axis=0) for k, v in group.items()}  # noqa: E731
+        return Ports(
+            self.joints,
+            self.types,
+            spread(self.drive),
+            spread(self.friction),
+            spread(self.control),
+            self.supply_input,
+            self.enable_input,
+        )
+
+
+def nominal_ports(robot: Robot, n: int) -> Ports:
+    """Ports as robot.toml gives them, for n simulators."""
+    joints = [name.split("/")[0] for name in robot.actions]
+    tables = [_drive_of(robot, joint) for joint in joints]
+    drive = {
+        key: np.tile(np.array([getattr(t, key, _DEFAULTS[key]) for t in tables], dtype=float), (n, 1))
+        for key in PORT_KEYS["drive"]
+    }
+    inputs = list(robot.inputs)
+    find = lambda name: inputs.index(name) if name else -1  # noqa: E731
+    return Ports(
+        joints,
+        [t.type for t in tables],
+        drive,
+        {key: np.zeros((n, len(joints))) for key in PORT_KEYS["friction"]},
+        {
+            "rate": np.full(n, robot.file.robot.control_rate or 0.0),
+            "noise": np.zeros(n),
+            "max_step": np.full(n, np.inf),
+        },
+        np.array([find(getattr(t, "supply_input", None)) for t in tables], dtype=int),
+        np.array([find(t.enable) for t in tables], dtype=int),
+    )
+
+
+@dataclass(frozen=True)
+class ServoLaw:
+    """torque = clip(gain u - stiffness q - rate qd, +-limit) - damping qd; each (B, A)."""
+
+    gain: np.ndarray
+    stiffness: np.ndarray
+    rate: np.ndarray
+    limit: np.ndarray
+    damping: np.ndarray
+
+
+def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
+    """The law of every drive at one instant, for inputs (B, I) (supply voltages, enable flags)."""
+    d = ports.drive
+    types = np.array(ports.types)
+    position, torque, duty = (types == t for t in ("position", "torque", "duty_servo"))
+    motor = types == "dcmotor"
+    supply = d["supply"]
+    if (ports.supply_input >= 0).any():
+        measured = inputs[:, np.maximum(ports.supply_input, 0)]
+        supply = np.where(ports.supply_input >= 0, measured, supply)
+    back_emf = d["kt"] ** 2 / d["resistance"]
+    stall = d["kt"] / d["resistance"]
+    duty_stiffness = d["duty_gain"] * d["gain"] * stall * supply
+    gain = np.where(duty, duty_stiffness, np.where(motor, stall, d["gain"]))
+    stiffness = np.where(duty, duty_stiffness, np.where(position, d["gain"], 0.0))
+    rate = np.where(position, d["rate_gain"], 0.0)
+    limit = np.where(duty, stall * np.maximum(supply, 0.0), d["torque_limit"])
+    damping = np.where(position, d["torque_limit"] / d["speed_limit"], 0.0)
+    damping = np.where(duty | motor, back_emf, np.where(torque, 0.0, damping))
+    if (ports.enable_input >= 0).any():
+        flag = inputs[:, np.maximum(ports.enable_input, 0)] >= 0.5
+        on = np.where(ports.enable_input >= 0, flag, True)
+        gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
+    return ServoLaw(gain, stiffness, rate, limit, damping)
+
+
+def varies(ports: Ports) -> bool:
+    """Whether the law can change during an episode (a measured supply or enable channel)."""
+    return bool((ports.supply_input >= 0).any() or (ports.enable_input >= 0).any())
+
+
+def _drive_of(robot: Robot, joint: str):
+    for table in robot.file.drives:
+        if fnmatchcase(joint, table.joint):
+            return table
+    raise RobotError(
+        f"no drive moves joint {joint!r} of action {joint}/...",
+        expected=f"a [[drives]] table whose joint matches, not {[t.joint for t in robot.file.drives]}",
+        do="add it to robot.toml",
+    )

@@ -1,0 +1,206 @@
+"""Robots as folders: an MJCF model and a robot.toml."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.errors import DynregError, RobotError
+from dynreg.sim.sets import Assignment, parse
+from dynreg.sim.space import Parameter, ParameterSpace
+from dynreg.sim.spec import RobotFile
+from dynreg.tomlfile import line_of, read_toml
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot that can be simulated: its folder, the checked robot.toml and a hash of both files.
+
+    Attributes
+    ----------
+    name, folder : as given.
+    file : the checked robot.toml.
+    space : the parameters that a population randomizes, in the order of the value vector (P,).
+    hash : 64 hexadecimal digits over robot.toml and the model's files.
+    """
+
+    name: str
+    folder: Path
+    file: RobotFile
+    space: ParameterSpace
+    hash: str
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the state vector (S,)."""
+        return tuple(c.name for c in self.file.channels)
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """Names of the action vector (A,)."""
+        return tuple(a.name for a in self.file.actions)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the measured inputs, the drives' enable channels last (I,)."""
+        enables = dict.fromkeys(d.enable for d in self.file.drives if d.enable)
+        return tuple(i.name for i in self.file.inputs) + tuple(enables)
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Names of the known constants of an episode (K,)."""
+        return tuple(s.name for s in self.file.settings)
+
+    @property
+    def input_defaults(self) -> np.ndarray:
+        """(I,) values where a log lacks the input: nominal ones, drives enabled."""
+        given = [i.nominal for i in self.file.inputs]
+        return np.array(given + [1.0] * (len(self.inputs) - len(given)))
+
+    @property
+    def rate(self) -> float:
+        """Commands a second [Hz]."""
+        if self.file.robot.control_rate is None:
+            raise RobotError(
+                f"robot {self.name!r} has control = 'timed'",
+                expected="a control_rate",
+                do="use a robot whose commands come at a fixed rate",
+            )
+        return self.file.robot.control_rate
+
+    @property
+    def recording_spec(self) -> RecordingSpec:
+        """What a log of this robot must hold."""
+        channels = [ChannelSpec(c.name, c.unit, "state", False, c.low, c.high) for c in self.file.channels]
+        channels += [ChannelSpec(a.name, a.unit, "action", False, a.low, a.high) for a in self.file.actions]
+        channels += [ChannelSpec(i.name, i.unit, "input", i.optional, i.low, i.high) for i in self.file.inputs]
+        channels += [
+            ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(self.file.inputs) :]
+        ]
+        return RecordingSpec(self.name, tuple(channels), self.settings, self.file.robot.control_rate)
+
+    @cached_property
+    def setters(self) -> tuple[tuple[Assignment, ...], ...]:
+        """What each parameter sets (P,)."""
+        return tuple(tuple(parse(text) for text in p.sets) for p in self.space.parameters)
+
+    @cached_property
+    def setting_setters(self) -> tuple[tuple[Assignment, ...], ...]:
+        """What each setting sets (K,)."""
+        return tuple(tuple(parse(text) for text in s.sets) for s in self.file.settings)
+
+    @cached_property
+    def model(self):
+        """The compiled mujoco.MjModel, with the physics time step of robot.toml."""
+        import mujoco
+
+        path = self.folder / self.file.robot.model
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as problem:
+            raise RobotError(f"{path.name}: {problem}", expected="a valid MJCF model", do="mend it") from None
+        model.opt.timestep = self.file.robot.timestep
+        return model
+
+
+def packaged_robots() -> dict[str, Path]:
+    """{name: folder} of the robots that come with dynreg."""
+    root = Path(str(resources.files("dynreg") / "robots"))
+    return {folder.name: folder for folder in sorted(root.iterdir()) if (folder / "robot.toml").is_file()}
+
+
+def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
+    """The robot of a packaged name or of any folder.
+
+    `ranges` names one of its [populations]; raises RobotError that says what is wrong and where.
+    """
+    packaged = packaged_robots()
+    folder = packaged.get(str(ref), Path(ref).expanduser())
+    path = folder / "robot.toml"
+    if not path.is_file():
+        raise RobotError(
+            f"no robot {str(ref)!r}",
+            expected=f"one of {list(packaged)} or a folder with robot.toml and its MJCF model",
+            do="see `dynreg robots`",
+        )
+    file = read_toml(path, RobotFile, RobotError)
+    _check_sets(file, path)
+    if not (folder / file.robot.model).is_file():
+        raise RobotError(
+            f"{folder / file.robot.model} does not exist",
+            expected="the MJCF model that robot.toml names",
+            do="add it or correct `model`",
+        )
+    space = ParameterSpace(tuple(_parameter(table) for table in file.parameters))
+    robot = Robot(file.robot.name, folder.resolve(), file, space, _hash(folder))
+    return robot if ranges is None else with_population(robot, ranges)
+
+
+def with_population(robot: Robot, ranges: str) -> Robot:
+    """The robot with the parameter ranges that its [populations.<ranges>] gives."""
+    if ranges not in robot.file.populations:
+        raise RobotError(
+            f"robot {robot.name!r} has no population {ranges!r}",
+            expected=f"one of {sorted(robot.file.populations)}",
+            do="correct the name, or add it to robot.toml",
+        )
+    space = robot.space.with_ranges(robot.file.populations[ranges].ranges)
+    return Robot(robot.name, robot.folder, robot.file, space, robot.hash)
+
+
+def check_robot(ref: str | Path) -> list[str]:
+    """What is wrong with a robot folder, one line each; empty when it can be simulated.
+
+    Goes further than `load_robot`: compiles the model, resolves every name against it and simulates the
+    nominal and the extreme configurations for some steps.
+    """
+    try:
+        robot = load_robot(ref)
+    except DynregError as problem:
+        return [str(problem)]
+    from dynreg.sim.check import problems
+
+    return problems(robot)
+
+
+def _check_sets(file: RobotFile, path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for group, tables in (("parameters", file.parameters), ("settings", file.settings)):
+        for number, table in enumerate(tables):
+            for entry in table.sets:
+                try:
+                    parse(entry)
+                except RobotError as problem:
+                    line = line_of(text, (group, number, "sets"))
+                    raise RobotError(
+                        f"{path.name}, line {line}: {problem.problem}", expected=problem.expected, do=problem.do
+                    ) from None
+
+
+def _parameter(table) -> Parameter:
+    return Parameter(
+        table.name,
+        table.unit,
+        table.nominal,
+        table.low,
+        table.high,
+        table.scale,
+        table.tolerance,
+        tuple(table.sets),
+        table.known,
+    )
+
+
+def _hash(folder: Path) -> str:
+    """sha256 over the names and bytes of the folder's files: models, meshes, robot.toml; not the log maps."""
+    digest = hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        relative = path.relative_to(folder)
+        if relative.parts[0] == "maps" or any(part.startswith((".", "__")) for part in relative.parts):
+            continue
+        digest.update(str(relative.as_posix()).encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()

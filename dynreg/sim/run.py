@@ -1,0 +1,77 @@
+"""What is asked of an engine, and what it gives back."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Run:
+    """Episodes of commands that each of B simulators executes.
+
+    Attributes
+    ----------
+    actions : (E, T, A), or (B, E, T, A) where simulators get commands of their own; in the actions' units.
+    inputs : (E, T, I) measured exogenous signals, enable channels included; None takes the robot's defaults.
+    settings : (E, K) known constants of each episode; None takes the nominal ones.
+    initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
+    period : seconds between commands; None takes each simulator's own command rate.
+    noise : (B, E, T, A) standard normal draws for the motor noise; None runs without it.
+    """
+
+    actions: np.ndarray
+    inputs: np.ndarray | None = None
+    settings: np.ndarray | None = None
+    initial: np.ndarray | None = None
+    period: float | None = None
+    noise: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.actions.ndim not in (3, 4):
+            raise UsageError(
+                f"actions of shape {self.actions.shape}",
+                expected="(episodes, steps, actions) or (simulators, episodes, steps, actions)",
+                do="reshape them",
+            )
+
+    @property
+    def episodes(self) -> int:
+        return self.actions.shape[-3]
+
+    @property
+    def steps(self) -> int:
+        return self.actions.shape[-2]
+
+    def take(self, episodes: np.ndarray) -> "Run":
+        """Only these episodes (indexes)."""
+        pick = lambda a: None if a is None else a[episodes]  # noqa: E731
+        return Run(
+            self.actions[..., episodes, :, :],
+            pick(self.inputs),
+            pick(self.settings),
+            pick(self.initial),
+            self.period,
+            None if self.noise is None else self.noise[:, episodes],
+        )
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What B simulators did: states (B, E, T+1, S) at the command times, the start included.
+
+    fell : (B, E) the first step at which the robot had fallen, T+1 where it had not.
+    physics_steps : time steps taken, over all simulators.
+    """
+
+    states: np.ndarray
+    fell: np.ndarray
+    physics_steps: int
+
+
+def motor_noise(seeds: np.ndarray, episodes: int, steps: int, actions: int) -> np.ndarray:
+    """(B, E, T, A) standard normal draws; those of a simulator depend on its seed alone."""
+    from dynreg.rng import stream
+
+    return np.stack([stream(int(s), "motor noise").standard_normal((episodes, steps, actions)) for s in seeds])

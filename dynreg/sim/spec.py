@@ -1,0 +1,221 @@
+"""What `robot.toml` may say, as pydantic models (the reference of the file format)."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are errors, numbers are finite, nothing changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False)
+
+
+class RobotTable(Table):
+    """[robot]: `control_rate` [Hz] and physics `timestep` [s], or control = "timed"."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
+    model: str = "model.xml"
+    engines: list[Literal["mujoco", "joint", "kinematic"]] = Field(min_length=1)
+    control_rate: float | None = Field(default=None, gt=0)
+    control: Literal["rate", "timed"] = "rate"
+    timestep: float = Field(gt=0, le=0.05)
+    title: str = ""
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _rate(self):
+        if self.control == "rate" and self.control_rate is None:
+            raise ValueError("control_rate is missing: give the rate of commands in Hz, or control = 'timed'")
+        return self
+
+
+class PositionDrive(Table):
+    """torque = clip(gain (target - q) - rate_gain qd, +-torque_limit) - torque_limit / speed_limit qd.
+
+    gain [N m/rad], rate_gain [N m s/rad], torque_limit [N m], speed_limit [rad/s, no-load].
+    """
+
+    type: Literal["position"]
+    joint: str
+    enable: str | None = None
+    gain: float = Field(ge=0)
+    rate_gain: float = Field(default=0.0, ge=0)
+    torque_limit: float = Field(default=1e6, gt=0)
+    speed_limit: float = Field(default=1e6, gt=0)
+
+
+class TorqueDrive(Table):
+    """torque = clip(gain command, +-torque_limit); gain [N m or N per unit of the command]."""
+
+    type: Literal["torque"]
+    joint: str
+    enable: str | None = None
+    gain: float = 1.0
+    torque_limit: float = Field(default=1e6, gt=0)
+
+
+class DutyServo(Table):
+    """duty = clip(duty_gain gain (target - q), -1, 1); torque = kt / resistance (duty supply - kt qd).
+
+    The control law of Dynamixel XL330 firmware: gain [1] is the P register, duty_gain [1/rad],
+    kt [N m/A], resistance [ohm], supply [V] (the measured input where the log has it).
+    """
+
+    type: Literal["duty_servo"]
+    joint: str
+    enable: str | None = None
+    gain: float = Field(ge=0)
+    duty_gain: float = Field(gt=0)
+    kt: float = Field(gt=0)
+    resistance: float = Field(gt=0)
+    supply: float = Field(gt=0)
+    supply_input: str | None = None
+
+
+class DcMotor(Table):
+    """torque = clip(kt / resistance command, +-torque_limit) - kt^2 / resistance qd, command [V]."""
+
+    type: Literal["dcmotor"]
+    joint: str
+    enable: str | None = None
+    kt: float = Field(gt=0)
+    resistance: float = Field(gt=0)
+    torque_limit: float = Field(default=1e6, gt=0)
+
+
+Drive = Annotated[PositionDrive | TorqueDrive | DutyServo | DcMotor, Field(discriminator="type")]
+
+
+class ActionTable(Table):
+    """[[actions]]: "<joint>/<kind>", in the order of the action vector."""
+
+    name: str
+    unit: str
+    low: float | None = None
+    high: float | None = None
+
+    @model_validator(mode="after")
+    def _order(self):
+        if self.low is not None and self.high is not None and not self.low < self.high:
+            raise ValueError(f"low {self.low} is not below high {self.high}")
+        return self
+
+
+class ChannelTable(ActionTable):
+    """[[channels]]: the state vector; noise [1 sigma] and quantum in the channel's unit."""
+
+    noise: float = Field(default=0.0, ge=0)
+    quantum: float = Field(default=0.0, ge=0)
+    weight: float = Field(default=1.0, ge=0)
+
+
+class InputTable(ActionTable):
+    """[[inputs]]: measured exogenous signals; `nominal` is used where a log lacks an optional one."""
+
+    optional: bool = False
+    nominal: float = 0.0
+
+
+class SettingTable(Table):
+    """[[settings]]: known constants of an episode; `values` are those that excitation covers."""
+
+    name: str
+    unit: str
+    nominal: float
+    values: list[float] = Field(default_factory=list)
+    sets: list[str] = Field(min_length=1)
+
+
+class ParameterTable(Table):
+    """[[parameters]]: what differs between simulators of a population."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
+    unit: str
+    nominal: float
+    low: float
+    high: float
+    scale: Literal["linear", "log"] = "linear"
+    tolerance: float = Field(default=math.inf, gt=0, allow_inf_nan=True)
+    known: bool = False
+    sets: list[str] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _range(self):
+        if not self.low < self.high:
+            raise ValueError(f"low {self.low} is not below high {self.high}")
+        if not self.low <= self.nominal <= self.high:
+            raise ValueError(f"nominal {self.nominal} lies outside [{self.low}, {self.high}]")
+        if self.scale == "log" and self.low <= 0:
+            raise ValueError(f"a log scale needs low > 0, not {self.low}")
+        return self
+
+
+class ResetTable(Table):
+    """[reset]: the keyframe an episode starts from and how long [s] it may settle there."""
+
+    keyframe: str | None = None
+    settle: float = Field(default=0.0, ge=0)
+
+
+class FallTable(Table):
+    """[fall]: the robot has fallen when its base tilts by more than `tilt` [rad] or sinks below `height` [m]."""
+
+    tilt: float = Field(gt=0)
+    height: float = 0.0
+
+
+class ExcitationTable(Table):
+    """[excitation]: the bank of command sequences that every simulator of a population runs."""
+
+    episodes: int = Field(default=20, ge=2)
+    steps: int = Field(default=50, ge=2)
+    kinds: list[Literal["levels", "chirp", "gait", "walk", "triangle", "drop"]] = Field(
+        default_factory=lambda: ["levels", "chirp", "walk"], min_length=1
+    )
+    amplitude: float = Field(default=0.5, gt=0)
+
+
+class PopulationTable(Table):
+    """[populations.<name>]: other ranges for some parameters, as {parameter = [low, high]}."""
+
+    ranges: dict[str, tuple[float, float]]
+
+    @field_validator("ranges")
+    @classmethod
+    def _order(cls, ranges: dict[str, tuple[float, float]]):
+        for name, (low, high) in ranges.items():
+            if not low < high:
+                raise ValueError(f"{name}: low {low} is not below high {high}")
+        return ranges
+
+
+class RobotFile(Table):
+    """The whole file."""
+
+    robot: RobotTable
+    drives: list[Drive] = Field(default_factory=list)
+    actions: list[ActionTable] = Field(default_factory=list)
+    channels: list[ChannelTable] = Field(min_length=1)
+    inputs: list[InputTable] = Field(default_factory=list)
+    settings: list[SettingTable] = Field(default_factory=list)
+    parameters: list[ParameterTable] = Field(min_length=1)
+    reset: ResetTable = ResetTable()
+    fall: FallTable | None = None
+    excitation: ExcitationTable = ExcitationTable()
+    populations: dict[str, PopulationTable] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _unique(self):
+        for group in (self.actions, self.channels, self.inputs, self.settings, self.parameters):
+            names = [item.name for item in group]
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise ValueError(f"{twice[0]!r} is named twice")
+        known = {parameter.name for parameter in self.parameters}
+        for label, population in self.populations.items():
+            for name in population.ranges:
+                if name not in known:
+                    raise ValueError(f"population {label!r} ranges an unknown parameter {name!r}: {sorted(known)}")
+        return self

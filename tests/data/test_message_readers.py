@@ -1,0 +1,191 @@
+"""Messages read back from MCAP, rosbag2 and ROS 1 files are the numbers that were written."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from rosbags.rosbag1 import Writer as Bag1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Bag2
+from rosbags.typesys import Stores, get_typestore
+
+from dynreg.data.readers import ReadOptions, format_of, read_log
+from dynreg.data.readers.messages import leaves
+from dynreg.errors import LogError
+
+START = 1_700_000_000_123_456_789  # ns
+STEP = 5_000_000
+ANGLES = np.random.default_rng(3).normal(size=(40, 2))
+
+
+def joint_state(store, k: int, stamp: int, **header_extra):
+    types = store.types
+    header = types["std_msgs/msg/Header"](
+        stamp=types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9),
+        frame_id="",
+        **header_extra,
+    )
+    order = [0, 1] if k % 2 == 0 else [1, 0]  # joints change places: only their names tell
+    return types["sensor_msgs/msg/JointState"](
+        header=header,
+        name=[["elbow", "wrist"][i] for i in order],
+        position=ANGLES[k][order],
+        velocity=2 * ANGLES[k][order],
+        effort=np.array([]),
+    )
+
+
+def write_cdr_mcap(path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    text, _ = store.generate_msgdef("sensor_msgs/msg/JointState", ros_version=2)
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", text.encode())
+        channel = writer.register_channel("/joint_states", "cdr", schema)
+        for k in range(len(ANGLES)):
+            stamp = START + k * STEP
+            data = bytes(store.serialize_cdr(joint_state(store, k, stamp), "sensor_msgs/msg/JointState"))
+            writer.add_message(channel, stamp + 700_000, data, stamp)
+        writer.finish()
+
+
+def write_bag2(path: Path, plugin: StoragePlugin) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Bag2(path, version=9, storage_plugin=plugin) as bag:
+        connection = bag.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        for k in range(len(ANGLES)):
+            stamp = START + k * STEP
+            message = joint_state(store, k, stamp)
+            bag.write(connection, stamp + 700_000, store.serialize_cdr(message, connection.msgtype))
+
+
+def write_bag1(path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Bag1(path) as bag:
+        connection = bag.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        for k in range(len(ANGLES)):
+            stamp = START + k * STEP
+            message = joint_state(store, k, stamp, seq=k)
+            bag.write(connection, stamp + 700_000, store.serialize_ros1(message, connection.msgtype))
+
+
+WRITERS = {
+    "run.mcap": write_cdr_mcap,
+    "bag2_db3": lambda p: write_bag2(p, StoragePlugin.SQLITE3),
+    "bag2_mcap": lambda p: write_bag2(p, StoragePlugin.MCAP),
+    "run.bag": write_bag1,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_joint_states_by_name_on_header_stamps(name: str, tmp_path: Path):
+    path = tmp_path / name
+    WRITERS[name](path)
+    log = read_log(path)
+    for i, joint in enumerate(("elbow", "wrist")):
+        series = log.sources[f"/joint_states.position[{joint}]"]
+        np.testing.assert_array_equal(series.values, ANGLES[:, i])
+        np.testing.assert_array_equal(
+            log.sources[f"/joint_states.velocity[{joint}]"].values, 2 * ANGLES[:, i]
+        )
+        # 0.7 ms before the log's first stamp, 5 ms apart, to the nanosecond
+        np.testing.assert_allclose(series.time, -0.0007 + 0.005 * np.arange(40), atol=1e-12)
+    assert log.sources["/joint_states.position[0]"].values[1] == ANGLES[1, 1]
+    assert (log.metadata["messages_read"], log.metadata["messages_lost"]) == (40, 0)
+    assert log.findings == ()
+
+
+def test_single_db3_file(tmp_path: Path):
+    write_bag2(tmp_path / "bag", StoragePlugin.SQLITE3)
+    (file,) = (tmp_path / "bag").glob("*.db3")
+    assert len(read_log(file).sources["/joint_states.position[elbow]"]) == 40
+
+
+def test_log_time_on_request(tmp_path: Path):
+    write_cdr_mcap(tmp_path / "run.mcap")
+    series = read_log(tmp_path / "run.mcap", ReadOptions(time="log")).sources["/joint_states.position[elbow]"]
+    assert series.time[0] == 0.0
+
+
+def write_json_mcap(path: Path, messages: list[dict], topic: str = "/arm", encoding: str = "json") -> None:
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("thing", "jsonschema", b"{}")
+        channel = writer.register_channel(topic, encoding, schema)
+        for k, message in enumerate(messages):
+            writer.add_message(channel, START + k * STEP, json.dumps(message).encode(), 0)
+        writer.finish()
+
+
+def test_json_leaves_are_numbers_only(tmp_path: Path):
+    messages = [
+        {"q": [k, -k], "on": True, "text": "x", "image": [0] * 65, "deep": {"v": k / 2}} for k in range(5)
+    ]
+    write_json_mcap(tmp_path / "j.mcap", messages)
+    log = read_log(tmp_path / "j.mcap")
+    assert set(log.sources) == {"/arm.q[0]", "/arm.q[1]", "/arm.on", "/arm.deep.v"}
+    np.testing.assert_array_equal(log.sources["/arm.q[1]"].values, [0, -1, -2, -3, -4])
+    np.testing.assert_array_equal(log.sources["/arm.on"].values, 1.0)
+
+
+def test_fields_that_come_and_go_keep_their_own_stamps(tmp_path: Path):
+    write_json_mcap(tmp_path / "j.mcap", [{"a": k} if k % 2 else {"b": [k]} for k in range(6)])
+    log = read_log(tmp_path / "j.mcap")
+    np.testing.assert_allclose(log.sources["/arm.a"].time, [0.005, 0.015, 0.025])
+    np.testing.assert_array_equal(log.sources["/arm.b[0]"].values, [0, 2, 4])
+
+
+def test_header_of_another_clock_is_shifted_and_told(tmp_path: Path):
+    messages = [{"header": {"stamp": {"sec": 0, "nanosec": (k + 1) * STEP}}, "v": k} for k in range(5)]
+    write_json_mcap(tmp_path / "sim_time.mcap", messages)
+    log = read_log(tmp_path / "sim_time.mcap")
+    np.testing.assert_allclose(log.sources["/arm.v"].time, 0.005 * np.arange(5), atol=1e-6)
+    assert [f.check for f in log.findings] == ["clock"]
+
+
+def test_protobuf_messages(tmp_path: Path):
+    from google.protobuf.wrappers_pb2 import DoubleValue
+    from mcap_protobuf.writer import Writer as ProtoWriter
+
+    with (tmp_path / "p.mcap").open("wb") as file, ProtoWriter(file) as writer:
+        for k in range(4):
+            writer.write_message("/torque", DoubleValue(value=k + 0.5), START + k * STEP, 0)
+    np.testing.assert_array_equal(
+        read_log(tmp_path / "p.mcap").sources["/torque.value"].values, [0.5, 1.5, 2.5, 3.5]
+    )
+
+
+def test_unknown_encoding_is_told(tmp_path: Path):
+    write_json_mcap(tmp_path / "c.mcap", [{"v": 1}], encoding="cbor")
+    with pytest.raises(LogError, match="no message that can be read"):
+        read_log(tmp_path / "c.mcap")
+
+
+def test_bag_without_index_is_a_clear_error(tmp_path: Path):
+    write_bag1(tmp_path / "run.bag")
+    data = (tmp_path / "run.bag").read_bytes()
+    (tmp_path / "cut.bag").write_bytes(data[: len(data) // 2])
+    with pytest.raises(LogError, match="cut.bag.*rosbag reindex"):
+        read_log(tmp_path / "cut.bag")
+
+
+def test_format_by_magic_bytes_not_suffix(tmp_path: Path):
+    write_cdr_mcap(tmp_path / "run.dat")
+    assert format_of(tmp_path / "run.dat") == "mcap"
+    (tmp_path / "notes.txt").write_text("no log")
+    with pytest.raises(LogError, match="no known format"):
+        read_log(tmp_path / "notes.txt")
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(LogError, match="is empty"):
+        read_log(tmp_path / "empty.csv")
+
+
+def test_leaves_stop_at_depth():
+    nested: dict = {"v": 1.0}
+    for _ in range(1000):
+        nested = {"n": nested}
+    assert list(leaves(nested)) == []

@@ -1,0 +1,225 @@
+"""What goes in comes out, under its id, whenever and however often it was put."""
+
+import shutil
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from registry_contents import (
+    CHANNELS,
+    POPULATION,
+    ROBOT,
+    fill,
+    make_population,
+    make_recording,
+    make_robot,
+    make_shard,
+    populate,
+    snapshot,
+)
+
+from dynreg.errors import NoMatchError, RegistryError
+from dynreg.registry.records import ShardData
+from dynreg.registry.registry import Registry
+
+
+def test_population_comes_back(registry):
+    record, expected = registry.population("bench"), make_population()
+    assert (record.id, record.robot_hash, record.size, record.seed) == (POPULATION, ROBOT, 10, 7)
+    assert record.channels == CHANNELS and record.parameters == ("mass", "friction")
+    assert record.spec == expected.spec
+    for name, array in expected.arrays.items():
+        assert record.arrays[name].dtype == array.dtype
+        np.testing.assert_array_equal(record.arrays[name], array)
+    assert [p.id for p in registry.populations()] == [POPULATION]
+
+
+def test_entries_come_back_stacked_in_order(registry):
+    arrays, expected = registry.load("bench"), make_shard(0, 10)
+    np.testing.assert_array_equal(arrays.numbers, np.arange(10))
+    np.testing.assert_array_equal(arrays.values, expected.values)
+    np.testing.assert_array_equal(arrays.states, expected.states)
+    assert arrays.states.dtype == np.float32
+    assert arrays.weights.keys() == {"w0", "b0"} and arrays.weights["w0"].dtype == np.float16
+    np.testing.assert_array_equal(arrays.weights["w0"], expected.weights["w0"])
+    np.testing.assert_array_equal(arrays.own_loss, expected.own_loss)
+    np.testing.assert_array_equal(arrays.train_loss, expected.train_loss)
+    np.testing.assert_array_equal(arrays.extra["falls"], expected.extra["falls"])
+    assert arrays.ids == expected.entry_ids(POPULATION) and len(set(arrays.ids)) == 10
+
+
+def test_large_arrays_are_read_only_when_asked_for(registry):
+    assert registry.load("bench", ()).states is None and registry.load("bench", ()).weights is None
+    assert registry.load("bench", ("weights",)).states is None
+    with pytest.raises(RegistryError, match="states"):
+        registry.load("bench", ("state",))
+
+
+@pytest.mark.parametrize("number", [0, 3, 4, 9])
+def test_one_entry_is_a_row_of_the_stack(registry, number):
+    arrays = registry.load("bench")
+    entry = registry.load_entry(arrays.ids[number])
+    assert (entry.number, entry.population_id) == (number, POPULATION)
+    np.testing.assert_array_equal(entry.states, arrays.states[number])
+    np.testing.assert_array_equal(entry.weights["b0"], arrays.weights["b0"][number])
+    assert entry.values == dict(zip(("mass", "friction"), arrays.values[number], strict=True))
+    assert entry.own_loss == arrays.own_loss[number] and entry.extra["falls"] == arrays.extra["falls"][number]
+
+
+def test_parquet_shard_is_plain_to_others(registry):
+    (path, *_) = sorted((registry.path / "shards").glob("*.parquet"))
+    stream = pq.ParquetFile(path)
+    assert stream.num_row_groups == 4 and stream.metadata.row_group(0).num_rows == 10
+    assert stream.schema_arrow.names == ["episode", "step", *(c.name for c in CHANNELS)]
+    assert stream.schema_arrow.field("arm/velocity").metadata == {b"unit": b"rad/s"}
+    table = stream.read_row_group(2).to_pydict()
+    assert table["episode"] == [0] * 5 + [1] * 5 and table["step"] == [*range(5)] * 2
+    np.testing.assert_array_equal(table["supply"], make_shard(2, 3).states[0, :, :, 2].ravel())
+
+
+def test_putting_again_changes_no_file(registry, robot):
+    before = {name: data for name, data in snapshot(registry.path).items() if "catalog" not in name}
+    fill(registry, robot)
+    ids = registry.put_shard("bench", 4, make_shard(4, 8))
+    registry.put_recording(make_recording(1), ROBOT, "first run")
+    after = {name: data for name, data in snapshot(registry.path).items() if "catalog" not in name}
+    assert after == before and ids == registry.load("bench").ids[4:8]
+
+
+def test_two_registries_of_the_same_content_have_the_same_files(registry, tmp_path, robot):
+    with Registry.open(tmp_path / "other", create=True) as other:
+        fill(other, robot)
+        assert other.content_hash() != registry.content_hash()
+        other.put_recording(make_recording(1), ROBOT)
+        assert other.content_hash() == registry.content_hash()
+        names = [p.name for p in (other.path / "shards").iterdir()]
+    assert sorted(names) == sorted(p.name for p in (registry.path / "shards").iterdir())
+
+
+def test_growing_keeps_entries_and_goes_on_behind_a_partial_shard(registry):
+    before = registry.load("bench")
+    registry.put_population(make_population(14))
+    assert registry.missing_spans("bench") == ((10, 12), (12, 14))
+    assert populate(registry) == 2
+    after = registry.load("bench")
+    assert after.ids[:10] == before.ids
+    np.testing.assert_array_equal(after.states, make_shard(0, 14).states)
+    registry.put_population(make_population(5))
+    assert registry.population("bench").size == 14 and registry.missing_spans("bench") == ()
+
+
+def test_overlapping_shards_add_only_what_is_new(path, robot):
+    with Registry.open(path, create=True) as registry:
+        registry.put_robot(robot, ROBOT, "arm")
+        registry.put_population(make_population(12))
+        registry.put_shard("bench", 2, make_shard(2, 5))
+        ids = registry.put_shard("bench", 0, make_shard(0, 8))
+        assert registry.missing_spans("bench") == ((8, 12),)
+        assert registry.load("bench").ids == ids == make_shard(0, 8).entry_ids(POPULATION)
+        np.testing.assert_array_equal(registry.load("bench").states, make_shard(0, 8).states)
+
+
+def test_losses_that_are_no_number_come_back(registry):
+    registry.put_population(make_population(11))
+    shard = make_shard(10, 11)
+    registry.put_shard(
+        "bench", 10, ShardData(shard.values, shard.states, shard.weights, [np.nan], [np.inf], shard.extra)
+    )
+    arrays = registry.load("bench")
+    assert np.isnan(arrays.own_loss[10]) and np.isinf(arrays.train_loss[10])
+
+
+def test_robot_copy_is_complete_and_outlives_its_source(registry, robot):
+    expected = snapshot(robot)
+    shutil.rmtree(robot)
+    assert snapshot(registry.robot_folder("arm")) == expected
+
+
+def test_recording_comes_back_with_all_its_names(registry):
+    recording = make_recording(1)
+    recording_id = registry.put_recording(recording, ROBOT, "the same")
+    assert recording_id == recording.id
+    back = registry.recording("the same")
+    assert back.id == recording.id and back.provenance["source"] == "log1.csv" and back.measured
+    (info,) = registry.recordings()
+    assert info.names == ("first run", "the same") and info.robot_hash == ROBOT
+
+
+def test_documents_come_back(registry):
+    assert registry.simulator(registry.put_simulator({"b": 1.5, "a": [1, None]})) == {"a": [1, None], "b": 1.5}
+    first = registry.put_result("diagnosis", "first run", {"verdict": "named"})
+    second = registry.put_result("diagnosis", "first run", {"verdict": "none"})
+    assert registry.result(first).document == {"verdict": "named"}
+    assert registry.latest("diagnosis").id == second
+    assert registry.latest("neighbours", "first run").document == {"k": 5}
+    registry.put_result("diagnosis", "first run", {"verdict": "named"})
+    assert registry.latest("diagnosis", "first run").id == first
+    with pytest.raises(NoMatchError, match="gait"):
+        registry.latest("gait")
+    with pytest.raises(RegistryError, match="null"):
+        registry.put_result("diagnosis", "first run", {"error": float("nan")})
+
+
+def test_index_is_given_only_for_the_entries_it_was_computed_for(registry):
+    np.testing.assert_array_equal(registry.index("bench", "landmarks")["losses"], make_shard(0, 10).values)
+    assert registry.index("bench", "graph") is None
+    registry.put_population(make_population(12))
+    assert registry.index("bench", "landmarks") is not None
+    populate(registry)
+    assert registry.index("bench", "landmarks") is None
+    registry.put_index("bench", "landmarks", {"losses": np.zeros(12)})
+    assert registry.index("bench", "landmarks")["losses"].shape == (12,)
+    assert len(list((registry.path / "index").iterdir())) == 1
+
+
+def test_registry_can_be_moved(registry, tmp_path):
+    content, moved = registry.content_hash(), tmp_path / "elsewhere" / "registry"
+    registry.close()
+    moved.parent.mkdir()
+    shutil.move(registry.path, moved)
+    with Registry.open(moved) as registry:
+        assert registry.content_hash() == content
+        np.testing.assert_array_equal(registry.load("bench").states, make_shard(0, 10).states)
+        assert registry.robot_folder("arm").is_relative_to(moved)
+        assert registry.recording("first run").id == make_recording(1).id
+
+
+def _changed_robot(registry, tmp_path):
+    folder = make_robot(tmp_path / "changed")
+    (folder / "robot.toml").write_text("other")
+    registry.put_robot(folder, ROBOT, "arm")
+
+
+REFUSED = {
+    "other content under a number": (lambda r, p: r.put_shard("bench", 4, make_shard(4, 8, seed=1)), "entry 4"),
+    "past the size": (lambda r, p: r.put_shard("bench", 8, make_shard(8, 12)), "0 to 10"),
+    "other settings under an id": (lambda r, p: r.put_population(make_population(seed=8)), "other settings"),
+    "other files under a robot's hash": (_changed_robot, "other files"),
+    "name in use": (lambda r, p: r.put_recording(make_recording(2), ROBOT, "first run"), "'first run' is in use"),
+    "name that reads as a reference": (lambda r, p: r.put_recording(make_recording(2), ROBOT, "@last"), "@last"),
+    "no such robot": (lambda r, p: r.put_recording(make_recording(2), "ef" * 32), "no robot"),
+    "no such folder": (lambda r, p: r.put_robot(p / "none", "ef" * 32, "none"), "none"),
+    "kind that is a path": (lambda r, p: r.put_result("../x", "first run", {}), "kind"),
+    "key that is a path": (lambda r, p: r.put_index("bench", "../x", {}), "letters"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_puts_leave_every_byte_as_it_was(registry, tmp_path, case):
+    call, message = REFUSED[case]
+    before = snapshot(registry.path)
+    with pytest.raises((RegistryError, NoMatchError), match=message):
+        call(registry, tmp_path)
+    assert snapshot(registry.path) == before
+
+
+def test_shapes_must_be_those_of_the_other_entries(registry):
+    registry.put_population(make_population(12))
+    before = snapshot(registry.path)
+    with pytest.raises(RegistryError, match="shapes"):
+        registry.put_shard("bench", 10, make_shard(10, 12, steps=6))
+    with pytest.raises(RegistryError, match="number 10 is the same entry as number 0"):
+        registry.put_shard("bench", 10, make_shard(0, 1))
+    assert snapshot(registry.path) == before
+    with pytest.raises(RegistryError, match="own_loss"):
+        ShardData(np.zeros((2, 2)), np.zeros((2, 1, 3, 3)), {}, np.zeros(3), np.zeros(2))

@@ -1,0 +1,203 @@
+"""Each damage is found, and a repair leaves a registry that verifies clean and can be filled again."""
+
+import shutil
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from registry_contents import ROBOT, make_population, make_recording, make_shard, populate, snapshot
+
+from dynreg.errors import CorruptError, RegistryError
+from dynreg.registry.registry import Registry
+from dynreg.registry.verify import verify
+
+
+def _one(root: Path, pattern: str) -> Path:
+    return sorted(root.glob(pattern))[0]
+
+
+def _flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0x10
+    path.write_bytes(data)
+
+
+def _truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-7])
+
+
+def _sql(root: Path, statement: str) -> None:
+    connection = sqlite3.connect(root / "catalog.sqlite")
+    with connection:
+        changed = connection.execute(statement).rowcount
+    connection.close()
+    assert changed > 0, "the damage changed nothing"
+
+
+def test_a_sound_registry_has_no_faults(registry):
+    report = verify(registry.path)
+    assert report.faults == () and report.leftovers == ()
+    assert report.checked["entries"] == 10 and report.checked["shards"] == 3
+    report.raise_if_lost()
+    before = snapshot(registry.path)
+    assert verify(registry.path).faults == () and snapshot(registry.path) == before
+
+
+# kind of file: its pattern, and what a repair makes of the damage: taken out, or left to be put again
+FILES = {
+    "shard states": ("shards/*.parquet", "shard"),
+    "shard weights": ("shards/*.safetensors", "shard"),
+    "recording": ("recordings/*.parquet", "recording"),
+    "simulator": ("simulators/*.json", "simulator"),
+    "result": ("results/*.json", "result"),
+    "index": ("index/*.safetensors", "index"),
+    "population": ("populations/*.safetensors", "population"),
+    "robot": ("robots/*/robot.toml", "robot"),
+}
+
+
+@pytest.mark.parametrize("damage", [_flip, _truncate, Path.unlink], ids=["flip", "truncate", "delete"])
+@pytest.mark.parametrize("file", FILES)
+def test_damaged_file_is_found_and_healed(registry, robot, file, damage):
+    pattern, kind = FILES[file]
+    whole, content = registry.load("bench"), registry.content_hash()
+    damage(_one(registry.path, pattern))
+
+    report = verify(registry.path)
+    assert [fault.kind for fault in report.faults] == [kind]
+    assert report.faults[0].lost == (kind != "index")
+    if report.lost:
+        with pytest.raises(CorruptError, match="repair"):
+            report.raise_if_lost()
+
+    mended = verify(registry.path, repair=True)
+    assert [fault.kind for fault in mended.faults] == [kind]
+    kept = kind in ("population", "robot")
+    assert bool(mended.faults[0].mended) != kept
+    assert len(verify(registry.path).faults) == kept
+
+    registry.put_robot(robot, ROBOT, "arm")
+    registry.put_population(make_population())
+    assert populate(registry) == (1 if kind == "shard" else 0)
+    registry.put_recording(make_recording(1), ROBOT, "first run")
+    assert verify(registry.path).faults == ()
+    assert registry.load("bench").ids == whole.ids and registry.content_hash() == content
+    np.testing.assert_array_equal(registry.load("bench").states, whole.states)
+
+
+def test_reading_what_is_damaged_is_an_error_that_names_the_next_step(registry):
+    _flip(_one(registry.path, "recordings/*"))
+    _truncate(_one(registry.path, "shards/*.parquet"))
+    _truncate(_one(registry.path, "populations/*"))
+    _one(registry.path, "robots/*/robot.toml").unlink()
+    _flip(_one(registry.path, "index/*"))
+    for read in (registry.recording, registry.load, registry.population, registry.robot_folder):
+        ref = {"recording": "first run", "robot_folder": "arm"}.get(read.__name__, "bench")
+        with pytest.raises(CorruptError, match="repair|register the robot again") as error:
+            read(ref)
+        assert error.value.exit_status == 3
+    assert registry.index("bench", "landmarks") is None or False
+
+
+ROWS = {
+    "entry": ("DELETE FROM entries WHERE number = 5", "entries"),
+    "entry changed": ("UPDATE entries SET parameter_values = '[9.0, 9.0]' WHERE number = 5", "entries"),
+    "entry's loss": ("UPDATE entries SET own_loss = 0.0 WHERE number = 5", "entries"),
+    "shard": ("DELETE FROM shards WHERE start = 4", "row"),
+    "shard moved": ("UPDATE shards SET stop = 7 WHERE start = 4", "row"),
+    "file": ("DELETE FROM files WHERE path LIKE 'shards/%.parquet'", "row"),
+    "file's hash": ("UPDATE files SET sha256 = 'x' WHERE path LIKE 'populations/%'", "population"),
+    "population": ("DELETE FROM populations", "row"),
+    "robot": ("DELETE FROM robots", "row"),
+    "recording": ("DELETE FROM recordings", "row"),
+}
+
+
+@pytest.mark.parametrize("case", ROWS)
+def test_damaged_row_is_found_and_written_again_from_the_files(registry, case):
+    statement, kind = ROWS[case]
+    content = registry.content_hash()
+    _sql(registry.path, statement)
+    assert kind in {fault.kind for fault in verify(registry.path).faults}
+    verify(registry.path, repair=True)
+    assert verify(registry.path).faults == () and verify(registry.path).leftovers == ()
+    assert registry.content_hash() == content and registry.missing_spans("bench") == ()
+    np.testing.assert_array_equal(registry.load("bench").states, make_shard(0, 10).states)
+
+
+def test_added_files_are_put_away(registry):
+    strange = ["shards/notes.txt", "shards/copy.parquet", "notes.txt", f"robots/{ROBOT}/more.txt"]
+    for name in strange:
+        (registry.path / name).write_text("mine")
+    (registry.path / "results" / f"x-{'0' * 16}-{'0' * 16}.json").write_text("{}")
+    report = verify(registry.path)
+    assert {fault.kind for fault in report.faults} == {"stray"} and len(report.faults) == 5 and not report.lost
+    verify(registry.path, repair=True)
+    assert verify(registry.path).faults == ()
+    assert not any((registry.path / name).exists() for name in strange)
+    kept = [p.read_text() for p in (registry.path / "lost+found").iterdir()]
+    assert sorted(kept) == ["mine"] * 4 + ["{}"] or sorted(kept) == ["mine"] * 4 + ["{}"][::-1]
+
+
+@pytest.mark.parametrize("table", ["entries", "recordings"])
+def test_files_that_a_killed_process_left_are_no_fault_and_are_adopted(registry, table):
+    content = registry.content_hash()
+    if table == "entries":
+        _sql(registry.path, "DELETE FROM entries WHERE number >= 8")
+        _sql(registry.path, "DELETE FROM shards WHERE start = 8")
+        _sql(registry.path, "DELETE FROM files WHERE path LIKE 'shards/%00000008-%'")
+        assert registry.missing_spans("bench") == ((8, 10),)
+    else:
+        _sql(registry.path, "DELETE FROM recording_names")
+        _sql(registry.path, "DELETE FROM recordings")
+        _sql(registry.path, "DELETE FROM files WHERE path LIKE 'recordings/%'")
+    assert registry.content_hash() != content
+    report = verify(registry.path)
+    assert report.faults == () and len(report.leftovers) == (2 if table == "entries" else 1)
+    verify(registry.path, repair=True)
+    assert registry.content_hash() == content and verify(registry.path).leftovers == ()
+
+
+def _overwrite(path: Path) -> None:
+    path.write_bytes(b"not a database, but long enough to be taken for one" * 100)
+
+
+@pytest.mark.parametrize("damage", [_overwrite, Path.unlink], ids=["overwrite", "delete"])
+def test_lost_catalogue_is_written_anew_from_the_files(registry, damage):
+    content, path = registry.content_hash(), registry.path
+    registry.close()
+    damage(path / "catalog.sqlite")
+    with pytest.raises(CorruptError, match="repair"):
+        Registry.open(path)
+    assert [f.kind for f in verify(path).faults] == ["catalog"]
+    verify(path, repair=True)
+    assert verify(path).faults == ()
+    with Registry.open(path) as registry:
+        assert registry.content_hash() == content
+        assert registry.population("bench").size == 10 and registry.robots() == {ROBOT: "arm"}
+        assert registry.latest("neighbours").document == {"k": 5}
+        np.testing.assert_array_equal(registry.load("bench").states, make_shard(0, 10).states)
+
+
+def test_damaged_page_of_the_catalogue_is_found(registry):
+    path = registry.path
+    registry.close()
+    data = bytearray((path / "catalog.sqlite").read_bytes())
+    data[5 * 4096 : 5 * 4096 + 64] = b"\xff" * 64
+    (path / "catalog.sqlite").write_bytes(data)
+    assert verify(path).faults
+    verify(path, repair=True)
+    assert verify(path).faults == ()
+
+
+def test_path_out_of_the_registry_is_refused(registry, tmp_path):
+    shutil.copy(_one(registry.path, "recordings/*"), tmp_path / "outside.parquet")
+    _sql(registry.path, "UPDATE recordings SET path = '../outside.parquet'")
+    with pytest.raises(CorruptError, match="outside"):
+        registry.recording("first run")
+
+
+def test_verify_of_what_is_no_registry(tmp_path):
+    with pytest.raises(RegistryError, match="registry"):
+        verify(tmp_path)
