@@ -67,7 +67,7 @@ def held_out(models: MlpStack, inputs: np.ndarray, targets: np.ndarray) -> float
 
 
 def timed(call: Callable, *args: Any, repeat: int = 1, **options: Any) -> tuple[Any, float, float]:
-    """The result, the shortest time [s] of `repeat` calls, and the processor time [s] of all threads in it."""
+    """The result, the shortest time [s] of `repeat` calls, and the core time [s] of all threads in it."""
     best = np.inf, np.inf
     for _ in range(repeat):
         start = time.perf_counter(), time.process_time()
@@ -81,8 +81,11 @@ def bench_base(inputs: np.ndarray, targets: np.ndarray, test: tuple, grid: list)
     for epochs, rate, batch in grid:
         flat = inputs.reshape(-1, inputs.shape[-1]), targets.reshape(-1, targets.shape[-1])
         base, seconds, cpu = timed(train_base, *flat, epochs=epochs, learning_rate=rate, batch_size=batch)
-        print(f"base  {len(inputs)} configs  epochs {epochs:3d} lr {rate:g} batch {batch:4d}: "
-              f"held-out {held_out(base, *test):.3f}  {seconds:.1f} s ({cpu:.1f} s of cores)", flush=True)  # fmt: skip
+        print(
+            f"base of {len(inputs)} configurations, {epochs} epochs, rate {rate:g}, batch {batch}: "
+            f"held-out {held_out(base, *test):.3f}, {seconds:.1f} s ({cpu:.1f} s of cores)",
+            flush=True,
+        )
     return base
 
 
@@ -95,9 +98,13 @@ def bench_train(base: MlpStack, inputs: np.ndarray, targets: np.ndarray, grid: l
             train, base if name == "base" else scratch, *rows,
             epochs=epochs, learning_rate=rate, batch_size=batch,
         )  # fmt: skip
-        print(f"train from {name:7s} epochs {epochs:2d} lr {rate:g} batch {batch:3d}: "
-              f"held-out {held_out(models, inputs, targets):.3f}  "
-              f"{1e3 * seconds / len(inputs):.1f} ms a model ({1e3 * cpu / len(inputs):.1f} ms of a core)", flush=True)  # fmt: skip
+        each = 1e3 / len(inputs)
+        print(
+            f"train from {name:7s} {epochs:2d} epochs, rate {rate:g}, batch {batch:3d}: "
+            f"held-out {held_out(models, inputs, targets):.3f}, "
+            f"{each * seconds:.1f} ms a model ({each * cpu:.1f} ms of a core)",
+            flush=True,
+        )
     return models
 
 
@@ -133,7 +140,10 @@ def main() -> None:
     pool, own = (inputs[:configs], targets[:configs]), (inputs[configs:], targets[configs:])
     print(f"{available_threads()} threads; persistence {np.square(own[1][:, TRAIN_ROWS:]).mean():.3f}")
     base = bench_base(*pool, own, [(12, 2e-3, 256)])
-    grid = [("scratch", 4, 1e-3, 100), ("scratch", 20, 1e-3, 100), ("base", 4, 1e-3, 100)]
+    grid = [("scratch", 4, 1e-3, 100), ("scratch", 20, 1e-3, 40)]
+    grid += [
+        ("base", epochs, 1e-3, batch) for epochs, batch in ((4, 100), (4, 40), (3, 50), (2, 64), (2, 40))
+    ]
     bench_losses(bench_train(base, *own, grid), *own)
 
 

@@ -112,7 +112,8 @@ def _source(log: RawLog, source: str, channel: ChannelSpec) -> Series | None:
         return log.sources[source]
     if channel.optional:
         return None
-    near = [name for name in log.sources if name.split(".")[0] == source.split(".")[0]] or list(log.sources)
+    near = [name for name in log.sources if name.split(".")[0] == source.split(".")[0]]
+    near = near or log.metadata.get("topics") or list(log.sources)
     raise MapError(
         f"{log.path.name!r} has no source {source!r} for channel {channel.name!r}",
         expected=f"one of {near[:30]}",

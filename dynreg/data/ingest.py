@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -125,8 +126,14 @@ def _logs(files: Sequence[Path], log_map: LogMap | None) -> Iterable[RawLog]:
             yield read_log(path, options)
         return
     for stem, members in _groups(files, log_map.files).items():
-        logs = {member: read_log(path, options) for member, path in members.items()}
+        logs = {m: read_log(path, _member_options(options, m)) for m, path in members.items()}
         yield side_by_side(next(iter(members.values())).with_name(stem), logs)
+
+
+def _member_options(options: ReadOptions, member: str) -> ReadOptions:
+    prefix = f"{member}."
+    wanted = tuple(s.removeprefix(prefix) for s in options.sources or () if s.startswith(prefix))
+    return replace(options, sources=wanted)
 
 
 def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dict[str, Path]]:
@@ -163,7 +170,7 @@ def _finding(error: DynregError, files: Sequence[Path]) -> Finding:
 
 
 def _options(log_map: LogMap | None) -> ReadOptions:
-    return ReadOptions(log_map.map.time, log_map.map.time_unit) if log_map else ReadOptions()
+    return ReadOptions(log_map.map.time, log_map.map.time_unit, log_map.sources) if log_map else ReadOptions()
 
 
 def _gap(log_map: LogMap | None) -> float:

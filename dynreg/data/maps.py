@@ -112,6 +112,12 @@ class LogMap(_Strict):
     episodes: EpisodeMap = Field(default_factory=EpisodeMap)
     files: dict[str, str] = Field(default_factory=dict)
 
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Every name in a log that the map may ask for."""
+        names = [c.source for c in self.channels.values()] + [s.metadata for s in self.settings.values()]
+        return tuple(name for name in (*names, self.episodes.column) if name is not None)
+
 
 def read_map(path: str | Path) -> LogMap:
     """Read a map file.

@@ -119,7 +119,7 @@ class Graph:
                 before=_split(arrays["before"], arrays["before_degree"], len(arrays["before_degree"])),
                 evaluations=evaluations,
             )
-            whole = len(graph) - len(graph) % settings.batch
+            whole = len(graph) - len(graph) % graph.settings.batch
             if len(graph.before) != whole:
                 raise ValueError(f"{len(graph.before)} settled nodes instead of {whole}")
         except (KeyError, ValueError, TypeError, IndexError, UsageError) as error:

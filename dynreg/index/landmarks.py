@@ -167,11 +167,12 @@ def _describe(
     distance: Distance, new: Int[ndarray, " N"], ids: Int[ndarray, " M"], symmetric: bool
 ) -> tuple[Float[ndarray, "N M"], Float[ndarray, "M N"]]:
     """Log-distances (new, m) to the landmarks and (m, new) from them."""
-    a, b = np.repeat(new, len(ids)), np.tile(ids, len(new))
-    outward = _log(distance.pairs(a, b), a, b).reshape(len(new), len(ids))
+    inward = np.array([distance.between(landmark, new) for landmark in ids.tolist()])
+    inward = _log(inward.reshape(len(ids), len(new)), ids, new)
     if symmetric:
-        return outward, outward.T.copy()
-    return outward, _log(distance.pairs(b, a), b, a).reshape(len(new), len(ids)).T.copy()
+        return inward.T.copy(), inward
+    outward = np.array([distance.between(entry, ids) for entry in new.tolist()])
+    return _log(outward.reshape(len(new), len(ids)), new, ids), inward
 
 
 def _log(distances: ndarray, a: ndarray, b: ndarray) -> ndarray:

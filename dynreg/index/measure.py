@@ -102,7 +102,7 @@ def nearest_lists(distance: Distance, n: int, k: int) -> list[np.ndarray]:
     return lists
 
 
-def fit_growth(n: Sequence[float], cost: Sequence[float]) -> Growth:
+def fit_growth(n: Sequence[float | int] | np.ndarray, cost: Sequence[float | int] | np.ndarray) -> Growth:
     """Does the cost grow like log n or like n?
 
     Raises
@@ -115,7 +115,8 @@ def fit_growth(n: Sequence[float], cost: Sequence[float]) -> Growth:
             expected="one cost at each of at least 3 sizes",
             do="measure at more sizes",
         )
-    return Growth(*_line(np.log(n), np.asarray(cost)), *_line(np.asarray(n, float), np.asarray(cost)))
+    sizes, costs = np.asarray(n, dtype=np.float64), np.asarray(cost, dtype=np.float64)
+    return Growth(*_line(np.log(sizes), costs), *_line(sizes, costs))
 
 
 def measure_graph(
@@ -197,7 +198,7 @@ def by_landmarks(
     """Landmarks, candidates ranked by ridge regressions or by plain distance between descriptions."""
     landmarks = build_landmarks(nodes, n, seed=seed, m=m)
     score = Landmarks.predict if ridge else Landmarks.apart
-    return search_landmarks(landmarks, to, queries, k, rerank=rerank, score=score), len(landmarks.ids)
+    return search_landmarks(landmarks, to, queries, k, rerank=rerank, score=score), float(len(landmarks.ids))
 
 
 def by_chance(nodes: Distance, to: ToMany, queries: int, n: int, k: int, seed: int) -> Measured:

@@ -22,11 +22,11 @@ class VectorIndex(Protocol):
         """How many vectors there are."""
         ...
 
-    def add(self, vectors: Vectors) -> None:
+    def add(self, vectors: np.ndarray) -> None:
         """Append vectors (m, D), which get the next m ids."""
         ...
 
-    def nearest(self, queries: Vectors, k: int) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
         """Ids and Euclidean distances (Q, min(k, n)) of the nearest to `queries` (Q, D), nearest first."""
         ...
 
@@ -60,12 +60,12 @@ class ExactVectors:
     def __len__(self) -> int:
         return len(self._vectors)
 
-    def add(self, vectors: Vectors) -> None:
+    def add(self, vectors: np.ndarray) -> None:
         vectors = _checked(vectors, self._vectors.shape[1])
         self._vectors = np.concatenate([self._vectors, vectors])
         self._squares = np.concatenate([self._squares, np.sum(vectors**2, axis=1)])
 
-    def nearest(self, queries: Vectors, k: int) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
         queries = _checked(queries, self._vectors.shape[1])
         k = min(_positive(k), len(self))
         ids = np.zeros((len(queries), k), dtype=np.int64)
@@ -76,7 +76,7 @@ class ExactVectors:
             ids[block], distances[block] = self._nearest(queries[block], k)
         return ids, distances
 
-    def _nearest(self, queries: Vectors, k: int) -> tuple[np.ndarray, np.ndarray]:
+    def _nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
         """The product only preselects, with a margin for its rounding; differences decide."""
         rough = self._squares - 2.0 * queries @ self._vectors.T
         wide = min(len(self), k + 16)
@@ -122,7 +122,7 @@ class HnswVectors:
     def __len__(self) -> int:
         return self._index.get_current_count()
 
-    def add(self, vectors: Vectors) -> None:
+    def add(self, vectors: np.ndarray) -> None:
         vectors = _checked(vectors, self._dimensions)
         with self._lock:
             size = len(self) + len(vectors)
@@ -130,7 +130,7 @@ class HnswVectors:
                 self._index.resize_index(max(size, 2 * self._index.get_max_elements()))
             self._index.add_items(vectors.astype(np.float32), np.arange(len(self), size), num_threads=1)
 
-    def nearest(self, queries: Vectors, k: int) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
         queries = _checked(queries, self._dimensions)
         with self._lock:
             k = min(_positive(k), len(self))

@@ -1,0 +1,1 @@
+"""Dynamics models: MLPs trained by the thousand from one base, and their losses on any data set."""

@@ -1,35 +1,42 @@
 """Models and data sets held ready, and the losses of any pairs of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from dynreg.errors import UsageError
-from dynreg.models.mlp import LAYERS, MlpStack
+from dynreg.models.forward import TILE, Forward, Layers
+from dynreg.models.mlp import MlpStack
 from dynreg.models.rows import checked_rows
 from dynreg.models.threads import available_threads, in_threads
 
 if TYPE_CHECKING:
     import torch
 
-TILE = 256  # rows at once: their activations stay in the cache of one core
-WORTH_A_THREAD = 4096  # rows times models below which starting threads costs more than it saves
+WORTH_A_THREAD = 2048  # rows times models below which starting threads costs more than it saves
 
 
-@dataclass(frozen=True)
-class Job:
-    """One model and the sets that it is asked about; `places` are where their losses go."""
+class DataSet(NamedTuple):
+    """Inputs (N, D) and targets (N, S) of one set, and N."""
+
+    inputs: "torch.Tensor"
+    targets: "torch.Tensor"
+    rows: int
+
+
+class Job(NamedTuple):
+    """One model and sets to run through it at once; the losses go to `places`."""
 
     model: int
-    sets: ndarray
-    places: ndarray
+    sets: list[int]
+    places: list[int]
+    rows: int
 
 
 class LossBank:
-    """Models and data sets held as tensors, so that asking for losses copies nothing.
+    """Models and data sets held as tensors, so that asking for losses copies no weights.
 
     A loss is the mean over rows and channels of the squared error of the normalised delta. The same call
     gives the same bytes on any number of threads. A pair's loss can differ by 1e-6 of itself between calls
@@ -59,29 +66,27 @@ class LossBank:
         self.sizes = stack.sizes
         self.device = choose_device(device)
         self.threads = (threads or available_threads()) if self.device == "cpu" else 1
-        self._models: list[tuple[torch.Tensor, ...]] = []
-        self._sets: list[tuple[torch.Tensor, torch.Tensor]] = []
-        self.append_models(stack)
-        self.append_sets(inputs, targets)
+        self._models = self._layers(stack)
+        self._sets = self._data_sets(inputs, targets)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of models and of sets."""
         return len(self._models), len(self._sets)
 
+    def append(self, stack: MlpStack, inputs: ndarray, targets: ndarray) -> None:
+        """Add models and sets at the end: new entries of a population. What is here already is not copied."""
+        models, sets = self._layers(stack), self._data_sets(inputs, targets)
+        self._models += models
+        self._sets += sets
+
     def append_models(self, stack: MlpStack) -> None:
-        """Add models at the end; those already here are not copied."""
-        self._models += self._model_tensors(stack)
+        """Add models at the end."""
+        self._models += self._layers(stack)
 
     def append_sets(self, inputs: ndarray, targets: ndarray) -> None:
         """Add sets at the end, (B, N, D) and (B, N, S); N may differ from that of the sets already here."""
-        self._sets += self._set_tensors(inputs, targets)
-
-    def append(self, stack: MlpStack, inputs: ndarray, targets: ndarray) -> None:
-        """Add models and sets at the end: new entries of a population."""
-        models, sets = self._model_tensors(stack), self._set_tensors(inputs, targets)
-        self._models += models
-        self._sets += sets
+        self._sets += self._data_sets(inputs, targets)
 
     def pairs(self, model_ids: Sequence[int] | ndarray, set_ids: Sequence[int] | ndarray) -> ndarray:
         """(Q,) float64: the loss of model `model_ids[q]` on set `set_ids[q]`."""
@@ -93,35 +98,32 @@ class LossBank:
                 expected="as many of each",
                 do="pass pairs",
             )
-        order = np.argsort(models, kind="stable")
-        groups = np.split(order, np.flatnonzero(np.diff(models[order])) + 1) if len(order) else []
-        jobs = [Job(int(models[group[0]]), sets[group], group) for group in groups]
-        return self._run(self._models, self._sets, jobs, len(models))
+        return self._run(self._models, self._sets, models, sets)
 
     def all(self) -> ndarray:
         """(M, B) float64: every model on every set."""
         models, sets = self.shape
-        every = np.arange(sets)
-        jobs = [Job(m, every, m * sets + every) for m in range(models)]
-        return self._run(self._models, self._sets, jobs, models * sets).reshape(models, sets)
+        ids = np.repeat(np.arange(models), sets), np.tile(np.arange(sets), models)
+        return self._run(self._models, self._sets, *ids).reshape(models, sets)
 
     def of_set(
         self, inputs: ndarray, targets: ndarray, model_ids: Sequence[int] | ndarray | None = None
     ) -> ndarray:
-        """(M,) float64: all models, or the chosen, on one set that is not in the bank (a query)."""
+        """(M,) float64: all models, or the chosen, on one set (N, D), (N, S) from outside (a query)."""
         ids = np.arange(len(self._models)) if model_ids is None else model_ids
         ids = _checked_ids("model", ids, len(self._models))
-        jobs = [Job(int(m), np.array([0]), np.array([q])) for q, m in enumerate(ids)]
-        return self._run(self._models, self._set_tensors(inputs, targets)[:1], jobs, len(ids))
+        sets = self._data_sets(inputs, targets)
+        _check_one("set", len(sets))
+        return self._run(self._models, sets, ids, np.zeros_like(ids))
 
     def of_model(self, stack: MlpStack, set_ids: Sequence[int] | ndarray | None = None) -> ndarray:
         """(B,) float64: one model that is not in the bank (a query's) on all sets, or on the chosen."""
         ids = np.arange(len(self._sets)) if set_ids is None else set_ids
         ids = _checked_ids("set", ids, len(self._sets))
-        jobs = [Job(0, ids, np.arange(len(ids)))] if len(ids) else []
-        return self._run(self._model_tensors(stack)[:1], self._sets, jobs, len(ids))
+        _check_one("model", len(stack))
+        return self._run(self._layers(stack), self._sets, np.zeros_like(ids), ids)
 
-    def _model_tensors(self, stack: MlpStack) -> list[tuple["torch.Tensor", ...]]:
+    def _layers(self, stack: MlpStack) -> list[Layers]:
         import torch
 
         if stack.sizes != self.sizes:
@@ -131,7 +133,7 @@ class LossBank:
         arrays = [torch.tensor(a, device=self.device).unbind(0) for a in (*stack.weights, *stack.biases)]
         return list(zip(*arrays, strict=True))
 
-    def _set_tensors(self, inputs: ndarray, targets: ndarray) -> list[tuple["torch.Tensor", "torch.Tensor"]]:
+    def _data_sets(self, inputs: ndarray, targets: ndarray) -> list[DataSet]:
         import torch
 
         x, y = checked_rows(self.sizes, inputs, targets)
@@ -140,13 +142,18 @@ class LossBank:
                 f"{len(x)} sets of inputs and {len(y)} of targets", expected="as many", do="pass pairs"
             )
         tables = (torch.tensor(table, device=self.device).unbind(0) for table in (x, y))
-        return list(zip(*tables, strict=True))
+        return [DataSet(*pair, x.shape[1]) for pair in zip(*tables, strict=True)]
 
-    def _run(self, models: list, sets: list, jobs: list[Job], count: int) -> ndarray:
-        """Losses of all jobs, in `count` places: jobs are cut into even runs, one for each thread."""
-        losses = np.empty(count)
-        rows = np.cumsum([sum(len(sets[s][0]) for s in job.sets) for job in jobs]) if jobs else np.zeros(1)
-        threads = min(self.threads, len(jobs)) if rows[-1] > WORTH_A_THREAD else 1
+    def _run(
+        self, models: list[Layers], sets: list[DataSet], model_ids: ndarray, set_ids: ndarray
+    ) -> ndarray:
+        """Losses of pairs, their jobs cut into even runs, one for each thread."""
+        losses = np.empty(len(model_ids))
+        if len(losses) == 0:
+            return losses
+        jobs = pack(model_ids, set_ids, [s.rows for s in sets])
+        rows = np.cumsum([job.rows for job in jobs])
+        threads = min(self.threads, len(jobs)) if rows[-1] >= WORTH_A_THREAD else 1
         cuts = np.searchsorted(rows, rows[-1] * np.arange(1, threads) / threads)
         runs = [jobs[a:b] for a, b in zip([0, *cuts], [*cuts, len(jobs)], strict=True)]
 
@@ -159,52 +166,38 @@ class LossBank:
         return losses
 
 
-class Forward:
-    """Row errors of one model at a time, tile by tile, in buffers made once."""
+def pack(model_ids: ndarray, set_ids: ndarray, rows: list[int]) -> list[Job]:
+    """Jobs for the pairs: neighbouring sets of one model together while they fill no more than a tile.
 
-    def __init__(self, sizes: tuple[int, ...], device: str):
-        import torch
+    `rows` are those of every set. Longer products use a core better; longer than a tile leaves its cache.
+    """
+    jobs: list[Job] = []
+    order = np.argsort(model_ids, kind="stable")
+    last, filled, sets, places = -1, 0, [], []
+    for place, model, one in zip(
+        order.tolist(), model_ids[order].tolist(), set_ids[order].tolist(), strict=True
+    ):
+        if sets and (model != last or filled + rows[one] > TILE):
+            jobs.append(Job(last, sets, places, filled))
+            sets, places, filled = [], [], 0
+        last, filled = model, filled + rows[one]
+        sets.append(one)
+        places.append(place)
+    return [*jobs, Job(last, sets, places, filled)] if sets else jobs
 
-        self.buffers = [torch.empty(TILE, width, device=device) for width in sizes[1:]]
 
-    def losses(
-        self, model: tuple["torch.Tensor", ...], sets: list[tuple["torch.Tensor", "torch.Tensor"]]
-    ) -> ndarray:
-        """(B,) losses of `model` on `sets`."""
-        import torch
-
-        x, y = sets[0] if len(sets) == 1 else (torch.cat([s[i] for s in sets]) for i in (0, 1))
-        errors = torch.empty(len(x), device=x.device)
-        for a in range(0, len(x), TILE):
-            tile = slice(a, min(a + TILE, len(x)))
-            difference = self.predict(model, x[tile]).sub_(y[tile])
-            torch.sum(difference.square_(), 1, out=errors[tile])
-        counts = np.array([len(s[0]) for s in sets])
-        starts = np.concatenate([[0], np.cumsum(counts[:-1])])
-        sums = np.add.reduceat(errors.cpu().numpy(), starts, dtype=np.float64)
-        return sums / (counts * y.shape[1])
-
-    def predict(self, model: tuple["torch.Tensor", ...], x: "torch.Tensor") -> "torch.Tensor":
-        """(R, S) predictions for R <= 256 rows, in a buffer that the next call writes over."""
-        import torch
-
-        h = x
-        for i in range(LAYERS):
-            h = torch.addmm(model[LAYERS + i], h, model[i], out=self.buffers[i][: len(x)])
-            if i < LAYERS - 1:
-                h.relu_()
-        return h
+def _check_one(kind: str, count: int) -> None:
+    if count != 1:
+        raise UsageError(
+            f"{count} {kind}s", expected=f"one {kind}", do="ask for each, or append them to the bank"
+        )
 
 
 def _checked_ids(kind: str, ids: Sequence[int] | ndarray, count: int) -> ndarray:
     ids = np.asarray(ids)
     ids = ids.astype(int) if ids.size == 0 else ids
-    wrong = (
-        ids.ndim != 1
-        or ids.dtype.kind not in "iu"
-        or (len(ids) > 0 and (ids.min() < 0 or ids.max() >= count))
-    )
-    if wrong:
+    known = ids.ndim == 1 and ids.dtype.kind in "iu"
+    if not known or (ids.size and (ids.min() < 0 or ids.max() >= count)):
         raise UsageError(
             f"{kind} ids {ids!r:.80}", expected=f"a list of numbers from 0 to {count - 1}", do="check the ids"
         )

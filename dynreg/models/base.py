@@ -24,7 +24,7 @@ def train_base(
 ) -> MlpStack:
     """One network trained on the rows of many configurations; none of them should be an entry's own.
 
-    Warm starts from it are what makes 4 epochs on 800 rows enough. Always on the processor, in float32; the
+    Warm starts from it are what makes 2 epochs on 800 rows enough. Always on the processor, in float32; the
     same bytes on any number of threads: every batch is cut into the same two parts, added in the same order.
 
     Parameters

@@ -6,7 +6,8 @@ import numpy as np
 from numpy import ndarray
 
 from dynreg.errors import UsageError
-from dynreg.models.bank import TILE, WORTH_A_THREAD, Forward, LossBank
+from dynreg.models.bank import WORTH_A_THREAD, LossBank
+from dynreg.models.forward import TILE, Forward
 from dynreg.models.mlp import MlpStack
 from dynreg.models.rows import checked_inputs, checked_rows
 from dynreg.models.threads import available_threads, in_threads
@@ -32,7 +33,7 @@ def predict(
             model = tuple(torch.tensor(a[m], device=device) for a in (*stack.weights, *stack.biases))
             for a in range(0, x.shape[1], TILE):
                 rows = sets[m if len(x) > 1 else 0, a : a + TILE]
-                out[m, a : a + TILE] = forward.predict(model, rows).cpu().numpy()
+                out[m, a : a + TILE] = forward.predict(model, rows, len(rows)).cpu().numpy()
 
     threads = (threads or available_threads()) if device == "cpu" else 1
     parts = np.array_split(

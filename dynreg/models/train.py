@@ -41,7 +41,7 @@ def schedule(rows: int, *, epochs: int, learning_rate: float, batch_size: int, s
         raise UsageError(
             f"{rows} rows, {epochs} epochs, batch size {batch_size}, learning rate {learning_rate}",
             expected="at least one of each and a positive learning rate",
-            do="start from epochs=4, batch_size=100, learning_rate=1e-3",
+            do="start from epochs=2, batch_size=40, learning_rate=1e-3",
         )
     steps = -(-rows // batch_size)
     batches = []
@@ -56,11 +56,11 @@ def train(
     inputs: ndarray,
     targets: ndarray,
     *,
-    epochs: int = 4,
+    epochs: int = 2,
     learning_rate: float = 1e-3,
-    batch_size: int = 100,
+    batch_size: int = 40,
     seed: int = 0,
-    chunk: int = 4,
+    chunk: int = 8,
     threads: int | None = None,
     device: str | None = None,
 ) -> MlpStack:
@@ -76,7 +76,7 @@ def train(
     inputs : (M, N, D) normalised, or (1, N, D) shared by all models.
     targets : (M, N, S) normalised deltas, or (1, N, S) shared.
     learning_rate : of the first step; it falls linearly towards 0.
-    chunk : models trained together on one core; 4 keep weights, gradients and moments in the cache.
+    chunk : models trained together on one core; 8 keep weights, gradients and moments in the cache.
     threads : cores, all of them by default.
     device : "cpu", "cuda", ...; by default cuda where torch sees one. There, all models train at once.
 

@@ -1,1 +1,27 @@
 """The store: populations of simulators with their data and models, recordings, results."""
+
+from dynreg.registry.exporting import export
+from dynreg.registry.records import (
+    EntryRecord,
+    PopulationArrays,
+    PopulationRecord,
+    RecordingInfo,
+    ResultRecord,
+    ShardData,
+)
+from dynreg.registry.registry import Registry
+from dynreg.registry.verifying import Fault, VerifyReport, verify
+
+__all__ = [
+    "EntryRecord",
+    "Fault",
+    "PopulationArrays",
+    "PopulationRecord",
+    "RecordingInfo",
+    "Registry",
+    "ResultRecord",
+    "ShardData",
+    "VerifyReport",
+    "export",
+    "verify",
+]

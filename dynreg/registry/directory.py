@@ -106,8 +106,9 @@ def check_marker(path: Path) -> None:
     except (OSError, ValueError, KeyError, TypeError):
         version = None
     if version is None or version > VERSION:
+        what = "not the marker of a registry" if version is None else f"of format {version}"
         raise RegistryError(
-            f"{str(path / MARKER)!r} is {'not the marker of a registry' if version is None else f'of format {version}'}",
+            f"{str(path / MARKER)!r} is {what}",
             expected=f"a registry of format {VERSION} or older",
             do="upgrade dynreg" if version else "give the directory of a registry",
         )
@@ -126,7 +127,7 @@ def _create(path: Path, create: bool) -> None:
     raise RegistryError(
         problem,
         expected="a registry directory" + (" or an empty place for a new one" if create else ""),
-        do="name another directory with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
+        do="name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
     )
 
 

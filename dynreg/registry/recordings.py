@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sqlalchemy import Connection, Row, Table, func, insert, select, update
+from sqlalchemy import Connection, Row, Table, delete, func, insert, select, update
 
 from dynreg.data.recording import Recording
 from dynreg.errors import NoMatchError, RegistryError
@@ -24,7 +24,8 @@ def put_recording(
 
     Raises
     ------
-    RegistryError : the name is taken by another recording or cannot be one; the recording belongs to another robot.
+    RegistryError : the name is taken by another recording or cannot be one; the recording is of another
+        robot.
     NoMatchError : the robot is unknown.
     """
     directory.catalog.check_writable()
@@ -33,22 +34,16 @@ def put_recording(
     recording_id = recording.id
     with directory.catalog.read() as connection:
         require_robot(connection, robot_hash)
-        known = _known(connection, recording_id)
+        known = _check_robot(_known(connection, recording_id), robot_hash)
         _check_free(connection, name, recording_id)
-    if known is None or not directory.locate(known.path).is_file():
+    if not _is_sound(directory, known):
         directory.stage(file, data)
     with directory.catalog.write() as connection:
         _check_free(connection, name, recording_id)
-        known = _known(connection, recording_id)
-        if known is None:
+        known = _check_robot(_known(connection, recording_id), robot_hash)
+        if not _is_sound(directory, known):
             directory.register(connection, file, data)
-            _insert(connection, recording_id, robot_hash, file.path)
-        elif known.robot_hash != robot_hash:
-            raise RegistryError(
-                f"recording {recording_id[:12]} is stored as one of robot {known.robot_hash[:12]}",
-                expected="one robot for a recording",
-                do="check which robot the log was made with",
-            )
+            _set_path(connection, recording_id, robot_hash, file.path)
         _touch(connection, recording_id)
         _name(connection, name, recording_id)
     return recording_id
@@ -103,12 +98,35 @@ def _encode(directory: Directory, recording: Recording, robot_hash: str) -> tupl
 
 
 def _known(connection: Connection, recording_id: str) -> Row | None:
-    return connection.execute(select(tables.recordings).where(tables.recordings.c.id == recording_id)).first()
+    table = tables.recordings
+    joined = select(table, tables.files.c.sha256, tables.files.c.size).outerjoin(tables.files)
+    return connection.execute(joined.where(table.c.id == recording_id)).first()
 
 
-def _insert(connection: Connection, recording_id: str, robot_hash: str, path: str) -> None:
-    row = {"id": recording_id, "robot_hash": robot_hash, "path": path}
-    connection.execute(insert(tables.recordings).values(**row, ordinal=0))
+def _check_robot(known: Row | None, robot_hash: str) -> Row | None:
+    if known is not None and known.robot_hash != robot_hash:
+        raise RegistryError(
+            f"recording {known.id[:12]} is stored as one of robot {known.robot_hash[:12]}",
+            expected="one robot for a recording",
+            do="check which robot the log was made with",
+        )
+    return known
+
+
+def _is_sound(directory: Directory, known: Row | None) -> bool:
+    return known is not None and directory.holds(StoredFile(known.path, known.sha256, known.size))
+
+
+def _set_path(connection: Connection, recording_id: str, robot_hash: str, path: str) -> None:
+    """The row of a new recording, or the new file of one whose own was damaged."""
+    table = tables.recordings
+    old = connection.execute(select(table.c.path).where(table.c.id == recording_id)).scalar()
+    if old is None:
+        row = {"id": recording_id, "robot_hash": robot_hash, "path": path, "ordinal": 0}
+        connection.execute(insert(table).values(**row))
+    elif old != path:
+        connection.execute(update(table).where(table.c.id == recording_id).values(path=path))
+        connection.execute(delete(tables.files).where(tables.files.c.path == old))
 
 
 def _touch(connection: Connection, recording_id: str) -> None:

@@ -1,6 +1,7 @@
 """The nouns of the registry: what goes in and what comes out, all frozen."""
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +10,8 @@ import numpy as np
 
 from dynreg.data.recording import Channel
 from dynreg.errors import RegistryError
+
+_ID = re.compile(r"[0-9a-f]{16,}")
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,13 @@ class PopulationRecord:
     def __post_init__(self):
         object.__setattr__(self, "channels", tuple(self.channels))
         object.__setattr__(self, "parameters", tuple(self.parameters))
+        names = [channel.name for channel in self.channels]
+        if not _ID.fullmatch(self.id) or len({*names, "episode", "step"}) < len(names) + 2:
+            raise RegistryError(
+                f"population {self.id!r} with the channels {names}",
+                expected="16 or more hexadecimal digits; unique channels, none named 'episode' or 'step'",
+                do="give its content hash as the id, and rename the channel",
+            )
         if self.size < 1 or self.shard_size < 1:
             raise RegistryError(
                 f"population {self.name!r} of {self.size} entries in shards of {self.shard_size}",

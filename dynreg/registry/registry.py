@@ -9,7 +9,7 @@ import numpy as np
 from sqlalchemy import func, select
 
 from dynreg.data.recording import Recording
-from dynreg.registry import documents, loading, populations, recordings, references, robots, tables
+from dynreg.registry import documents, entries, loading, populations, recordings, references, robots, tables
 from dynreg.registry.directory import Directory, open_directory
 from dynreg.registry.hashes import catalog_hash
 from dynreg.registry.records import (
@@ -31,7 +31,7 @@ class Registry:
     """
 
     def __init__(self, directory: Directory):
-        self._directory = directory
+        self.directory = directory
 
     @classmethod
     def open(cls, path: Path | str, create: bool = False) -> "Registry":
@@ -54,21 +54,16 @@ class Registry:
 
     def close(self) -> None:
         """Let go of the catalogue."""
-        self._directory.catalog.close()
+        self.directory.catalog.close()
 
     @property
     def path(self) -> Path:
         """The registry's directory."""
-        return self._directory.path
-
-    @property
-    def directory(self) -> Directory:
-        """The open directory, for `verify` and `export`."""
-        return self._directory
+        return self.directory.path
 
     def resolve(self, ref: str, kinds: Collection[str] = references.KINDS) -> tuple[str, str]:
-        """(kind, id) of a hash, a unique prefix of one, a name or `@last`; NoMatchError when there is none."""
-        with self._directory.catalog.read() as connection:
+        """(kind, id) of a hash, a unique prefix of one, a name or `@last`; else NoMatchError."""
+        with self.directory.catalog.read() as connection:
             return references.resolve(connection, ref, kinds)
 
     def _id(self, ref: str, kind: str) -> str:
@@ -76,32 +71,32 @@ class Registry:
 
     def put_robot(self, folder: Path, hash: str, name: str) -> None:
         """Copy a robot folder; see `robots.put_robot`."""
-        robots.put_robot(self._directory, Path(folder), hash, name)
+        robots.put_robot(self.directory, Path(folder), hash, name)
 
     def robot_folder(self, ref: str) -> Path:
         """The registry's own copy of a robot folder; CorruptError when files of it are missing."""
-        return robots.robot_folder(self._directory, self._id(ref, "robot"))
+        return robots.robot_folder(self.directory, self._id(ref, "robot"))
 
     def robots(self) -> dict[str, str]:
         """Names of the robots by their hashes."""
-        with self._directory.catalog.read() as connection:
+        with self.directory.catalog.read() as connection:
             rows = connection.execute(select(tables.robots).order_by(tables.robots.c.name)).all()
         return {row.hash: row.name for row in rows}
 
     def put_population(self, record: PopulationRecord) -> None:
         """Register a population or let it grow; RegistryError when its id holds something else."""
-        populations.put_population(self._directory, record)
+        populations.put_population(self.directory, record)
 
     def population(self, ref: str) -> PopulationRecord:
         """A population's record with its arrays."""
-        return populations.get_population(self._directory, self._id(ref, "population"))
+        return populations.get_population(self.directory, self._id(ref, "population"))
 
     def populations(self) -> tuple[PopulationRecord, ...]:
         """All populations, by name and id."""
         table = tables.populations
-        with self._directory.catalog.read() as connection:
+        with self.directory.catalog.read() as connection:
             ids = connection.execute(select(table.c.id).order_by(table.c.name, table.c.id)).scalars().all()
-        return tuple(populations.get_population(self._directory, identity) for identity in ids)
+        return tuple(populations.get_population(self.directory, identity) for identity in ids)
 
     def count(self, ref: str) -> int:
         """Entries that a population holds now."""
@@ -111,72 +106,72 @@ class Registry:
             .select_from(table)
             .where(table.c.population_id == self._id(ref, "population"))
         )
-        with self._directory.catalog.read() as connection:
+        with self.directory.catalog.read() as connection:
             return connection.execute(query).scalar_one()
 
     def missing_spans(self, ref: str) -> tuple[tuple[int, int], ...]:
         """Entry numbers (first, one past the last) that are left to populate, a shard at most in each."""
-        return populations.missing_spans(self._directory, self._id(ref, "population"))
+        return populations.missing_spans(self.directory, self._id(ref, "population"))
 
     def claim(self, ref: str, start: int) -> AbstractContextManager[bool]:
         """Take the missing span that begins at `start`; gives False where another has it or has done it."""
-        return populations.claim(self._directory, self._id(ref, "population"), start)
+        return populations.claim(self.directory, self._id(ref, "population"), start)
 
     def put_shard(self, ref: str, start: int, data: ShardData) -> tuple[str, ...]:
-        """Store the entries from number `start` on and return their ids; see `populations.put_shard`."""
-        return populations.put_shard(self._directory, self._id(ref, "population"), start, data)
+        """Store the entries from number `start` on and return their ids; see `entries.put_shard`."""
+        return entries.put_shard(self.directory, self._id(ref, "population"), start, data)
 
     def load(self, ref: str, columns: Collection[str] = loading.COLUMNS) -> PopulationArrays:
         """All entries of a population, stacked; `columns` of "states", "weights" says what to read."""
-        return loading.load_population(self._directory, self._id(ref, "population"), columns)
+        return loading.load_population(self.directory, self._id(ref, "population"), columns)
 
     def load_entry(self, ref: str) -> EntryRecord:
         """One entry with its states and weights."""
-        return loading.load_entry(self._directory, self._id(ref, "entry"))
+        return loading.load_entry(self.directory, self._id(ref, "entry"))
 
     def put_recording(self, recording: Recording, robot_hash: str, name: str | None = None) -> str:
         """Store a recording, which becomes `@last`; RegistryError when the name stands for other data."""
-        return recordings.put_recording(self._directory, recording, robot_hash, name)
+        return recordings.put_recording(self.directory, recording, robot_hash, name)
 
     def recording(self, ref: str) -> Recording:
         """A stored recording."""
-        return recordings.get_recording(self._directory, self._id(ref, "recording"))
+        return recordings.get_recording(self.directory, self._id(ref, "recording"))
 
     def recordings(self) -> tuple[RecordingInfo, ...]:
         """Ids, robots and names of all recordings, the last ingested at the end."""
-        return recordings.list_recordings(self._directory)
+        return recordings.list_recordings(self.directory)
 
     def put_simulator(self, config: Mapping[str, Any]) -> str:
         """Store a simulator's configuration (plain JSON); returns the hash of its canonical form."""
-        return documents.put_simulator(self._directory, dict(config))
+        return documents.put_simulator(self.directory, dict(config))
 
     def simulator(self, ref: str) -> dict[str, Any]:
         """A stored configuration."""
-        return documents.get_simulator(self._directory, self._id(ref, "simulator"))
+        return documents.get_simulator(self.directory, self._id(ref, "simulator"))
 
     def put_result(self, kind: str, recording_ref: str, document: Mapping[str, Any]) -> str:
         """Store a result (plain JSON) about a recording and return its id."""
         recording_id = self._id(recording_ref, "recording")
-        return documents.put_result(self._directory, kind, recording_id, dict(document))
+        return documents.put_result(self.directory, kind, recording_id, dict(document))
 
     def result(self, ref: str) -> ResultRecord:
         """A stored result."""
-        return documents.get_result(self._directory, self._id(ref, "result"))
+        return documents.get_result(self.directory, self._id(ref, "result"))
 
     def latest(self, kind: str | None = None, recording_ref: str | None = None) -> ResultRecord:
         """The result stored last, of this kind and about this recording; NoMatchError when there is none."""
         recording_id = self._id(recording_ref, "recording") if recording_ref else None
-        return documents.latest_result(self._directory, kind, recording_id)
+        return documents.latest_result(self.directory, kind, recording_id)
 
     def put_index(self, ref: str, key: str, arrays: Mapping[str, np.ndarray]) -> None:
         """Keep an index's arrays for the population's entries as they are now."""
-        documents.put_index(self._directory, self._id(ref, "population"), key, dict(arrays))
+        documents.put_index(self.directory, self._id(ref, "population"), key, dict(arrays))
 
     def index(self, ref: str, key: str) -> dict[str, np.ndarray] | None:
         """An index's arrays; None where there are none for the population's present entries."""
-        return documents.get_index(self._directory, self._id(ref, "population"), key)
+        return documents.get_index(self.directory, self._id(ref, "population"), key)
 
     def content_hash(self) -> str:
         """Hash over all entries and recordings: equal for two registries that hold the same ones."""
-        with self._directory.catalog.read() as connection:
+        with self.directory.catalog.read() as connection:
             return catalog_hash(connection)

@@ -38,7 +38,7 @@ def put_robot(directory: Directory, folder: Path, robot_hash: str, name: str) ->
 
 
 def robot_folder(directory: Directory, robot_hash: str) -> Path:
-    """Where the copy of a robot lies; NoMatchError when unknown, CorruptError when files are not as they were."""
+    """Where the copy of a robot lies; NoMatchError when unknown, CorruptError when it was changed."""
     with directory.catalog.read() as connection:
         manifest = json.loads(require_robot(connection, robot_hash).manifest)
     for relative, sha256 in manifest.items():
@@ -71,7 +71,7 @@ def _row(connection: Connection, robot_hash: str) -> Row | None:
 def _check_same(known: Row | None, manifest: Mapping[str, str], folder: Path) -> None:
     if known is not None and json.loads(known.manifest) != manifest:
         raise RegistryError(
-            f"robot {known.hash[:12]} ({known.name!r}) is registered with other files than those of {str(folder)!r}",
+            f"robot {known.hash[:12]} ({known.name!r}) has other files than those of {str(folder)!r}",
             expected="the same files under the same hash",
             do="compute the hash of the changed folder anew",
         )

@@ -12,6 +12,7 @@ from typing import Any
 from dynreg.errors import DynregError
 from dynreg.registry.catalog import FILE
 from dynreg.registry.directory import MARKER
+from dynreg.registry.entries import entry_rows
 from dynreg.registry.files import (
     FOLDERS,
     LOCKS,
@@ -23,7 +24,6 @@ from dynreg.registry.files import (
     sha256_of,
     unreadable,
 )
-from dynreg.registry.populations import entry_rows
 from dynreg.registry.shards import read_shard, read_states_header
 
 _KNOWN_AT_TOP = {

@@ -32,7 +32,7 @@ def encode_states(states: np.ndarray, channels: Sequence[Channel], header: dict[
     fields = [pa.field("episode", pa.int16()), pa.field("step", pa.int16())]
     fields += [pa.field(c.name, pa.float32(), metadata={"unit": c.unit}) for c in channels]
     schema = pa.schema(fields, metadata={"dynreg": canonical_json(header | {"shape": states.shape})})
-    table = pa.table([pa.array(episode), pa.array(step), *map(pa.array, columns)], schema=schema)
+    table = pa.Table.from_arrays([_column(c) for c in (episode, step, *columns)], schema=schema)
     # Splitting the bytes of floats makes them smaller and, decoded from the cache, quicker to read.
     encoding = {c.name: "BYTE_STREAM_SPLIT" for c in channels}
     encoding |= {"episode": "DELTA_BINARY_PACKED", "step": "DELTA_BINARY_PACKED"}
@@ -48,6 +48,18 @@ def encode_states(states: np.ndarray, channels: Sequence[Channel], header: dict[
         column_encoding=encoding,
     )
     return sink.getvalue().to_pybytes()
+
+
+def _column(values: np.ndarray) -> pa.Array:
+    # pa.array() would load pandas to see whether it was given some of it.
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
+
+
+def _values(column: pa.Array) -> np.ndarray:
+    # Nor may to_numpy() be asked, for the same reason.
+    if column.type != pa.float32() or column.null_count:
+        raise ValueError(f"a channel of {column.type} with {column.null_count} gaps")
+    return np.frombuffer(column.buffers()[1], np.float32, len(column), 4 * column.offset)
 
 
 def encode_rest(data: ShardData, header: dict[str, Any]) -> bytes:
@@ -98,7 +110,7 @@ def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
             )
             for batch in batches:
                 for j, column in enumerate(batch.columns):
-                    flat[at : at + len(column), j] = column.to_numpy()
+                    flat[at : at + len(column), j] = _values(column)
                 at += batch.num_rows
     except (OSError, pa.ArrowException, IndexError, ValueError) as error:
         raise unreadable(path, error) from error

@@ -23,9 +23,12 @@ _OBJECTS = MappingProxyType(
 
 
 def names_of(model: mujoco.MjModel, prefix: str) -> list[str]:
-    """Names of the rows of the fields with this prefix; dofs carry their joint's name."""
+    """Names of the rows of the fields with this prefix; dofs and positions carry their joint's name."""
     if prefix == "dof":
         return [model.joint(int(j)).name for j in model.dof_jntid]
+    if prefix == "qpos":
+        owner = np.searchsorted(model.jnt_qposadr, np.arange(model.nq), side="right") - 1
+        return [model.joint(int(j)).name for j in owner]
     kind = _OBJECTS[prefix]
     count = {"jnt": model.njnt, "body": model.nbody, "geom": model.ngeom}.get(prefix)
     count = getattr(model, {"actuator": "nu"}.get(prefix, f"n{prefix}")) if count is None else count
@@ -47,8 +50,8 @@ def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.n
         at = tuple(int(e) for e in assignment.elements)
         where = (slice(None), *at)
     else:
-        prefix = field.split("_")[0]
-        if prefix not in _OBJECTS:
+        prefix = "qpos" if field in ("qpos0", "qpos_spring") else field.split("_")[0]
+        if prefix not in _OBJECTS and prefix != "qpos":
             raise RobotError(
                 f"sets entry {assignment.text!r}: rows of {field!r} have no names",
                 expected=f"a field that starts with one of {sorted(_OBJECTS)}",

@@ -159,6 +159,15 @@ def test_protobuf_messages(tmp_path: Path):
     )
 
 
+def test_topics_that_the_map_does_not_ask_for_are_not_decoded(tmp_path: Path):
+    for name, write in WRITERS.items():
+        write(tmp_path / name)
+        log = read_log(tmp_path / name, ReadOptions(sources=("/imu.x",)))
+        assert log.sources == {} and log.metadata["topics"] == ["/joint_states"]
+        log = read_log(tmp_path / name, ReadOptions(sources=("/joint_states.position[elbow]",)))
+        np.testing.assert_array_equal(log.sources["/joint_states.position[elbow]"].values, ANGLES[:, 0])
+
+
 def test_unknown_encoding_is_told(tmp_path: Path):
     write_json_mcap(tmp_path / "c.mcap", [{"v": 1}], encoding="cbor")
     with pytest.raises(LogError, match="no message that can be read"):

@@ -85,7 +85,7 @@ def test_algorithm_1_ends_in_a_local_minimum_of_every_restart(nodes, query_spy, 
         asked = np.concatenate(query_spy.asked, axis=1)[1]
         assert found.evaluations == len(asked) == len(np.unique(asked))
         assert set(found.ids) <= set(asked)
-        best = found.ids[0]
+        best = int(found.ids[0])
         assert found.distances[0] == tables[1][row, asked].min()  # the best seen is never lost
         assert found.distances[0] <= tables[1][row, graph.edges(best)].min()  # nowhere to go from there
 

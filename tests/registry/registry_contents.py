@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.registry.records import PopulationRecord, ShardData
-from dynreg.registry.registry import Registry
+from dynreg.registry import PopulationRecord, Registry, ShardData
 from dynreg.rng import stream
 
 ROBOT = "ab" * 32

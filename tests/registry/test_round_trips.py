@@ -19,8 +19,7 @@ from registry_contents import (
 )
 
 from dynreg.errors import NoMatchError, RegistryError
-from dynreg.registry.records import ShardData
-from dynreg.registry.registry import Registry
+from dynreg.registry import Registry, ShardData
 
 
 def test_population_comes_back(registry):
@@ -146,7 +145,10 @@ def test_recording_comes_back_with_all_its_names(registry):
 
 
 def test_documents_come_back(registry):
-    assert registry.simulator(registry.put_simulator({"b": 1.5, "a": [1, None]})) == {"a": [1, None], "b": 1.5}
+    assert registry.simulator(registry.put_simulator({"b": 1.5, "a": [1, None]})) == {
+        "a": [1, None],
+        "b": 1.5,
+    }
     first = registry.put_result("diagnosis", "first run", {"verdict": "named"})
     second = registry.put_result("diagnosis", "first run", {"verdict": "none"})
     assert registry.result(first).document == {"verdict": "named"}
@@ -191,12 +193,21 @@ def _changed_robot(registry, tmp_path):
 
 
 REFUSED = {
-    "other content under a number": (lambda r, p: r.put_shard("bench", 4, make_shard(4, 8, seed=1)), "entry 4"),
+    "other content under a number": (
+        lambda r, p: r.put_shard("bench", 4, make_shard(4, 8, seed=1)),
+        "entry 4",
+    ),
     "past the size": (lambda r, p: r.put_shard("bench", 8, make_shard(8, 12)), "0 to 10"),
     "other settings under an id": (lambda r, p: r.put_population(make_population(seed=8)), "other settings"),
     "other files under a robot's hash": (_changed_robot, "other files"),
-    "name in use": (lambda r, p: r.put_recording(make_recording(2), ROBOT, "first run"), "'first run' is in use"),
-    "name that reads as a reference": (lambda r, p: r.put_recording(make_recording(2), ROBOT, "@last"), "@last"),
+    "name in use": (
+        lambda r, p: r.put_recording(make_recording(2), ROBOT, "first run"),
+        "'first run' is in use",
+    ),
+    "name that reads as a reference": (
+        lambda r, p: r.put_recording(make_recording(2), ROBOT, "@last"),
+        "@last",
+    ),
     "no such robot": (lambda r, p: r.put_recording(make_recording(2), "ef" * 32), "no robot"),
     "no such folder": (lambda r, p: r.put_robot(p / "none", "ef" * 32, "none"), "none"),
     "kind that is a path": (lambda r, p: r.put_result("../x", "first run", {}), "kind"),

@@ -51,11 +51,17 @@ class ReadOptions:
     """What the map says about reading: the column or stamp that is the clock, and its unit.
 
     `time` is a table's time column, or "log" for messages whose header stamps are not to be used;
-    None takes the usual names and header stamps. `time_unit` is s, ms, us or ns.
+    None takes the usual names and header stamps. `time_unit` is s, ms, us or ns. `sources` are the names that
+    will be asked for, so that topics without any (images, scans) need not be decoded; None asks for all.
     """
 
     time: str | None = None
     time_unit: str = "s"
+    sources: tuple[str, ...] | None = None
+
+    def wants(self, topic: str) -> bool:
+        """Whether any source asked for is of this topic."""
+        return self.sources is None or any(s.startswith(f"{topic}.") for s in self.sources)
 
 
 def format_of(path: Path) -> Format:

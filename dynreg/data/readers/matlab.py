@@ -1,5 +1,12 @@
-"""MATLAB .mat files of version 5: vectors become signals, scalars settings."""
+"""MATLAB .mat files of version 5: vectors become signals, scalars settings.
 
+The numeric matrices are parsed here, as scipy's reader ends the process on some damaged files.
+Format: MathWorks, "MAT-File Format", level 5.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,38 +16,33 @@ from dynreg.data.readers.columns import from_columns, time_column
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
 
+_HEADER = 128  # bytes: 116 of text, subsystem offset, version, endian indicator
+_MATRIX, _COMPRESSED = 14, 15
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_NUMERIC = range(6, 16)  # array classes double to uint64; the others are cells, structs, text, sparse
+_UNPACKED_LIMIT = 1 << 30
+
 
 def read(path: Path, options: ReadOptions) -> RawLog:
     """Read the vectors of a .mat file that are as long as its time vector.
 
     Raises LogError for version 7.3 (HDF5) files and for damaged ones.
     """
-    from scipy.io import loadmat
-
-    with path.open("rb") as file:
-        head = file.read(16)
-    if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
+    data = path.read_bytes()
+    if data.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise LogError(
             f"{path.name!r} is a MATLAB 7.3 file, which is not read",
             expected="a version 5 .mat file",
             do="save it with save(file, '-v7') in MATLAB",
         )
     try:
-        variables = loadmat(path, struct_as_record=True)
-    except Exception as error:  # scipy raises many kinds for damaged files
+        numeric = dict(_variables(data))
+    except (ValueError, KeyError, struct.error, zlib.error) as error:
         raise LogError(
             f"{path.name!r} cannot be read: {error}",
             expected="a whole version 5 .mat file",
             do="save it again",
         ) from error
-    numeric = {
-        name: np.squeeze(value)
-        for name, value in variables.items()
-        if not name.startswith("__")
-        and isinstance(value, np.ndarray)
-        and value.dtype.kind in "biuf"
-        and value.size
-    }
     metadata = {name: float(value) for name, value in numeric.items() if value.ndim == 0}
     vectors = {name: value for name, value in numeric.items() if value.ndim == 1}
     rows = len(vectors[time_column(path, vectors, options)])
@@ -51,3 +53,54 @@ def read(path: Path, options: ReadOptions) -> RawLog:
         if len(value) != rows
     )
     return from_columns(path, columns, options, metadata=metadata, findings=findings)
+
+
+def _variables(data: bytes) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and squeezed values of the real numeric matrices that are not empty."""
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:_HEADER])
+    if order is None:
+        raise ValueError("no endian indicator")
+    for kind, body in _elements(data[_HEADER:], order):
+        if kind == _COMPRESSED:
+            unpack = zlib.decompressobj()
+            inner = unpack.decompress(body, _UNPACKED_LIMIT)
+            if not unpack.eof:
+                raise ValueError("a variable is cut off or too large")
+            kind, body = next(_elements(inner, order), (0, b""))
+        if kind == _MATRIX:
+            variable = _matrix(body, order)
+            if variable is not None:
+                yield variable
+
+
+def _matrix(body: bytes, order: str) -> tuple[str, np.ndarray] | None:
+    parts = _elements(body, order)
+    flags = next(parts, (0, b""))[1]
+    if len(flags) < 4 or struct.unpack_from(f"{order}I", flags)[0] & 0xFF not in _NUMERIC:
+        return None
+    shape = np.frombuffer(next(parts, (0, b""))[1], f"{order}i4")
+    name = next(parts, (0, b""))[1].decode("latin-1")
+    kind, numbers = next(parts, (9, b""))
+    values = np.frombuffer(numbers, order + _TYPES[kind])
+    if np.any(shape < 0) or int(np.prod(shape, dtype=object)) != len(values):
+        raise ValueError(f"{name!r} has {len(values)} values for a matrix of {'x'.join(map(str, shape))}")
+    if not values.size:
+        return None
+    # the kind of number is kept: int64 may be nanoseconds, which a float would round
+    return name, np.squeeze(values.reshape(shape, order="F").astype(values.dtype.newbyteorder("=")))
+
+
+def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Type and content of the data elements that lie one after the other."""
+    at = 0
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        if kind >> 16:  # the small format: size and type in one word, up to 4 bytes in the next
+            kind, size, begin, step = kind & 0xFFFF, kind >> 16, at + 4, 8
+        else:
+            begin = at + 8
+            step = 8 + (size if kind == _COMPRESSED else -(-size // 8) * 8)
+        if begin + size > len(data) or (step == 8 and size > 8):
+            raise ValueError(f"an element of {size} bytes where {len(data) - begin} are left")
+        yield kind, data[begin : begin + size]
+        at += step

@@ -30,21 +30,23 @@ def read(path: Path, options: ReadOptions, expected: int | None = None) -> RawLo
             schemas.setdefault(item.id, item)
         elif isinstance(item, Channel):
             channels.setdefault(item.id, _Channel(item, schemas.get(item.schema_id)))
-        elif item.channel_id in channels:
+        elif item.channel_id in channels and options.wants(channels[item.channel_id].topic):
             channel = channels[item.channel_id]
             message = channel.decode(item.data)
             if message is not None:
                 topics.setdefault(channel.topic, Topic(channel.topic)).add(message, item.log_time)
     findings = [f for channel in channels.values() for f in channel.findings(path.name)]
     lost, damage = _losses(path, tally, expected if expected is not None else _stated(path))
-    if not topics:
+    if not tally.read or (not topics and options.sources is None):
         raise LogError(
             f"{path.name!r} holds no message that can be read ({'; '.join(tally.problems[:1]) or 'no data'})",
             expected="ROS 2, ROS 1, JSON or protobuf messages",
             do="record it again, or convert it with `mcap recover`",
         )
     sources, metadata, found = gather(topics, options.time != "log")
-    metadata.update(messages_read=tally.read, messages_lost=lost)
+    metadata.update(
+        messages_read=tally.read, messages_lost=lost, topics=sorted(c.topic for c in channels.values())
+    )
     return RawLog(path, sources, metadata, findings=(*damage, *findings, *found))
 
 
@@ -78,7 +80,11 @@ def _losses(path: Path, tally: Tally, stated: int | None) -> tuple[int | None, l
     else:
         lost = None
         known = tally.lost + tally.guessed
-        text = f"{'about' if tally.guessed else 'at least'} {known} lost, and" if known else "an unknown number lost:"
+        text = (
+            f"{'about' if tally.guessed else 'at least'} {known} lost, and"
+            if known
+            else "an unknown number lost:"
+        )
         text += " whatever followed in the part that is gone"
     if lost == 0 and tally.stopped is None:
         return 0, [Finding("warning", "damage", where, f"{cause}; all {tally.read} messages were read")]

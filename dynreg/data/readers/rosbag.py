@@ -21,11 +21,11 @@ def read(path: Path, options: ReadOptions) -> RawLog:
     topics: dict[str, Topic] = {}
     findings: list[Finding] = []
     failed: dict[str, int] = {}
-    count = 0
     try:
         with _open(path) as reader:
-            for connection, stamp, data in reader.messages():
-                count += 1
+            count, names = reader.message_count, sorted(reader.topics)
+            wanted = [c for c in reader.connections if options.wants(c.topic)]
+            for connection, stamp, data in reader.messages(wanted) if wanted else ():
                 try:
                     message = reader.deserialize(data, connection.msgtype)
                 except Exception:  # the message's bytes and its definition come from the file
@@ -43,7 +43,7 @@ def read(path: Path, options: ReadOptions) -> RawLog:
             Finding("warning", "decode", f"{path.name}, {topic}", f"{n} messages cannot be decoded")
         )
     sources, metadata, found = gather(topics, options.time != "log")
-    metadata.update(messages_read=count, messages_lost=0)
+    metadata.update(messages_read=count, messages_lost=0, topics=names)
     return RawLog(path, sources, metadata, findings=(*findings, *found))
 
 

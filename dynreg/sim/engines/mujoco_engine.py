@@ -21,11 +21,11 @@ def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> 
     Simulations are independent of each other and of the number of threads, bit for bit. A simulation that
     diverges holds NaN from then on.
     """
-    model, layout = _compiled(robot)
+    model, layout = compiled(robot)
     n, episodes = len(values), run.episodes
     batch = Batch(model, n * episodes, nthread=threads)
     ports = configure(robot, batch, model, values, run)
-    inputs = _inputs(robot, n, run)
+    inputs = episode_inputs(robot, n, run)
     base = _Base(batch, layout)
     base.apply(servo_law(ports, inputs[:, 0]), ports)
     batch.set_const()
@@ -76,7 +76,7 @@ class _Base:
 
 
 @lru_cache(maxsize=8)
-def _compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
+def compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
     """The model with affine actuators (so that any drive is a choice of parameters) and its layout."""
     layout = layout_of(robot)
     model = copy.copy(robot.model)
@@ -92,7 +92,7 @@ def _compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
     return model, layout
 
 
-def _inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
+def episode_inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
     """(B E, T, I) inputs, defaults where the run has none or NaN."""
     defaults = robot.input_defaults
     if run.inputs is None:
@@ -135,11 +135,12 @@ def _reset(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, ep
 
 def _clearance(batch: Batch, model: mujoco.MjModel) -> np.ndarray:
     """(n,) height [m] of the lowest sphere or capsule end that can touch the ground, at the reset pose."""
+    centres = batch.bind("geom_xpos")  # outputs are filled by calls made after they are bound
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
     spheres = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (model.geom_contype > 0))
     if not len(spheres):
         return np.zeros(batch.nsim)
-    return (batch.bind("geom_xpos")[:, spheres, 2] - model.geom_size[spheres, 0]).min(axis=1)
+    return (centres[:, spheres, 2] - model.geom_size[spheres, 0]).min(axis=1)
 
 
 def _advance(robot, batch, layout, base, ports, inputs, run: Run, substeps: np.ndarray) -> Rollout:
@@ -172,18 +173,26 @@ def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run, qpos: np.nda
     steps, count = run.actions.shape[-2:]
     actions = run.actions.reshape(-1, steps, count)
     actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
+    low, high = limited_range(layout, batch.get_model(0), batch, ports)
+    noise = None if run.noise is None else run.noise.reshape(n, steps, count)
+    return shaped_commands(actions, qpos[:, layout.action_qpos].copy(), low, high, ports, noise)
+
+
+def limited_range(
+    layout: Layout, model: mujoco.MjModel, batch: Batch, ports: Ports
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, A) lowest and highest commands: the actions' limits, for position servos also the joints' own."""
+    n = batch.nsim
     low, high = (np.tile(layout.action_range[:, i], (n, 1)) for i in (0, 1))
-    servo = np.array([t in ("position", "duty_servo") for t in ports.types])
-    if servo.any():
-        model = batch.get_model(0)
-        joints = model.dof_jntid[layout.action_dof]
-        limited = servo & (model.jnt_limited[joints] > 0)
+    joints = model.dof_jntid[layout.action_dof]
+    servo = np.array([t in ("position", "duty_servo") for t in ports.types], dtype=bool)
+    limited = servo & (model.jnt_limited[joints] > 0)
+    if limited.any():
         ranges = batch.expanded("jnt_range")
         ranges = np.tile(model.jnt_range, (n, 1, 1)) if ranges is None else ranges
         low[:, limited] = np.maximum(low[:, limited], ranges[:, joints[limited], 0])
         high[:, limited] = np.minimum(high[:, limited], ranges[:, joints[limited], 1])
-    noise = None if run.noise is None else run.noise.reshape(n, steps, count)
-    return shaped_commands(actions, qpos[:, layout.action_qpos].copy(), low, high, ports, noise)
+    return low, high
 
 
 def _fell(robot: Robot, layout: Layout, trace_q: np.ndarray) -> np.ndarray:

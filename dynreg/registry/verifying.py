@@ -24,8 +24,8 @@ class Fault:
     """One thing that is not as it was registered.
 
     `kind` is "catalog", "robot", "population", "shard", "entries", "recording", "simulator", "result",
-    "index", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot bring
-    back by itself; `mended` says what a repair did, None where it did nothing.
+    "index", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot
+    bring back by itself; `mended` says what a repair did, None where it did nothing.
     """
 
     kind: str
@@ -79,7 +79,11 @@ def verify(path: Path, repair: bool = False) -> VerifyReport:
     check_marker(path)
     held, faults = _read_catalog(path)
     if not repair:
-        return _compare(held, scan(path, _paths(held)), faults)
+        found = scan(path, _paths(held))
+        still = _paths(_read_catalog(path)[0])  # an index may be replaced while the files are read
+        for name in ("files", "indexes"):
+            held[name] = [row for row in held[name] if row["path"] in still]
+        return _compare(held, found, faults)
     if not os.access(path, os.W_OK):
         raise RegistryError(f"{str(path)!r} is read-only", expected="a writable registry", do="copy it first")
     make_folders(path)
@@ -98,14 +102,13 @@ def verify(path: Path, repair: bool = False) -> VerifyReport:
         catalog.close()
     sweep(path)
     return replace(
-        report, faults=tuple(replace(fault, mended=_MENDED[fault.kind]) for fault in report.faults)
+        report, faults=tuple(replace(fault, mended=_MENDED.get(fault.kind)) for fault in report.faults)
     )
 
 
+_HEALED_BY_PUTTING = ("robot", "population")
 _MENDED = {
     "catalog": "written anew from the stored files",
-    "robot": None,
-    "population": None,
     "shard": "taken out of the catalogue; a populate computes it again",
     "entries": "rows written anew from the shard",
     "recording": "taken out of the catalogue; ingest its log again",

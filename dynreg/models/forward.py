@@ -1,0 +1,72 @@
+"""The forward pass of one model at a time on one core: what predictions and losses are made of."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+
+if TYPE_CHECKING:
+    import torch
+
+Layers: TypeAlias = "tuple[torch.Tensor, ...]"  # four weights (in, out), then four biases (out,)
+TILE = 256  # rows at once: their activations stay in the cache of one core
+
+
+class Forward:
+    """Predictions and losses in buffers made once. Not for two threads at a time.
+
+    One model after the other with its rows as one product is faster here than batched products of many
+    models: the activations never leave the cache.
+    """
+
+    def __init__(self, sizes: tuple[int, ...], device: str):
+        self.sizes, self.device = sizes, device
+        self._buffers: dict[int, list[torch.Tensor]] = {}
+
+    def predict(self, model: Layers, x: "torch.Tensor", rows: int) -> "torch.Tensor":
+        """(rows, S) for x (rows, D) of at most a tile, in a buffer that the next call writes over."""
+        import torch
+
+        first, second, third, output, _ = self._of(rows)
+        w0, w1, w2, w3, b0, b1, b2, b3 = model
+        torch.addmm(b0, x, w0, out=first).relu_()
+        torch.addmm(b1, first, w1, out=second).relu_()
+        torch.addmm(b2, second, w2, out=third).relu_()
+        return torch.addmm(b3, third, w3, out=output)
+
+    def losses(
+        self, model: Layers, sets: Sequence[tuple["torch.Tensor", "torch.Tensor", int]]
+    ) -> ndarray | float:
+        """Mean squared errors (B,) of `model` on sets of inputs, targets and rows; a number for one set."""
+        import torch
+
+        if len(sets) == 1:
+            x, y, rows = sets[0]
+            total = 0.0
+            for a in range(0, rows, TILE):
+                tile = (x, y) if rows <= TILE else (x[a : a + TILE], y[a : a + TILE])
+                total += self._errors(model, *tile, min(TILE, rows - a)).sum().item()
+            return total / (rows * self.sizes[-1])
+        counts = np.array([rows for _, _, rows in sets])
+        x, y = torch.cat([s[0] for s in sets]), torch.cat([s[1] for s in sets])
+        errors = self._errors(model, x, y, int(counts.sum())).cpu().numpy()
+        sums = np.add.reduceat(errors, np.cumsum(counts) - counts, dtype=np.float64)
+        return sums / (counts * self.sizes[-1])
+
+    def _errors(self, model: Layers, x: "torch.Tensor", y: "torch.Tensor", rows: int) -> "torch.Tensor":
+        """(rows,) squared errors summed over channels."""
+        import torch
+
+        difference = self.predict(model, x, rows).sub_(y)
+        return torch.sum(difference.square_(), 1, out=self._of(rows)[-1])
+
+    def _of(self, rows: int) -> list["torch.Tensor"]:
+        """Outputs of the four layers and row errors for this many rows."""
+        if rows not in self._buffers:
+            import torch
+
+            widths = self.sizes[1:]
+            self._buffers[rows] = [torch.empty(rows, width, device=self.device) for width in widths]
+            self._buffers[rows].append(torch.empty(rows, device=self.device))
+        return self._buffers[rows]

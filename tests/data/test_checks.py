@@ -1,0 +1,160 @@
+"""Each fault planted in a good log is found, where it is, and a good log has none."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynreg.data.checks import longest_run, velocity_slope
+from dynreg.data.ingest import doctor, read_recording
+from dynreg.data.schema import RecordingSpec
+from dynreg.data.series import Series
+from dynreg.errors import LogError
+
+Columns = dict[str, np.ndarray]
+
+
+def clock_back(c: Columns) -> None:
+    c["time"][400:] -= 0.5
+
+
+def clock_stops(c: Columns) -> None:
+    c["time"][300:330] = c["time"][300]
+
+
+def repeated_stamp(c: Columns) -> None:
+    c["time"][300] = c["time"][299]
+
+
+def gap(c: Columns) -> None:
+    c["time"][500:] += 0.8
+
+
+def nans(c: Columns) -> None:
+    c["arm__position"][100:110] = np.nan
+
+
+def infinite(c: Columns) -> None:
+    c["arm__velocity"][7] = np.inf
+
+
+def only_nan(c: Columns) -> None:
+    c["arm__velocity"][:] = np.nan
+
+
+def degrees(c: Columns) -> None:
+    c["arm__position"] *= 180 / np.pi
+
+
+def rpm(c: Columns) -> None:
+    c["arm__velocity"] *= 60 / (2 * np.pi)
+
+
+def flipped(c: Columns) -> None:
+    c["arm__velocity"] *= -1
+
+
+def beyond(c: Columns) -> None:
+    c["arm__target"] *= 3.5
+
+
+def stuck(c: Columns) -> None:
+    c["arm__position"][300:] = c["arm__position"][300]
+    c["arm__velocity"][300:] = 0
+
+
+def wrapped(c: Columns) -> None:
+    turning = 3 * c["time"]
+    c["arm__position"] = np.angle(np.exp(1j * turning))
+    c["arm__velocity"][:] = 3.0
+
+
+def missing(c: Columns) -> None:
+    del c["arm__target"]
+
+
+def milliseconds(c: Columns) -> None:
+    c["time"] *= 1000
+
+
+def nan_time(c: Columns) -> None:
+    c["time"][5] = np.nan
+
+
+FAULTS = [
+    (clock_back, "error", "clock", "row 400"),
+    (clock_stops, "error", "clock", "row 300"),
+    (repeated_stamp, "warning", "clock", "row 299"),
+    (nan_time, "error", "clock", "row 5"),
+    (gap, "warning", "gap", "row 500"),
+    (nans, "warning", "nan", "arm/position, row 100"),
+    (infinite, "warning", "nan", "arm/velocity, row 7"),
+    (only_nan, "error", "nan", "arm/velocity"),
+    (degrees, "error", "units", "arm/position"),
+    (rpm, "error", "units", "arm/velocity"),
+    (flipped, "warning", "units", "arm/velocity"),
+    (beyond, "warning", "limits", "arm/target"),
+    (stuck, "warning", "stuck", "arm/position, row 300"),
+    (wrapped, "warning", "wrap", "arm/position, row 210"),
+    (missing, "error", "MapError", "log.csv"),
+    (milliseconds, "warning", "rate", "log.csv"),
+]
+
+
+def test_a_good_log_has_no_findings(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    assert doctor(write_table(**swing), servo_spec) == ()
+
+
+@pytest.mark.parametrize(("spoil", "severity", "check", "where"), FAULTS, ids=[f[0].__name__ for f in FAULTS])
+def test_planted_fault_is_found(
+    spoil: Callable,
+    severity: str,
+    check: str,
+    where: str,
+    write_table: Callable,
+    swing: Columns,
+    servo_spec: RecordingSpec,
+):
+    spoil(swing)
+    path = write_table(**swing)
+    findings = doctor(path, servo_spec)
+    assert any(f.severity == severity and f.check == check and where in f.where for f in findings), findings
+    if severity == "error":
+        with pytest.raises(LogError if check != "MapError" else Exception, match="expected"):
+            read_recording(path, servo_spec)
+
+
+def test_ingest_error_points_to_the_doctor(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    clock_back(swing)
+    with pytest.raises(LogError, match=r"log\.csv.*row 400: the clock runs back by 0\.495.*dynreg doctor"):
+        read_recording(write_table(**swing), servo_spec)
+
+
+def test_warnings_go_to_the_provenance(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    nans(swing)
+    recording = read_recording(write_table(**swing), servo_spec)
+    assert [f["check"] for f in recording.provenance["findings"]] == ["nan"]
+    assert np.isfinite(recording.episodes[0].values).all()
+
+
+def test_doctor_without_a_robot(write_table: Callable, swing: Columns, tmp_path: Path):
+    clock_back(swing)
+    nans(swing)
+    checks = {f.check for f in doctor(write_table(**swing))}
+    assert checks == {"clock", "nan"}
+    (finding,) = doctor(tmp_path / "nothing.mcap")
+    assert finding.severity == "error" and "no log" in finding.message
+
+
+def test_velocity_slope_sees_through_encoder_steps():
+    t = np.sort(np.random.default_rng(0).uniform(0, 10, 2000))
+    position = Series(t, np.round(np.sin(2 * t) / 0.00153) * 0.00153)
+    assert velocity_slope(position, Series(t, 2 * np.cos(2 * t))) == pytest.approx(1.0, abs=0.02)
+    assert velocity_slope(position, Series(t, 114.6 * np.cos(2 * t))) == pytest.approx(57.3, rel=0.02)
+    assert velocity_slope(position, Series(t, np.random.default_rng(1).normal(size=2000))) is None
+
+
+def test_longest_run():
+    assert longest_run(np.array([True, False, True, True])) == (2, 2)
+    assert longest_run(np.zeros(3, dtype=bool)) == (0, 0)

@@ -1,0 +1,241 @@
+"""Ingestion gives the channels on the robot's clock, and nothing that was not measured."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynreg.data.episodes import derivative
+from dynreg.data.ingest import doctor, read_recording
+from dynreg.data.maps import parse_map
+from dynreg.data.recording import Recording
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Series
+from dynreg.data.transitions import transitions
+from dynreg.errors import DynregError, LogError, MapError
+
+Columns = dict[str, np.ndarray]
+
+
+def irregular(seed: int, duration: float = 5.0, period: float = 0.0053) -> np.ndarray:
+    steps = np.random.default_rng(seed).uniform(0.5, 1.5, int(duration / period)) * period
+    return np.cumsum(steps)
+
+
+def test_identity_map_keeps_order_units_and_settings(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    shuffled = {key: swing[key] for key in ("arm__target", "kp", "arm__velocity", "time", "arm__position")}
+    recording = read_recording(write_table(**shuffled), servo_spec)
+    assert recording.names == (
+        "arm/position",
+        "arm/velocity",
+        "arm/target",
+    )  # spec order; absent inputs left out
+    (episode,) = recording.episodes
+    assert episode.settings == {"kp": 400.0}
+    np.testing.assert_allclose(episode.time, np.arange(401) / 100)
+    np.testing.assert_allclose(episode.values[:, 0], np.sin(3 * episode.time), atol=1e-12)
+    assert recording.provenance["files"][0]["name"] == "log.csv"
+
+
+def test_irregular_stamps_are_interpolated_states_and_held_commands(
+    write_table: Callable, servo_spec: RecordingSpec
+):
+    t = irregular(0)
+    command = np.floor(4 * t)
+    path = write_table(
+        time=t,
+        arm__position=np.sin(t),
+        arm__velocity=np.cos(t),
+        arm__target=0.1 * command,
+        kp=np.ones(len(t)),
+    )
+    (episode,) = read_recording(path, servo_spec).episodes
+    at = t[0] + episode.time
+    np.testing.assert_allclose(episode.values[:, 0], np.interp(at, t, np.sin(t)), atol=1e-12)
+    held = episode.values[:, 2]
+    assert set(np.round(held / 0.1)) <= set(command)  # no value between two commands is invented
+    late = np.floor(4 * at) - np.round(held / 0.1)
+    assert late.min() >= 0 and late.mean() < 0.05  # a command acts from its stamp on, never before
+    assert at[-1] <= t[-1] < at[-1] + 0.01
+
+
+def test_several_clocks_share_their_common_span(tmp_path: Path, servo_spec: RecordingSpec):
+    (tmp_path / "a_state.csv").write_text(
+        "time,q\n" + "".join(f"{100 + k / 50},{k}e-3\n" for k in range(200))
+    )
+    (tmp_path / "a_cmd.csv").write_text("time,u\n" + "".join(f"{101 + k / 10},{k}e-3\n" for k in range(20)))
+    text = """
+        [channels."arm/position"]
+        source = "s.q"
+        [channels."arm/velocity"]
+        derivative_of = "arm/position"
+        [channels."arm/target"]
+        source = "c.u"
+        [settings.kp]
+        value = 2.0
+        [files]
+        s = "_state.csv"
+        c = "_cmd.csv"
+    """
+    recording = read_recording(
+        [tmp_path / "a_state.csv", tmp_path / "a_cmd.csv"], servo_spec, parse_map(text)
+    )
+    (episode,) = recording.episodes
+    assert episode.name == "a" and episode.settings == {"kp": 2.0}
+    np.testing.assert_allclose(episode.values[:, 0], 0.05 + 0.05 * episode.time, atol=1e-9)
+    np.testing.assert_allclose(episode.values[:, 1], 0.05, atol=1e-9)
+    assert episode.values[0, 2] == 0.0 and episode.duration == pytest.approx(1.9, abs=1e-6)
+    assert len(recording.provenance["files"]) == 2
+
+
+def test_unit_scale_offset_delay(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    t = swing["time"]
+    path = write_table(
+        t_ms=1000 * t,
+        angle=90 + np.degrees(np.sin(3 * (t - 0.05))),
+        rate=3 * np.cos(3 * t) * 60 / (2 * np.pi),
+        command=2 * swing["arm__target"],
+    )
+    text = """
+        [map]
+        time = "t_ms"
+        time_unit = "ms"
+        [channels."arm/position"]
+        source = "angle"
+        unit = "deg"
+        offset = -90.0
+        delay = 0.05
+        [channels."arm/velocity"]
+        source = "rate"
+        unit = "rpm"
+        [channels."arm/target"]
+        source = "command"
+        scale = 0.5
+    """
+    (episode,) = read_recording(path, servo_spec, parse_map(text)).episodes
+    np.testing.assert_allclose(episode.values[:, 0], np.sin(3 * episode.time), atol=2e-4)
+    np.testing.assert_allclose(episode.values[:, 1], 3 * np.cos(3 * episode.time), atol=2e-3)
+    np.testing.assert_allclose(episode.values[:, 2], np.sin(3 * episode.time + 0.2), atol=0.02)
+
+
+def test_episodes_by_column_may_restart_the_clock(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    n = len(swing["time"])
+    twice = {key: np.concatenate([v, v]) for key, v in swing.items()}
+    twice["kp"][n:] = 800.0
+    recording = read_recording(write_table(**twice, episode=["slow"] * n + ["fast"] * n), servo_spec)
+    assert [(e.name, e.settings["kp"]) for e in recording.episodes] == [("slow", 400.0), ("fast", 800.0)]
+    np.testing.assert_array_equal(recording.episodes[0].values, recording.episodes[1].values)
+
+
+@pytest.mark.parametrize("jump", [2.0, -1.5])
+def test_episodes_by_gaps_split_at_silence_and_at_a_clock_that_runs_back(
+    jump: float, write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    swing["time"] = np.concatenate([swing["time"][:400], swing["time"][400:] + jump])
+    names = ("arm/position", "arm/velocity", "arm/target")
+    text = (
+        "".join(f'[channels."{n}"]\nsource = "{n}"\n' for n in names) + '[episodes]\nby = "gaps"\ngap = 0.5\n'
+    )
+    recording = read_recording(write_table(**swing), servo_spec, parse_map(text))
+    assert [e.name for e in recording.episodes] == ["log_1", "log_2"]
+    assert [len(e.time) for e in recording.episodes] == [200, 201]
+    if jump < 0:
+        with pytest.raises(LogError, match="runs back"):
+            read_recording(write_table(**swing), servo_spec)
+
+
+def test_names_and_settings_from_file_names(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    del swing["kp"]
+    text = "".join(
+        f'[channels."{n}"]\nsource = "{n}"\n' for n in ("arm/position", "arm/velocity", "arm/target")
+    )
+    text += '[settings.kp]\nfilename = "kp(\\\\d+)"\n[episodes]\nname = "gain{kp:.0f}"\n'
+    paths = [write_table(f"run{i}_kp{kp}.csv", **swing) for i, kp in enumerate((100, 200, 100))]
+    recording = read_recording(paths, servo_spec, parse_map(text))
+    assert [e.name for e in recording.episodes] == ["gain100", "gain200", "gain100#2"]
+    assert [e.settings["kp"] for e in recording.episodes] == [100, 200, 100]
+
+
+def test_a_channel_that_only_some_episodes_have_is_nan_in_the_others(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    with_supply = write_table("a.csv", **swing, supply=np.full(len(swing["time"]), 7.4))
+    recording = read_recording([with_supply, write_table("b.csv", **swing)], servo_spec)
+    column = recording.names.index("supply")
+    assert np.all(recording.episodes[0].values[:, column] == 7.4)
+    assert np.isnan(recording.episodes[1].values[:, column]).all()
+    rows = transitions(recording, ["arm/position"], ["arm/target"], ["supply", "kp"])
+    assert set(rows.episode) == {0}  # rows without the input are left out
+
+
+def test_timed_control_keeps_every_row_of_the_commands(write_table: Callable):
+    spec = RecordingSpec(
+        "cart", (ChannelSpec("base/x", "m", "state"), ChannelSpec("base/v", "m/s", "action")), (), None
+    )
+    t = irregular(4)
+    (episode,) = read_recording(write_table(time=t, base__x=t**2, base__v=2 * t), spec).episodes
+    np.testing.assert_allclose(episode.time, t - t[0], atol=1e-9)
+    np.testing.assert_allclose(episode.values[:, 1], 2 * t)
+
+
+def test_a_clock_in_the_wrong_unit_does_not_fill_the_memory(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    swing["time"] = swing["time"] * 1e9
+    path = write_table(**swing)
+    with pytest.raises(LogError, match="time_unit"):
+        read_recording(path, servo_spec)
+    assert any(f.check == "span" for f in doctor(path, servo_spec))
+
+
+def test_wrong_sources_list_what_there_is(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    names = ("arm/position", "arm/velocity", "arm/target")
+    text = "".join(f'[channels."{n}"]\nsource = "{n}"\n' for n in names)
+    with pytest.raises(MapError, match=r"'posn' for channel 'arm/position'.*'arm/position'"):
+        read_recording(
+            write_table(**swing),
+            servo_spec,
+            parse_map(text.replace('source = "arm/position"', 'source = "posn"')),
+        )
+    with pytest.raises(DynregError, match="at least one path"):
+        read_recording([], servo_spec)
+
+
+def test_derivative_recovers_a_planted_rate_through_noise():
+    t = irregular(5, 10.0)
+    noise = np.random.default_rng(6).normal(scale=1e-3, size=len(t))
+    truth = 3 * np.cos(3 * t)
+    rough = derivative(Series(t, np.sin(3 * t) + noise), None)
+    smooth = derivative(Series(t, np.sin(3 * t) + noise), 10.0)
+    error = smooth.values - 3 * np.cos(3 * smooth.time)
+    inner = slice(50, -50)
+    assert np.std(error[inner]) < 0.05 < np.std((rough.values - truth)[inner])
+    assert abs(np.dot(error[inner], np.sin(3 * smooth.time[inner]))) / len(error) < 0.01  # no lag
+    with pytest.raises(LogError, match="filter_hz"):
+        derivative(Series(t, t), 500.0)
+
+
+def test_same_numbers_same_id(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    a, b = (read_recording(write_table(name, **swing), servo_spec) for name in ("log.csv", "log.csv"))
+    assert a.id == b.id and isinstance(a, Recording)
+
+
+def test_transitions_span_no_two_episodes(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    recording = read_recording([write_table(f"{i}.csv", **swing) for i in range(3)], servo_spec)
+    rows = transitions(recording, ["arm/velocity", "arm/position"], ["arm/target"], ["kp"])
+    assert len(rows) == 3 * 400 and rows.states.dtype == np.float32
+    values = recording.episodes[1].values.astype(np.float32)
+    of = rows.episode == 1
+    np.testing.assert_array_equal(rows.states[of], values[:-1, [1, 0]])
+    np.testing.assert_array_equal(rows.next_states[of], values[1:, [1, 0]])
+    np.testing.assert_array_equal(rows.actions[of], values[:-1, [2]])
+    assert np.all(rows.context == 400.0) and not rows.states.flags.writeable
+    with pytest.raises(LogError, match="'arm/torque' is missing"):
+        transitions(recording, ["arm/torque"], [])
+    with pytest.raises(LogError, match="neither an input nor a setting 'mass'"):
+        transitions(recording, ["arm/position"], ["arm/target"], ["mass"])

@@ -1,0 +1,118 @@
+"""A map that is wrong says where; a map that is right converts as it says."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dynreg.data.maps import check_map, line_of, parse_map, read_map
+from dynreg.data.schema import RecordingSpec
+from dynreg.data.units import UNITS, conversion
+from dynreg.errors import MapError
+
+GOOD = """\
+[map]
+robot = "servo_pendulum"
+time = "timestamp"
+[channels."arm/position"]
+source = "position"
+unit = "deg"
+[channels."arm/velocity"]
+derivative_of = "arm/position"
+filter_hz = 20.0
+[channels."arm/target"]
+source = "goal"
+[settings.kp]
+metadata = "kp"
+[episodes]
+name = "{trajectory}_kp{kp:.0f}"
+"""
+
+
+def test_good_map_fits_its_robot(servo_spec: RecordingSpec):
+    check_map(parse_map(GOOD), servo_spec)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('source = "goal"', 'sorce = "goal"', r"my.toml, line 1[01]: .*source"),
+        ('unit = "deg"', 'unit = "degrees"', r"my.toml, line 4: .*unknown unit 'degrees'"),
+        ('unit = "deg"', "unti = 'deg'", r"my.toml, line 6: unknown key 'channels.arm/position.unti'.*unit"),
+        ("filter_hz = 20.0", "filter_hz = -1", r"my.toml, line 9: .*greater than 0"),
+        ('time = "timestamp"', "time =", r"my.toml: .*line 3"),
+        ('metadata = "kp"', 'filename = "kp"', r"my.toml, line 12: .*0 groups"),
+        ('metadata = "kp"', 'metadata = "kp"\nvalue = 1.0', r"my.toml, line 12: .*one of"),
+        ("{trajectory}", "{trajectory.__class__}", r"my.toml, line 14: .*plain names"),
+        ("[episodes]", "[epsiodes]", r"my.toml, line 14: unknown key 'epsiodes'"),
+        ("[episodes]", '[episodes]\nby = "column"', r"my.toml, line 14: .*column"),
+    ],
+)
+def test_faults_name_the_line(old: str, new: str, message: str):
+    assert old in GOOD
+    with pytest.raises(MapError, match=message):
+        parse_map(GOOD.replace(old, new), "my.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('robot = "servo_pendulum"', 'robot = "leg"', "is for robot 'leg'"),
+        ('"arm/target"', '"arm/goal"', "'arm/goal', which the robot does not have"),
+        ("settings.kp", "settings.kd", "setting 'kd'"),
+        ('unit = "deg"', 'unit = "V"', "channel 'arm/position': unit 'V' cannot become 'rad'"),
+        ('derivative_of = "arm/position"', 'derivative_of = "arm/velocity"', "'arm/velocity'"),
+        ('[channels."arm/target"]\nsource = "goal"', "", "no source for channel 'arm/target'"),
+    ],
+)
+def test_maps_are_held_against_the_robot(old: str, new: str, message: str, servo_spec: RecordingSpec):
+    assert old in GOOD
+    with pytest.raises(MapError, match=message):
+        check_map(parse_map(GOOD.replace(old, new)), servo_spec)
+
+
+def test_a_missing_file_is_an_error_too(tmp_path: Path):
+    with pytest.raises(MapError, match="cannot be read"):
+        read_map(tmp_path / "none.toml")
+
+
+def test_line_of_tells_equal_keys_apart():
+    assert line_of(GOOD, ["channels", "arm/target", "source"]) == 11
+    assert line_of(GOOD, ["channels", "arm/position", "source"]) == 5
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "to", "expected"),
+    [
+        (180, "deg", "rad", 3.141592653589793),
+        (60, "rpm", "rad/s", 6.283185307179586),
+        (250, "ms", "s", 0.25),
+        (300.15, "K", "degC", 27.0),
+        (212, "degF", "degC", 100.0),
+        (500, "g", "kg", 0.5),
+        (50, "percent", "1", 0.5),
+        (1, "m", "mm", 1000),
+    ],
+)
+def test_known_conversions(value: float, unit: str, to: str, expected: float):
+    factor, offset = conversion(unit, to)
+    assert factor * value + offset == pytest.approx(expected)
+
+
+@given(st.sampled_from(sorted(UNITS)), st.sampled_from(sorted(UNITS)), st.floats(-1e3, 1e3))
+def test_conversions_there_and_back(unit: str, to: str, value: float):
+    if UNITS[unit][0] != UNITS[to][0]:
+        with pytest.raises(MapError, match="cannot become"):
+            conversion(unit, to)
+        return
+    (a, b), (c, d) = conversion(unit, to), conversion(to, unit)
+    assert c * (a * value + b) + d == pytest.approx(value, rel=1e-9, abs=1e-6)
+
+
+def test_packaged_and_example_maps_are_valid():
+    root = Path(__file__).parents[2]
+    maps = [*root.glob("dynreg/robots/*/maps/*.toml"), *root.glob("examples/maps/*.toml")]
+    assert len(maps) >= 8
+    for path in maps:
+        read_map(path)

@@ -1,0 +1,61 @@
+"""An exported part is a registry of its own that verifies clean and keeps every id."""
+
+import numpy as np
+import pytest
+from registry_contents import POPULATION, ROBOT, make_shard, populate, snapshot
+
+from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.registry import Registry, export, verify
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "exported"
+
+
+def test_population(registry, out):
+    assert export(registry, ["bench"], out) == (POPULATION,)
+    assert verify(out).faults == ()
+    with Registry.open(out) as copy:
+        assert copy.load("bench").ids == registry.load("bench").ids and copy.recordings() == ()
+        np.testing.assert_array_equal(copy.load("bench").states, registry.load("bench").states)
+        np.testing.assert_array_equal(
+            copy.population("bench").arrays["base"], registry.population("bench").arrays["base"]
+        )
+        assert snapshot(copy.robot_folder(ROBOT)) == snapshot(registry.robot_folder(ROBOT))
+
+
+def test_subset_can_be_filled_up_to_the_whole(registry, out):
+    ids = registry.load("bench").ids
+    wanted = (ids[6], ids[1], ids[2])
+    assert export(registry, [entry[:16] for entry in wanted], out) == wanted
+    assert verify(out).faults == ()
+    with Registry.open(out) as copy:
+        part = copy.load("bench")
+        np.testing.assert_array_equal(part.numbers, [1, 2, 6])
+        np.testing.assert_array_equal(part.states, make_shard(0, 10).states[[1, 2, 6]])
+        populate(copy)
+        assert copy.load("bench").ids == ids
+
+
+def test_recording_result_and_simulator(registry, out):
+    simulator = registry.put_simulator({"robot": ROBOT})
+    export(registry, ["first run", registry.latest().id, simulator], out)
+    assert verify(out).faults == ()
+    with Registry.open(out) as copy:
+        assert copy.recordings() == registry.recordings()
+        assert copy.latest() == registry.latest() and copy.simulator(simulator) == {"robot": ROBOT}
+
+
+def test_refusals_leave_nothing_behind(registry, out, tmp_path):
+    before = sorted(p.name for p in tmp_path.iterdir())
+    with pytest.raises(NoMatchError):
+        export(registry, ["bench", "nothing like it"], out)
+    with pytest.raises(RegistryError, match="at least one"):
+        export(registry, [], out)
+    with pytest.raises(RegistryError, match="does not exist yet"):
+        export(registry, ["bench"], tmp_path)
+    next((registry.path / "shards").glob("*.parquet")).unlink()
+    with pytest.raises(CorruptError):
+        export(registry, ["bench"], out)
+    assert sorted(p.name for p in tmp_path.iterdir()) == before

@@ -1,0 +1,71 @@
+"""What a person types finds the one thing that is meant, or an error that shows what comes near."""
+
+import pytest
+from registry_contents import POPULATION, ROBOT, make_population, make_recording
+
+from dynreg.errors import NoMatchError, RegistryError
+from dynreg.registry import references
+
+
+def test_ids_prefixes_and_names_resolve(registry):
+    entry, recording = registry.load("bench", ()).ids[3], make_recording(1).id
+    assert registry.resolve(entry) == registry.resolve(entry[:20]) == ("entry", entry)
+    assert registry.resolve("first run") == registry.resolve(recording[:12]) == ("recording", recording)
+    assert registry.resolve("bench") == registry.resolve("cdcd") == ("population", POPULATION)
+    assert registry.resolve("arm") == ("robot", ROBOT)
+    result, simulator = registry.latest().id, registry.put_simulator({"a": 1})
+    assert registry.resolve(result[:16]) == ("result", result)
+    assert registry.resolve(simulator) == ("simulator", simulator)
+
+
+def test_last_is_the_recording_ingested_last(registry):
+    first = make_recording(1).id
+    second = registry.put_recording(make_recording(2), ROBOT)
+    assert registry.resolve("@last") == ("recording", second)
+    registry.put_recording(make_recording(1), ROBOT)
+    assert registry.resolve("@last") == ("recording", first)
+    assert [info.id for info in registry.recordings()] == [second, first]
+
+
+def test_a_name_goes_before_a_prefix(registry):
+    prefix = make_recording(1).id[:6]
+    second = registry.put_recording(make_recording(2), ROBOT, prefix)
+    assert registry.resolve(prefix) == ("recording", second)
+
+
+def test_ambiguous_refs_say_what_they_fit(registry):
+    other = make_population(seed=8)
+    object.__setattr__(other, "id", POPULATION[:10] + "f" * 54)
+    registry.put_population(other)
+    for ref in (POPULATION[:8], "bench"):
+        with pytest.raises(NoMatchError, match="fits more than one: population cdcdcdcdcd"):
+            registry.resolve(ref)
+    assert registry.resolve(POPULATION[:12]) == ("population", POPULATION)
+
+
+@pytest.mark.parametrize("ref", ["frst run", "cdc", "fffffff", "", "cd%", "CDCD", "@next"])
+def test_what_fits_nothing_is_no_match(registry, ref):
+    with pytest.raises(NoMatchError) as error:
+        registry.resolve(ref)
+    assert error.value.exit_status == 4
+    assert ("near: first run" in str(error.value)) == (ref == "frst run")
+
+
+def test_only_the_kinds_asked_for_are_found(registry):
+    with pytest.raises(NoMatchError, match="no entry is called 'first run'"):
+        registry.resolve("first run", ("entry",))
+    with pytest.raises(NoMatchError):
+        registry.resolve("@last", ("population",))
+    with pytest.raises(RegistryError, match="recording"):
+        registry.resolve("bench", ("log",))
+    assert set(references.KINDS) == {"robot", "population", "entry", "recording", "simulator", "result"}
+
+
+def test_there_is_no_last_recording_in_an_empty_registry(tmp_path):
+    from dynreg.registry import Registry
+
+    with (
+        Registry.open(tmp_path / "new", create=True) as registry,
+        pytest.raises(NoMatchError, match="ingest"),
+    ):
+        registry.resolve("@last")
