@@ -82,11 +82,7 @@ class Catalog:
 
 def _engine(path: Path, writable: bool) -> Engine:
     def connect() -> sqlite3.Connection:
-        # Without write access SQLite cannot keep its shared memory file; with nothing in the
-        # write-ahead log the database may be read as one that never changes.
-        log = path.with_name(path.name + "-wal")
-        quiet = not log.exists() or log.stat().st_size == 0
-        mode = "rwc" if writable else ("ro&immutable=1" if quiet else "ro")
+        mode = "rwc" if writable else _read_only_mode(path)
         return sqlite3.connect(
             f"{path.absolute().as_uri()}?mode={mode}",
             uri=True,
@@ -110,6 +106,13 @@ def _engine(path: Path, writable: bool) -> Engine:
         connection.exec_driver_sql(connection.get_execution_options().get("dynreg_begin", "BEGIN"))
 
     return engine
+
+
+def _read_only_mode(path: Path) -> str:
+    # Without write access SQLite cannot keep its shared memory file; with nothing in the write-ahead log
+    # the database may be read as one that never changes.
+    log = path.with_name(path.name + "-wal")
+    return "ro" if log.exists() and log.stat().st_size else "ro&immutable=1"
 
 
 def _use_write_ahead_log(connection: sqlite3.Connection) -> None:

@@ -70,7 +70,13 @@ def scan(root: Path, registered: set[str]) -> Found:
     states, rest = {}, {}
     for relative in sorted(_files(root), key=lambda name: (name not in registered, name)):
         path, folder = root / relative, relative.split("/")[0]
-        file = StoredFile(relative, sha256_of(path), path.stat().st_size)
+        if path.is_symlink():
+            found.bad[relative] = "a link, which a registry does not hold"
+            continue
+        try:
+            file = StoredFile(relative, sha256_of(path), path.stat().st_size)
+        except FileNotFoundError:
+            continue  # an index that was replaced in the meantime
         try:
             if folder != ROBOTS:
                 _check_name(path, file)
@@ -93,7 +99,7 @@ def _files(root: Path) -> Iterator[str]:
 
 
 def _check_name(path: Path, file: StoredFile) -> None:
-    if path.is_symlink() or not path.stem.endswith(f"-{file.sha256[:16]}"):
+    if not path.stem.endswith(f"-{file.sha256[:16]}"):
         raise unreadable(path, "its bytes do not fit the hash in its name")
 
 

@@ -272,3 +272,6 @@ def _put_away(root: Path, names: list[str]) -> None:
             source.unlink(missing_ok=True)
         elif source.exists() or source.is_symlink():
             os.replace(source, place / f"{name.replace('/', '--')}.{secrets.token_hex(4)}")
+    for folder in sorted((root / ROBOTS).rglob("*"), reverse=True):
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()

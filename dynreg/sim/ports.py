@@ -3,7 +3,7 @@
 Both engines read the same `Ports`, and one torque law (`servo_law`) serves every drive on every engine.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -21,6 +21,7 @@ _DEFAULTS = {
     "kt": 0.0,
     "resistance": 1.0,
     "supply": 0.0,
+    "lag": 0.0,
 }
 
 
@@ -28,8 +29,7 @@ _DEFAULTS = {
 class Ports:
     """Port values of B simulators: drive and friction (B, A), control (B,).
 
-    joints : the driven joint of each action.
-    types : the drive type of each action.
+    joints, actions, types : the driven joint, name and drive type of each action.
     """
 
     joints: list[str]
@@ -39,6 +39,7 @@ class Ports:
     control: dict[str, np.ndarray]
     supply_input: np.ndarray
     enable_input: np.ndarray
+    actions: list[str] = field(default_factory=list)
 
     def apply(self, assignment: Assignment, values: np.ndarray) -> None:
         """Set one port from (B,) values."""
@@ -48,7 +49,9 @@ class Ports:
             return
         port, _, key = assignment.path.partition(".")
         array = getattr(self, port)[key]
-        at = matching(self.joints, assignment.elements, assignment.text)
+        # a base has two drives under one name: elements with a slash are actions, the others joints
+        whole = any("/" in element for element in assignment.elements)
+        at = matching(self.actions if whole else self.joints, assignment.elements, assignment.text)
         array[:, at] = combine(assignment.op, array[:, at], values)
 
     def repeat(self, times: int) -> "Ports":
@@ -62,13 +65,14 @@ class Ports:
             spread(self.control),
             self.supply_input,
             self.enable_input,
+            self.actions,
         )
 
 
 def nominal_ports(robot: Robot, n: int) -> Ports:
     """Ports as robot.toml gives them, for n simulators."""
     joints = [name.split("/")[0] for name in robot.actions]
-    tables = [_drive_of(robot, joint) for joint in joints]
+    tables = [_drive_of(robot, action) for action in robot.actions]
     drive = {
         key: np.tile(np.array([getattr(t, key, _DEFAULTS[key]) for t in tables], dtype=float), (n, 1))
         for key in PORT_KEYS["drive"]
@@ -87,6 +91,7 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
         },
         np.array([find(getattr(t, "supply_input", None)) for t in tables], dtype=int),
         np.array([find(t.enable) for t in tables], dtype=int),
+        list(robot.actions),
     )
 
 
@@ -132,12 +137,13 @@ def varies(ports: Ports) -> bool:
     return bool((ports.supply_input >= 0).any() or (ports.enable_input >= 0).any())
 
 
-def _drive_of(robot: Robot, joint: str):
+def _drive_of(robot: Robot, action: str):
+    joint = action.split("/")[0]
     for table in robot.file.drives:
-        if fnmatchcase(joint, table.joint):
+        if fnmatchcase(joint, table.joint) or fnmatchcase(action, table.joint):
             return table
     raise RobotError(
-        f"no drive moves joint {joint!r} of action {joint}/...",
+        f"no drive moves joint {joint!r} of action {action!r}",
         expected=f"a [[drives]] table whose joint matches, not {[t.joint for t in robot.file.drives]}",
         do="add it to robot.toml",
     )

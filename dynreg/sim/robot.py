@@ -76,7 +76,7 @@ class Robot:
     def recording_spec(self) -> RecordingSpec:
         """What a log of this robot must hold."""
         channels = [ChannelSpec(c.name, c.unit, "state", False, c.low, c.high) for c in self.file.channels]
-        channels += [ChannelSpec(a.name, a.unit, "action", False, a.low, a.high) for a in self.file.actions]
+        channels += [ChannelSpec(a.name, a.unit, "action", a.optional, a.low, a.high) for a in self.file.actions]
         channels += [ChannelSpec(i.name, i.unit, "input", i.optional, i.low, i.high) for i in self.file.inputs]
         channels += [
             ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(self.file.inputs) :]

@@ -1,6 +1,6 @@
 """The `sets` grammar of robot.toml: "TARGET OP" says what a value does to a simulator.
 
-TARGET is `mj.<MjModel field>[<elements>][<index>]`, `port.<port>.<key>[<joints>]`, `control.<key>` or
+TARGET is `mj.<MjModel field>[<elements>][<index>]`, `port.<port>.<key>[<joints or actions>]`, `control.<key>` or
 `modifier.<name>[<bodies>]`; elements are names or globs, separated by commas; OP is `=`, `+=` or `*=`.
 """
 
@@ -27,6 +27,7 @@ PORT_KEYS = {
         "kt",
         "resistance",
         "supply",
+        "lag",
     ),
     "friction": ("coulomb", "viscous"),
 }

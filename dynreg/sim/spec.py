@@ -85,13 +85,26 @@ class DcMotor(Table):
     torque_limit: float = Field(default=1e6, gt=0)
 
 
-Drive = Annotated[PositionDrive | TorqueDrive | DutyServo | DcMotor, Field(discriminator="type")]
+class VelocityDrive(Table):
+    """rate of velocity = (gain command - velocity) / lag; gain [1], lag [s], at once where it is 0.
+
+    For the kinematic engine; `joint` is a whole action name such as "base/speed_command".
+    """
+
+    type: Literal["velocity"]
+    joint: str
+    enable: None = None
+    gain: float = 1.0
+    lag: float = Field(default=0.0, ge=0)
 
 
-class ActionTable(Table):
-    """[[actions]]: "<joint>/<kind>", in the order of the action vector."""
+Drive = Annotated[PositionDrive | TorqueDrive | DutyServo | DcMotor | VelocityDrive, Field(discriminator="type")]
 
-    name: str
+
+class SignalTable(Table):
+    """A named signal, its SI unit and what it can be."""
+
+    name: str = Field(min_length=1)
     unit: str
     low: float | None = None
     high: float | None = None
@@ -103,7 +116,16 @@ class ActionTable(Table):
         return self
 
 
-class ChannelTable(ActionTable):
+class ActionTable(SignalTable):
+    """[[actions]]: "<joint>/<kind>", in the order of the action vector.
+
+    `optional` where real logs do not hold it: they can be ingested, but there is nothing to replay.
+    """
+
+    optional: bool = False
+
+
+class ChannelTable(SignalTable):
     """[[channels]]: the state vector; noise [1 sigma] and quantum in the channel's unit."""
 
     noise: float = Field(default=0.0, ge=0)
@@ -111,7 +133,7 @@ class ChannelTable(ActionTable):
     weight: float = Field(default=1.0, ge=0)
 
 
-class InputTable(ActionTable):
+class InputTable(SignalTable):
     """[[inputs]]: measured exogenous signals; `nominal` is used where a log lacks an optional one."""
 
     optional: bool = False
