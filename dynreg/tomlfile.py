@@ -1,15 +1,22 @@
-"""TOML files checked against a pydantic model, with errors that name the line."""
+"""TOML files checked against a pydantic model, with errors that name the line and the key."""
 
 import re
 import tomllib
+import types
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from dynreg.errors import DynregError
 
 Model = TypeVar("Model", bound=BaseModel)
+Location = tuple[str | int, ...]
+
+_PART = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_\-]+)"
+_KEY = rf"{_PART}(?:\s*\.\s*{_PART})*"
+_HEADER = re.compile(rf"^\s*(?P<open>\[\[?)\s*(?P<key>{_KEY})\s*\]")
+_ENTRY = re.compile(rf"^\s*(?P<key>{_KEY})\s*=")
 
 
 def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model:
@@ -23,46 +30,98 @@ def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model
             do="check the path and its permissions",
         ) from None
     try:
-        return model.model_validate(tomllib.loads(text))
+        document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise error(f"{path.name}: {problem}", expected="valid TOML", do="mend that line") from None
+    try:
+        return model.model_validate(document)
     except ValidationError as problem:
-        raise _one_error(path, text, problem, error) from None
+        raise _one_error(path, text, document, problem, model, error) from None
 
 
-def line_of(text: str, location: tuple[str | int, ...]) -> int:
-    """The 1-based line of a key such as ("parameters", 2, "low"); 1 where it cannot be found.
+def line_of(text: str, location: Location) -> int:
+    """The 1-based line of a key such as ("parameters", 2, "low"), or of the nearest table above it.
 
-    tomllib keeps no positions, so the table's header is found first and the key after it.
+    tomllib keeps no positions, so headers and entries are found line by line. Parts of the location that the
+    file does not have (a missing key, pydantic's name for the chosen kind of table) are passed over.
     """
-    keys = [part for part in location if isinstance(part, str)]
-    numbers = [part for part in location if isinstance(part, int)]
-    lines = text.splitlines()
-    start, end = 0, len(lines)
-    if keys:
-        header = re.compile(rf"^\s*\[\[?\s*{re.escape(keys[0])}\b")
-        starts = [i for i, line in enumerate(lines) if header.match(line)]
-        nth = numbers[0] if numbers else 0
-        if nth < len(starts):
-            start = starts[nth]
-            end = starts[nth + 1] if numbers and nth + 1 < len(starts) else len(lines)
-    for key in reversed(keys):
-        pattern = re.compile(rf"^\s*(\[+.*[.\"\s])?[\"']?{re.escape(key)}[\"']?\s*(=|\.|\])")
-        for i in range(start, end):
-            if pattern.match(lines[i]):
-                return i + 1
-    return start + 1
+    lines = _positions(text)
+    found: Location = ()
+    for part in location:
+        if (*found, part) in lines:
+            found = (*found, part)
+    return lines.get(found, 1)
 
 
-def _one_error(path: Path, text: str, problem: ValidationError, error: type[DynregError]) -> DynregError:
-    first = problem.errors()[0]
-    location = tuple(first["loc"])
-    # pydantic puts the tag of a chosen union member into the location: it is no key of the file
+def _positions(text: str) -> dict[Location, int]:
+    """The first line of every table and key; items of arrays of tables are numbered from 0."""
+    lines: dict[Location, int] = {}
+    counts: dict[Location, int] = {}
+    table: Location = ()
+    closing = None  # the quotes that end a string of several lines
+    for number, line in enumerate(text.splitlines(), start=1):
+        if closing is not None:
+            closing = None if closing in line else closing
+            continue
+        header, entry = _HEADER.match(line), _ENTRY.match(line)
+        if header:
+            table = _inside(counts, _split(header["key"]))
+            if header["open"] == "[[":
+                lines.setdefault(table, number)
+                counts[table] = counts.get(table, -1) + 1
+                table = (*table, counts[table])
+            _note(lines, table, number, 0)
+        elif entry:
+            _note(lines, table + _split(entry["key"]), number, len(table))
+            closing = _left_open(line[entry.end() :])
+    return lines
+
+
+def _note(lines: dict[Location, int], key: Location, number: int, known: int) -> None:
+    for length in range(known + 1, len(key) + 1):  # a.b = 1 also begins a
+        lines.setdefault(key[:length], number)
+
+
+def _inside(counts: dict[Location, int], key: Location) -> Location:
+    """A header's key with the number of the array item that it continues: [[a]] then [a.b] is a, 0, b."""
+    path: Location = ()
+    for part in key[:-1]:
+        path = (*path, part)
+        if path in counts:
+            path = (*path, counts[path])
+    return (*path, key[-1])
+
+
+def _split(key: str) -> Location:
+    return tuple(part.strip("\"'") for part in re.findall(_PART, key))
+
+
+def _left_open(value: str) -> str | None:
+    for quotes in ('"""', "'''"):
+        if value.lstrip().startswith(quotes) and value.count(quotes) == 1:
+            return quotes
+    return None
+
+
+def _one_error(
+    path: Path,
+    text: str,
+    document: dict[str, Any],
+    problem: ValidationError,
+    model: type[BaseModel],
+    error: type[DynregError],
+) -> DynregError:
+    found = problem.errors()
+    # a misspelt key is also a missing one: what was written says more
+    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+    location = _in_document(document, first["loc"])
     key = ".".join(str(part) for part in location) or "file"
     where = f"{path.name}, line {line_of(text, location)}"
     if first["type"] == "extra_forbidden":
         return error(
-            f"{where}: unknown key {key!r}", expected=_known(problem), do="remove it or correct its spelling"
+            f"{where}: unknown key {key!r}",
+            expected=f"one of {_keys(model, first['loc'][:-1])}",
+            do="remove it or correct its spelling",
         )
     if first["type"] == "missing":
         return error(f"{where}: {key!r} is missing", expected=f"a value for {key!r}", do="add it")
@@ -72,5 +131,42 @@ def _one_error(path: Path, text: str, problem: ValidationError, error: type[Dynr
     return error(f"{where}: {key!r}{shown}: {message}", expected="a value that fits", do="correct that line")
 
 
-def _known(problem: ValidationError) -> str:
-    return f"only the documented keys of {problem.title}"
+def _in_document(document: dict[str, Any], location: Location) -> Location:
+    """The location without the names that pydantic gives to the chosen members of a union."""
+    kept: list[str | int] = []
+    here: Any = document
+    for i, part in enumerate(location):
+        inside = part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int)
+        if inside or i == len(location) - 1:
+            kept.append(part)
+            here = here[part] if inside else None
+    return tuple(kept)
+
+
+def _keys(model: type[BaseModel], location: Location) -> list[str]:
+    """The keys that the table at a location may have."""
+    here: Any = model
+    for part in location:
+        if isinstance(here, type) and issubclass(here, BaseModel):
+            here = here.model_fields[str(part)].annotation if str(part) in here.model_fields else here
+        options = [m for m in _models(here) if isinstance(part, str) and _tag(m) == part]
+        if options:
+            here = options[0]
+        elif isinstance(part, int) or get_origin(here) is dict:
+            here = get_args(here)[-1] if get_args(here) else here
+    found = _models(here)
+    return list(found[0].model_fields) if found else []
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """The pydantic models in an annotation such as list[Annotated[A | B, ...]]."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if get_origin(annotation) in (Union, types.UnionType, list, dict, tuple, Annotated):
+        return [m for part in get_args(annotation) for m in _models(part)]
+    return []
+
+
+def _tag(model: type[BaseModel]) -> str | None:
+    field = model.model_fields.get("type")
+    return get_args(field.annotation)[0] if field and get_origin(field.annotation) is Literal else None

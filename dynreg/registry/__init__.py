@@ -1,5 +1,6 @@
 """The store: populations of simulators with their data and models, recordings, results."""
 
+from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.exporting import export
 from dynreg.registry.records import (
     EntryRecord,
@@ -10,7 +11,7 @@ from dynreg.registry.records import (
     ShardData,
 )
 from dynreg.registry.registry import Registry
-from dynreg.registry.verifying import Fault, VerifyReport, verify
+from dynreg.registry.verifying import verify
 
 __all__ = [
     "EntryRecord",

@@ -1,6 +1,7 @@
 """Hashes over what a registry holds."""
 
 import hashlib
+from collections.abc import Iterable
 
 from sqlalchemy import Connection, select
 
@@ -26,7 +27,7 @@ def result_id(kind: str, recording_id: str, document_sha256: str) -> str:
     return _hash([kind, recording_id, document_sha256])
 
 
-def _hash(lines) -> str:
+def _hash(lines: Iterable[str]) -> str:
     digest = hashlib.sha256()
     for line in lines:
         digest.update(f"{line}\n".encode())

@@ -13,7 +13,7 @@ def shaped_commands(
     Parameters
     ----------
     actions : (n, T, A) as commanded.
-    start : (n, A) where the commands start from (joint positions), for the largest step.
+    start : (n, A) where the commands start from, for the largest step: joint positions, zero torque or voltage.
     low, high : (n, A) limits of the commands.
     noise : (n, T, A) standard normal draws, times `control.noise` of each simulation; None for none.
     """

@@ -47,8 +47,7 @@ def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.n
             do="correct the field",
         ) from None
     if field.startswith("opt."):
-        at = tuple(int(e) for e in assignment.elements)
-        where = (slice(None), *at)
+        where: tuple = (slice(None), *(int(e) if e.isdigit() else e for e in assignment.elements))
     else:
         prefix = "qpos" if field in ("qpos0", "qpos_spring") else field.split("_")[0]
         if prefix not in _OBJECTS and prefix != "qpos":
@@ -59,7 +58,15 @@ def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.n
             )
         rows = matching(names_of(model, prefix), assignment.elements, assignment.text)
         where = (slice(None), rows) if assignment.index is None else (slice(None), rows, assignment.index)
-    array[where] = combine(assignment.op, array[where], values)
+    try:
+        old = array[where]
+    except IndexError:
+        raise RobotError(
+            f"sets entry {assignment.text!r}: {field} has no such index",
+            expected=f"indexes below {list(array.shape[1:] if field.startswith('opt.') else array.shape[2:])}",
+            do="correct the index",
+        ) from None
+    array[where] = combine(assignment.op, old, values)
 
 
 def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, SimulationError
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import PORT_KEYS, Assignment, combine, matching
 
@@ -110,6 +110,12 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     """The law of every drive at one instant, for inputs (B, I) (supply voltages, enable flags)."""
     d = ports.drive
     types = np.array(ports.types)
+    if "velocity" in ports.types:
+        raise SimulationError(
+            f"the drive of action {ports.actions[ports.types.index('velocity')]!r} is of type 'velocity'",
+            expected="a drive that becomes a torque: velocity drives are the kinematic engine's",
+            do='set engines = ["kinematic"], or correct the drive',
+        )
     position, torque, duty = (types == t for t in ("position", "torque", "duty_servo"))
     motor = types == "dcmotor"
     supply = d["supply"]
@@ -130,6 +136,11 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
         on = np.where(ports.enable_input >= 0, flag, True)
         gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
     return ServoLaw(gain, stiffness, rate, limit, damping)
+
+
+def takes_positions(ports: Ports) -> np.ndarray:
+    """(A,) whether each action is a position that its drive moves to, as against a torque or a voltage."""
+    return np.array([t in ("position", "duty_servo") for t in ports.types], dtype=bool)
 
 
 def varies(ports: Ports) -> bool:

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import DynregError, RobotError
+from dynreg.errors import DynregError, LogError, RobotError
+from dynreg.sim.consistency import check_consistency
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import RobotFile
-from dynreg.tomlfile import line_of, read_toml
+from dynreg.tomlfile import read_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +78,12 @@ class Robot:
     def recording_spec(self) -> RecordingSpec:
         """What a log of this robot must hold."""
         channels = [ChannelSpec(c.name, c.unit, "state", False, c.low, c.high) for c in self.file.channels]
-        channels += [ChannelSpec(a.name, a.unit, "action", a.optional, a.low, a.high) for a in self.file.actions]
-        channels += [ChannelSpec(i.name, i.unit, "input", i.optional, i.low, i.high) for i in self.file.inputs]
+        channels += [
+            ChannelSpec(a.name, a.unit, "action", a.optional, a.low, a.high) for a in self.file.actions
+        ]
+        channels += [
+            ChannelSpec(i.name, i.unit, "input", i.optional, i.low, i.high) for i in self.file.inputs
+        ]
         channels += [
             ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(self.file.inputs) :]
         ]
@@ -128,7 +134,7 @@ def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
             do="see `dynreg robots`",
         )
     file = read_toml(path, RobotFile, RobotError)
-    _check_sets(file, path)
+    check_consistency(file, path)
     if not (folder / file.robot.model).is_file():
         raise RobotError(
             f"{folder / file.robot.model} does not exist",
@@ -152,6 +158,17 @@ def with_population(robot: Robot, ranges: str) -> Robot:
     return Robot(robot.name, robot.folder, robot.file, space, robot.hash)
 
 
+def require_commands(robot: Robot, recording: Recording) -> None:
+    """LogError where a recording lacks commands that the robot declares optional: nothing can be replayed."""
+    missing = [name for name in robot.actions if name not in recording.names]
+    if missing:
+        raise LogError(
+            f"the recording holds no commands {missing[0]!r} of robot {robot.name!r}: nothing can be replayed",
+            expected=f"the channels {list(robot.actions)}",
+            do="log the commands too and map them; until then it can only be checked, listed and exported",
+        )
+
+
 def check_robot(ref: str | Path) -> list[str]:
     """What is wrong with a robot folder, one line each; empty when it can be simulated.
 
@@ -165,20 +182,6 @@ def check_robot(ref: str | Path) -> list[str]:
     from dynreg.sim.check import problems
 
     return problems(robot)
-
-
-def _check_sets(file: RobotFile, path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    for group, tables in (("parameters", file.parameters), ("settings", file.settings)):
-        for number, table in enumerate(tables):
-            for entry in table.sets:
-                try:
-                    parse(entry)
-                except RobotError as problem:
-                    line = line_of(text, (group, number, "sets"))
-                    raise RobotError(
-                        f"{path.name}, line {line}: {problem.problem}", expected=problem.expected, do=problem.do
-                    ) from None
 
 
 def _parameter(table) -> Parameter:

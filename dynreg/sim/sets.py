@@ -1,7 +1,8 @@
 """The `sets` grammar of robot.toml: "TARGET OP" says what a value does to a simulator.
 
-TARGET is `mj.<MjModel field>[<elements>][<index>]`, `port.<port>.<key>[<joints or actions>]`, `control.<key>` or
-`modifier.<name>[<bodies>]`; elements are names or globs, separated by commas; OP is `=`, `+=` or `*=`.
+TARGET is `mj.<MjModel field>[<elements>][<index>]`, `port.<port>.<key>[<joints or actions>]`,
+`control.<key>` or `modifier.<name>[<bodies>]`; elements are names or globs, separated by commas; OP is `=`,
+`+=` or `*=`.
 """
 
 import re
@@ -77,7 +78,9 @@ def _check_path(a: Assignment) -> None:
 def _check_choice(a: Assignment, given: str, choices: tuple[str, ...]) -> None:
     if given not in choices:
         raise RobotError(
-            f"sets entry {a.text!r} names {given!r}", expected=f"one of {list(choices)}", do="correct the entry"
+            f"sets entry {a.text!r} names {given!r}",
+            expected=f"one of {list(choices)}",
+            do="correct the entry",
         )
 
 

@@ -3,13 +3,13 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator, model_validator
 
 
 class Table(BaseModel):
     """A table of the file: unknown keys are errors, numbers are finite, nothing changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class RobotTable(Table):
@@ -98,7 +98,9 @@ class VelocityDrive(Table):
     lag: float = Field(default=0.0, ge=0)
 
 
-Drive = Annotated[PositionDrive | TorqueDrive | DutyServo | DcMotor | VelocityDrive, Field(discriminator="type")]
+Drive = Annotated[
+    PositionDrive | TorqueDrive | DutyServo | DcMotor | VelocityDrive, Field(discriminator="type")
+]
 
 
 class SignalTable(Table):
@@ -199,10 +201,20 @@ class ExcitationTable(Table):
     amplitude: float = Field(default=0.5, gt=0)
 
 
+class ReplayTable(Table):
+    """[replay]: recordings are replayed in windows of at most `horizon` [s]; without it, whole episodes.
+
+    Unstable and chaotic robots need short windows: beyond them two simulations of one robot differ as much
+    as those of two robots.
+    """
+
+    horizon: float | None = Field(default=None, gt=0)
+
+
 class PopulationTable(Table):
     """[populations.<name>]: other ranges for some parameters, as {parameter = [low, high]}."""
 
-    ranges: dict[str, tuple[float, float]]
+    ranges: dict[str, Annotated[tuple[float, float], Strict(False)]]
 
     @field_validator("ranges")
     @classmethod
@@ -214,7 +226,7 @@ class PopulationTable(Table):
 
 
 class RobotFile(Table):
-    """The whole file."""
+    """The whole file; what its parts say about each other is checked by `dynreg.sim.consistency`."""
 
     robot: RobotTable
     drives: list[Drive] = Field(default_factory=list)
@@ -226,18 +238,5 @@ class RobotFile(Table):
     reset: ResetTable = ResetTable()
     fall: FallTable | None = None
     excitation: ExcitationTable = ExcitationTable()
+    replay: ReplayTable = ReplayTable()
     populations: dict[str, PopulationTable] = Field(default_factory=dict)
-
-    @model_validator(mode="after")
-    def _unique(self):
-        for group in (self.actions, self.channels, self.inputs, self.settings, self.parameters):
-            names = [item.name for item in group]
-            twice = [name for name in names if names.count(name) > 1]
-            if twice:
-                raise ValueError(f"{twice[0]!r} is named twice")
-        known = {parameter.name for parameter in self.parameters}
-        for label, population in self.populations.items():
-            for name in population.ranges:
-                if name not in known:
-                    raise ValueError(f"population {label!r} ranges an unknown parameter {name!r}: {sorted(known)}")
-        return self

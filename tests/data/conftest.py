@@ -1,6 +1,5 @@
-"""Logs written in the tests, and the folder of real ones."""
+"""Logs written in the tests."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,17 +7,6 @@ import numpy as np
 import pytest
 
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(scope="session")
-def data_dir() -> Path:
-    """The folder of measured data."""
-    folder = Path(os.environ.get("DYNREG_DATA_DIR", ROOT.parent / "shared" / "data"))
-    if not folder.is_dir():
-        pytest.skip("no measured data: set DYNREG_DATA_DIR to a folder with copies of it")
-    return folder
 
 
 @pytest.fixture

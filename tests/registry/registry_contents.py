@@ -66,10 +66,3 @@ def populate(registry: Registry) -> int:
                 registry.put_shard("bench", start, make_shard(start, stop))
                 written += 1
     return written
-
-
-def snapshot(path: Path) -> dict[str, bytes]:
-    """Every file below `path` but the catalogue's log and the locks, with its bytes."""
-    skipped = ("-wal", "-shm", ".lock")
-    files = [p for p in path.rglob("*") if p.is_file() and not p.name.endswith(skipped)]
-    return {str(p.relative_to(path)): p.read_bytes() for p in files}

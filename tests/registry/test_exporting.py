@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from registry_contents import POPULATION, ROBOT, make_shard, populate, snapshot
+from registry_contents import POPULATION, ROBOT, make_shard, populate
 
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry import Registry, export, verify
@@ -13,7 +13,7 @@ def out(tmp_path):
     return tmp_path / "exported"
 
 
-def test_population(registry, out):
+def test_population(registry, out, registry_snapshot):
     assert export(registry, ["bench"], out) == (POPULATION,)
     assert verify(out).faults == ()
     with Registry.open(out) as copy:
@@ -22,7 +22,7 @@ def test_population(registry, out):
         np.testing.assert_array_equal(
             copy.population("bench").arrays["base"], registry.population("bench").arrays["base"]
         )
-        assert snapshot(copy.robot_folder(ROBOT)) == snapshot(registry.robot_folder(ROBOT))
+        assert registry_snapshot(copy.robot_folder(ROBOT)) == registry_snapshot(registry.robot_folder(ROBOT))
 
 
 def test_subset_can_be_filled_up_to_the_whole(registry, out):

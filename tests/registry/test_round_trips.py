@@ -15,7 +15,6 @@ from registry_contents import (
     make_robot,
     make_shard,
     populate,
-    snapshot,
 )
 
 from dynreg.errors import NoMatchError, RegistryError
@@ -76,12 +75,12 @@ def test_parquet_shard_is_plain_to_others(registry):
     np.testing.assert_array_equal(table["supply"], make_shard(2, 3).states[0, :, :, 2].ravel())
 
 
-def test_putting_again_changes_no_file(registry, robot):
-    before = {name: data for name, data in snapshot(registry.path).items() if "catalog" not in name}
+def test_putting_again_changes_no_file(registry, robot, registry_snapshot):
+    before = {name: data for name, data in registry_snapshot(registry.path).items() if "catalog" not in name}
     fill(registry, robot)
     ids = registry.put_shard("bench", 4, make_shard(4, 8))
     registry.put_recording(make_recording(1), ROBOT, "first run")
-    after = {name: data for name, data in snapshot(registry.path).items() if "catalog" not in name}
+    after = {name: data for name, data in registry_snapshot(registry.path).items() if "catalog" not in name}
     assert after == before and ids == registry.load("bench").ids[4:8]
 
 
@@ -128,10 +127,10 @@ def test_losses_that_are_no_number_come_back(registry):
     assert np.isnan(arrays.own_loss[10]) and np.isinf(arrays.train_loss[10])
 
 
-def test_robot_copy_is_complete_and_outlives_its_source(registry, robot):
-    expected = snapshot(robot)
+def test_robot_copy_is_complete_and_outlives_its_source(registry, robot, registry_snapshot):
+    expected = registry_snapshot(robot)
     shutil.rmtree(robot)
-    assert snapshot(registry.robot_folder("arm")) == expected
+    assert registry_snapshot(registry.robot_folder("arm")) == expected
 
 
 def test_recording_comes_back_with_all_its_names(registry):
@@ -216,21 +215,21 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_refused_puts_leave_every_byte_as_it_was(registry, tmp_path, case):
+def test_refused_puts_leave_every_byte_as_it_was(registry, tmp_path, case, registry_snapshot):
     call, message = REFUSED[case]
-    before = snapshot(registry.path)
+    before = registry_snapshot(registry.path)
     with pytest.raises((RegistryError, NoMatchError), match=message):
         call(registry, tmp_path)
-    assert snapshot(registry.path) == before
+    assert registry_snapshot(registry.path) == before
 
 
-def test_shapes_must_be_those_of_the_other_entries(registry):
+def test_shapes_must_be_those_of_the_other_entries(registry, registry_snapshot):
     registry.put_population(make_population(12))
-    before = snapshot(registry.path)
+    before = registry_snapshot(registry.path)
     with pytest.raises(RegistryError, match="shapes"):
         registry.put_shard("bench", 10, make_shard(10, 12, steps=6))
     with pytest.raises(RegistryError, match="number 10 is the same entry as number 0"):
         registry.put_shard("bench", 10, make_shard(0, 1))
-    assert snapshot(registry.path) == before
+    assert registry_snapshot(registry.path) == before
     with pytest.raises(RegistryError, match="own_loss"):
         ShardData(np.zeros((2, 2)), np.zeros((2, 1, 3, 3)), {}, np.zeros(3), np.zeros(2))

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from registry_contents import ROBOT, make_population, make_recording, make_shard, populate, snapshot
+from registry_contents import ROBOT, make_population, make_recording, make_shard, populate
 
+from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry import Registry, verify
 
@@ -34,13 +35,13 @@ def _sql(root: Path, statement: str) -> None:
     assert changed > 0, "the damage changed nothing"
 
 
-def test_a_sound_registry_has_no_faults(registry):
+def test_a_sound_registry_has_no_faults(registry, registry_snapshot):
     report = verify(registry.path)
     assert report.faults == () and report.leftovers == ()
     assert report.checked["entries"] == 10 and report.checked["shards"] == 3
     report.raise_if_lost()
-    before = snapshot(registry.path)
-    assert verify(registry.path).faults == () and snapshot(registry.path) == before
+    before = registry_snapshot(registry.path)
+    assert verify(registry.path).faults == () and registry_snapshot(registry.path) == before
 
 
 # kind of file: its pattern, and what a repair makes of the damage: taken out, or left to be put again
@@ -56,8 +57,11 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize("damage", [_flip, _truncate, Path.unlink], ids=["flip", "truncate", "delete"])
-@pytest.mark.parametrize("file", FILES)
+DAMAGES = [(file, damage) for file in FILES for damage in (_flip, Path.unlink)]
+DAMAGES += [("shard states", _truncate), ("shard weights", _truncate)]
+
+
+@pytest.mark.parametrize(("file", "damage"), DAMAGES, ids=[f"{f} {d.__name__}" for f, d in DAMAGES])
 def test_damaged_file_is_found_and_healed(registry, robot, file, damage):
     pattern, kind = FILES[file]
     whole, content = registry.load("bench"), registry.content_hash()
@@ -130,14 +134,13 @@ def test_added_files_are_put_away(registry):
     for name in strange:
         (registry.path / name).write_text("mine")
     (registry.path / "results" / f"x-{'0' * 16}-{'0' * 16}.json").write_text("{}")
+    (registry.path / "shards" / "link").symlink_to("/nowhere")
     report = verify(registry.path)
-    assert (
-        {fault.kind for fault in report.faults} == {"stray"} and len(report.faults) == 5 and not report.lost
-    )
+    assert [fault.kind for fault in report.faults] == ["stray"] * 6 and not report.lost
     verify(registry.path, repair=True)
     assert verify(registry.path).faults == ()
     assert not any((registry.path / name).exists() for name in strange)
-    kept = [p.read_text() for p in (registry.path / "lost+found").iterdir()]
+    kept = [p.read_text() for p in (registry.path / "lost+found").iterdir() if not p.is_symlink()]
     assert sorted(kept) == ["mine"] * 4 + ["{}"]
 
 
@@ -158,6 +161,25 @@ def test_files_that_a_killed_process_left_are_no_fault_and_are_adopted(registry,
     assert report.faults == () and len(report.leftovers) == (2 if table == "entries" else 1)
     verify(registry.path, repair=True)
     assert registry.content_hash() == content and verify(registry.path).leftovers == ()
+
+
+def test_half_copied_robot_is_no_fault_and_is_put_away(registry):
+    half = registry.path / "robots" / ("ef" * 32)
+    half.mkdir()
+    (half / "robot.toml").write_text("")
+    assert verify(registry.path).faults == () and verify(registry.path).leftovers != ()
+    verify(registry.path, repair=True)
+    assert not half.exists() and list(registry.robots()) == [ROBOT]
+
+
+def test_recording_put_again_heals_a_damaged_file_whatever_its_provenance(registry):
+    _flip(_one(registry.path, "recordings/*"))
+    whole = make_recording(1)
+    registry.put_recording(
+        Recording(whole.channels, whole.episodes, provenance={"source": "copy.csv"}), ROBOT
+    )
+    assert registry.recording("first run").id == whole.id
+    assert not verify(registry.path).lost
 
 
 def _overwrite(path: Path) -> None:

@@ -14,7 +14,7 @@ from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.engines.mujoco_engine import compiled, configure, episode_inputs, limited_range
 from dynreg.sim.layout import Layout
-from dynreg.sim.ports import Ports, servo_law, varies
+from dynreg.sim.ports import Ports, servo_law, takes_positions, varies
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -148,11 +148,11 @@ def _start(robot: Robot, layout: Layout, batch: Batch, run: Run, n: int) -> tupl
 
 def _commands(layout, model, batch: Batch, ports: Ports, run: Run, q: np.ndarray) -> np.ndarray:
     steps, count = run.actions.shape[-2:]
-    actions = run.actions.reshape(-1, steps, count)
+    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), steps, count)
     actions = np.tile(actions, (batch.nsim // len(actions), 1, 1))
     low, high = limited_range(layout, model, batch, ports)
     noise = None if run.noise is None else run.noise.reshape(batch.nsim, steps, count)
-    return shaped_commands(actions, q.copy(), low, high, ports, noise)
+    return shaped_commands(actions, np.where(takes_positions(ports), q, 0.0), low, high, ports, noise)
 
 
 def _observe(robot: Robot, layout: Layout, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
@@ -169,7 +169,7 @@ def _observe(robot: Robot, layout: Layout, positions: np.ndarray, velocities: np
 
 
 def _check(robot: Robot, layout: Layout) -> None:
-    undriven = set(layout.position[1]) - set(layout.action_qpos)
+    undriven = set(layout.position[1]) - set(layout.action_qpos) | set(layout.velocity[1]) - set(layout.action_dof)
     if len(layout.base[0]) or undriven:
         raise SimulationError(
             f"robot {robot.name!r} has channels of joints that no action drives",

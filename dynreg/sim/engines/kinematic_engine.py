@@ -31,7 +31,8 @@ class Base:
 def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> Rollout:
     """Simulate B configurations (B, P) through the E episodes of `run`; `threads` changes nothing here.
 
-    Raises RobotError where the robot has channels, actions, drives or `sets` that a planar base does not have.
+    Raises RobotError or SimulationError where the robot has channels, actions, drives or `sets` that a planar
+    base does not have.
     """
     base = planar_base(robot)
     n = len(values) * run.episodes
@@ -70,15 +71,22 @@ def planar_base(robot: Robot) -> Base:
             do="correct the drive, or choose another engine",
         )
     ranges = [
-        (-np.inf if a.low is None else a.low, np.inf if a.high is None else a.high) for a in robot.file.actions
+        (-np.inf if a.low is None else a.low, np.inf if a.high is None else a.high)
+        for a in robot.file.actions
     ]
-    return Base(np.array(channels), np.array(commands, dtype=int), np.array(ranges, dtype=float).reshape(-1, 2))
+    return Base(
+        np.array(channels, dtype=int),
+        np.array(commands, dtype=int),
+        np.array(ranges, dtype=float).reshape(-1, 2),
+    )
 
 
 def _index(what: str, name: str, choices: tuple[str, ...]) -> int:
     quantity = name.partition("/")[2]
     if quantity not in choices:
-        raise RobotError(f"{what} is not of a planar base", expected=f"one of {list(choices)}", do="correct it")
+        raise RobotError(
+            f"{what} is not of a planar base", expected=f"one of {list(choices)}", do="correct it"
+        )
     return choices.index(quantity)
 
 
@@ -114,7 +122,7 @@ def _start(base: Base, run: Run, n: int) -> np.ndarray:
 def _targets(base: Base, ports: Ports, run: Run, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n, T, 2) velocities that the commands ask for, (n, 2) lags [s]; zero without a command."""
     n = len(state)
-    actions = run.actions.reshape(-1, *run.actions.shape[-2:])
+    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), *run.actions.shape[-2:])
     actions = np.tile(actions, (n // len(actions), 1, 1))
     noise = None if run.noise is None else run.noise.reshape(actions.shape)
     low, high = (np.tile(base.ranges[:, i], (n, 1)) for i in (0, 1))

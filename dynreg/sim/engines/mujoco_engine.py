@@ -8,13 +8,15 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.sim.commands import shaped_commands
+from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.fields import modify, set_field
 from dynreg.sim.layout import Layout, layout_of, observe, place
-from dynreg.sim.ports import Ports, ServoLaw, nominal_ports, servo_law, varies
+from dynreg.sim.ports import Ports, ServoLaw, nominal_ports, servo_law, takes_positions, varies
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
 
+@quiet()
 def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> Rollout:
     """Simulate B configurations (B, P) through the E episodes of `run`.
 
@@ -114,7 +116,8 @@ def _reset(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, ep
     name = robot.file.reset.keyframe
     batch.reset(keyframe=model.keyframe(name).id if name else -1)
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    first = np.arange(0, batch.nsim, episodes)
+    same = 1 if robot.settings or robot.inputs else episodes  # episodes that settle alike
+    first = np.arange(0, batch.nsim, same)
     pose = qpos[:, layout.action_qpos].copy()
     drives = np.array([d == "position" or d == "duty_servo" for d in nominal_ports(robot, 1).types])
     if layout.base_qpos >= 0:
@@ -124,8 +127,8 @@ def _reset(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, ep
         steps = np.ceil(robot.file.reset.settle / batch.expand("opt.timestep").reshape(-1)).astype(int)
         for count in np.unique(steps[first]):
             batch.step(ids=first[steps[first] == count], nstep=int(count))
-        if episodes > 1:
-            qpos[:], qvel[:] = qpos[np.repeat(first, episodes)], qvel[np.repeat(first, episodes)]
+        qpos[:], qvel[:] = qpos[np.repeat(first, same)], qvel[np.repeat(first, same)]
+        batch.bind("qacc_warmstart")[:] = 0.0  # of the episode that settled: it would start unlike the others
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
     if run.initial is not None:
@@ -160,8 +163,8 @@ def _advance(robot, batch, layout, base, ports, inputs, run: Run, substeps: np.n
             batch.step(ids=None if len(groups) == 1 else group, nstep=int(substeps[group[0]]))
         trace_q[t + 1], trace_v[t + 1] = qpos, qvel
     diverged = ~(np.abs(trace_v).max(axis=2) < 1e4)
-    trace_v[np.maximum.accumulate(diverged, axis=0)] = np.nan
     states = observe(layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(robot.channels))
+    states[np.maximum.accumulate(diverged, axis=0).T] = np.nan
     fell = _fell(robot, layout, trace_q)
     shape = (n // episodes, episodes)
     return Rollout(states.reshape(*shape, steps + 1, -1), fell.reshape(shape), int(substeps.sum()) * steps)
@@ -171,11 +174,12 @@ def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run, qpos: np.nda
     """(B E, T, A) what the actuators are told; position commands stay inside the joints' own ranges."""
     n = batch.nsim
     steps, count = run.actions.shape[-2:]
-    actions = run.actions.reshape(-1, steps, count)
+    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), steps, count)
     actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
     low, high = limited_range(layout, batch.get_model(0), batch, ports)
     noise = None if run.noise is None else run.noise.reshape(n, steps, count)
-    return shaped_commands(actions, qpos[:, layout.action_qpos].copy(), low, high, ports, noise)
+    start = np.where(takes_positions(ports), qpos[:, layout.action_qpos], 0.0)
+    return shaped_commands(actions, start, low, high, ports, noise)
 
 
 def limited_range(
@@ -185,8 +189,7 @@ def limited_range(
     n = batch.nsim
     low, high = (np.tile(layout.action_range[:, i], (n, 1)) for i in (0, 1))
     joints = model.dof_jntid[layout.action_dof]
-    servo = np.array([t in ("position", "duty_servo") for t in ports.types], dtype=bool)
-    limited = servo & (model.jnt_limited[joints] > 0)
+    limited = takes_positions(ports) & (model.jnt_limited[joints] > 0)
     if limited.any():
         ranges = batch.expanded("jnt_range")
         ranges = np.tile(model.jnt_range, (n, 1, 1)) if ranges is None else ranges

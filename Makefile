@@ -1,0 +1,71 @@
+# Every target builds the environment .venv itself, when it is missing or older than its description.
+# Settings: PYTHON=python3.12 (the interpreter to build .venv with), ARGS="-k name" (passed to pytest).
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/ready
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet --retries 10 --timeout 60 -c constraints.txt
+PYTHON ?= $(shell for p in python3 python3.12 python3.11 python3.13; do \
+    $$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
+BENCHES := $(patsubst benchmarks/bench_%.py,bench-%,$(sort $(wildcard benchmarks/bench_*.py)))
+ARGS ?=
+
+.PHONY: help env demo test slow bench $(BENCHES) lint clean
+
+help:
+	@echo 'make demo        a real servo log (or a hidden simulated servo) against 1000 simulators'
+	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
+	@echo 'make slow        the longer runs'
+	@echo 'make bench       every benchmark; results under benchmarks/results/'
+	@for name in $(BENCHES); do echo "make $$name"; done
+	@echo 'make lint        ruff and the import contract'
+	@echo 'make env         only the environment in $(VENV)'
+	@echo 'make clean       removes the environment, caches and build products'
+
+env: $(STAMP)
+
+# hnswlib has no wheel, so it needs a C++ compiler; exact search serves where it cannot be built.
+$(STAMP): pyproject.toml constraints.txt
+	@if [ -z "$(PYTHON)" ]; then \
+	    echo 'make: no Python of at least 3.11 with venv was found; install one, or name it: make PYTHON=/path/to/python' >&2; \
+	    exit 1; \
+	fi
+	@$(BIN)/python -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	    || $(PYTHON) -m venv --clear $(VENV)
+	@echo "installing into $(VENV) (a few minutes the first time)"
+	@$(PIP) -e '.[dev]'
+	@$(PIP) -e '.[hnsw]' >$(VENV)/hnswlib.log 2>&1 \
+	    || echo 'hnswlib could not be built (it needs a C++ compiler; see $(VENV)/hnswlib.log): exact search serves'
+	@touch $@
+
+demo: $(STAMP)
+	@$(BIN)/python examples/demo.py
+
+test: $(STAMP)
+	@$(BIN)/python -m pytest $(ARGS)
+
+slow: $(STAMP)
+	@$(BIN)/python -m pytest -m slow $(ARGS)
+
+# A benchmark that fails does not keep the others from running, but `make bench` then fails.
+bench: $(STAMP)
+	@failed=; for name in $(BENCHES); do $(MAKE) --no-print-directory $$name || failed="$$failed $$name"; done; \
+	if [ -n "$$failed" ]; then echo "failed:$$failed" >&2; exit 1; fi
+
+$(BENCHES): bench-%: $(STAMP)
+	@mkdir -p benchmarks/results
+	@echo "== benchmarks/bench_$*.py"
+	@$(BIN)/python benchmarks/bench_$*.py
+
+lint: $(STAMP)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
+
+clean:
+	rm -rf $(VENV) build dist demo *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

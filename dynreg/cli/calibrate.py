@@ -1,0 +1,49 @@
+"""`dynreg calibrate`: fit the parameters to a recording by a search, for comparison."""
+
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import METHODS, recording_names
+from dynreg.errors import UsageError
+
+
+def register(app: typer.Typer) -> None:
+    """Add `calibrate` to the program."""
+    verb(app, "calibrate")(calibrate)
+
+
+def calibrate(
+    call: Call,
+    recording: Annotated[str, typer.Argument(help="Name, hash or @last.", autocompletion=recording_names)],
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "cmaes",
+    seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
+    budget: Annotated[int, typer.Option(help="Simulations that the search may run.")] = 600,
+    hold_out: Annotated[
+        str | None,
+        typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
+    ] = None,
+) -> None:
+    """Fit the robot's parameters to a recording by a search over simulations.
+
+    The reference that a query is compared with: it needs no population.
+
+    Example: dynreg calibrate monday --method cmaes --hold-out kp=400
+    """
+    if method not in METHODS:
+        raise UsageError(
+            f"--method {method!r}", expected=f"one of {', '.join(METHODS)}", do="choose one of these"
+        )
+    at_least("--budget", budget, 1)
+    at_least("--seed", seed, 0)
+    with call.open() as session, call.progress() as progress:
+        result = session.calibrate(
+            recording,
+            method=method,
+            seed=call.pick("seed", seed, 0),
+            budget=budget,
+            hold_out=hold_out,
+            progress=progress,
+        )
+    call.emit(result, hint="dynreg report @last")

@@ -1,0 +1,160 @@
+"""What every verb shares: the global options, the settings, the way to the registry and to the output."""
+
+import functools
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+from dynreg.errors import UsageError
+
+if TYPE_CHECKING:
+    from dynreg.cli.settings import Settings
+    from dynreg.results import Result
+    from dynreg.session import Session
+
+Value = TypeVar("Value")
+
+_PANEL = "Global options"
+RegistryOption = Annotated[
+    Path | None,
+    typer.Option(help="Registry directory [DYNREG_REGISTRY; ./dynreg-registry].", rich_help_panel=_PANEL),
+]
+SettingsOption = Annotated[
+    Path | None, typer.Option("--settings", help="TOML settings [./dynreg.toml].", rich_help_panel=_PANEL)
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="One JSON document on stdout, nothing else.", rich_help_panel=_PANEL)
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, no hints.", rich_help_panel=_PANEL)]
+DebugOption = Annotated[
+    bool, typer.Option("--debug", help="Show the traceback of an error.", rich_help_panel=_PANEL)
+]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The global options as they were given, before or after the verb."""
+
+    registry: Path | None = None
+    settings_file: Path | None = None
+    json: bool = False
+    quiet: bool = False
+    debug: bool = False
+
+    def over(self, earlier: "Shared") -> "Shared":
+        """These options, and where they were not given those that stood before the verb."""
+        return Shared(*(new or old for new, old in zip(_values(self), _values(earlier), strict=True)))
+
+
+_OPTIONS = {
+    "registry": RegistryOption,
+    "settings_file": SettingsOption,
+    "json": JsonOption,
+    "quiet": QuietOption,
+    "debug": DebugOption,
+}
+
+
+@dataclass(frozen=True)
+class Call:
+    """One run of one verb."""
+
+    shared: Shared
+    settings: "Settings"
+
+    @property
+    def registry(self) -> Path:
+        """The registry directory that the flags and settings name."""
+        from dynreg.cli.settings import DEFAULT_REGISTRY
+
+        return self.shared.registry or self.settings.registry or DEFAULT_REGISTRY
+
+    @property
+    def quiet(self) -> bool:
+        """Whether to leave progress and hints out."""
+        return self.shared.quiet or self.settings.quiet
+
+    def open(self, create: bool = False) -> "Session":
+        """The session on the registry; RegistryError where there is none and `create` is False."""
+        from dynreg import session
+
+        return session.open(self.registry, create=create)
+
+    def pick(self, key: str, flag: Value | None, default: Value) -> Value:
+        """The flag, else the setting of this name, else the default."""
+        found = flag if flag is not None else getattr(self.settings, key)
+        return default if found is None else found
+
+    def progress(self):
+        """Context manager around a progress function; see `output.progress_bars`."""
+        from dynreg.cli.output import progress_bars
+
+        return progress_bars(not self.quiet)
+
+    def emit(self, result: "Result", shown: Any | None = None, hint: str | None = None) -> None:
+        """Print a result: its JSON document, or what is `shown` (else its tables) and a next-step hint."""
+        if self.shared.json:
+            sys.stdout.write(result.to_json() + "\n")
+            return
+        from dynreg.cli.output import console
+        from dynreg.report.tables import render
+
+        out = console()
+        out.print(render(result) if shown is None else shown)
+        if hint and not self.quiet:
+            out.print(f"next: {hint}")
+
+
+def verb(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register `function(call, ...)` as a command, with the global options among its own.
+
+    Its docstring is the help: what it does, and an example.
+    """
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(function)
+        def run(ctx: typer.Context, **given: Any) -> None:
+            late = Shared(**{option: given.pop(option) for option in _OPTIONS})
+            function(call_of(late.over(ctx.obj or Shared())), **given)
+
+        run.__signature__ = _signature(function)
+        run.__annotations__ = {p.name: p.annotation for p in run.__signature__.parameters.values()}
+        app.command(name)(run)
+        return function
+
+    return register
+
+
+def call_of(shared: Shared) -> Call:
+    """The call with its settings read."""
+    from dynreg.cli.settings import read_settings
+
+    return Call(shared, read_settings(shared.settings_file))
+
+
+def at_least(flag: str, value: int | None, least: int) -> None:
+    """UsageError where a number is too small."""
+    if value is not None and value < least:
+        raise UsageError(
+            f"{flag} {value}", expected=f"a whole number of {least} or more", do="give another number"
+        )
+
+
+def _signature(function: Callable[..., None]) -> inspect.Signature:
+    own = list(inspect.signature(function).parameters.values())[1:]  # without `call`
+    kind = inspect.Parameter.KEYWORD_ONLY
+    shared = [
+        inspect.Parameter(name, kind, default=getattr(Shared(), name), annotation=option)
+        for name, option in _OPTIONS.items()
+    ]
+    context = inspect.Parameter("ctx", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
+    return inspect.Signature([context, *(p.replace(kind=kind) for p in own), *shared])
+
+
+def _values(shared: Shared) -> tuple[Any, ...]:
+    return (shared.registry, shared.settings_file, shared.json, shared.quiet, shared.debug)

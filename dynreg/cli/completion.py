@@ -1,0 +1,48 @@
+"""What a shell offers after TAB for robots, recordings and the other names in a registry."""
+
+import os
+from pathlib import Path
+
+KINDS = ("entry", "population", "recording", "result", "robot", "simulator")
+DISTANCES = ("auto", "one_sided", "embedding", "cross_loss")
+METHODS = ("cmaes",)
+
+
+def robot_names(incomplete: str) -> list[str]:
+    """Packaged robots; folders are left to the shell."""
+    from importlib import resources
+
+    root = Path(str(resources.files("dynreg") / "robots"))
+    names = sorted(p.name for p in root.iterdir() if (p / "robot.toml").is_file())
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def kinds(incomplete: str) -> list[str]:
+    """Kinds of stored things."""
+    return [kind for kind in KINDS if kind.startswith(incomplete)]
+
+
+def recording_names(incomplete: str) -> list[str]:
+    """Names of the recordings in the registry; nothing where it cannot be read."""
+    return _names("recording", incomplete)
+
+
+def stored_names(incomplete: str) -> list[str]:
+    """Names of recordings and populations in the registry; nothing where it cannot be read."""
+    return _names("recording", incomplete) + _names("population", incomplete)
+
+
+def _names(kind: str, incomplete: str) -> list[str]:
+    import sqlite3
+
+    table = {"recording": "recording_names", "population": "populations"}[kind]
+    catalog = Path(os.environ.get("DYNREG_REGISTRY", "dynreg-registry")) / "catalog.sqlite"
+    try:
+        connection = sqlite3.connect(f"{catalog.absolute().as_uri()}?mode=ro", uri=True, timeout=0.2)
+        try:
+            names = [row[0] for row in connection.execute(f"SELECT DISTINCT name FROM {table} ORDER BY name")]
+        finally:
+            connection.close()
+    except sqlite3.Error:
+        return []
+    return [name for name in names if name and name.startswith(incomplete)]

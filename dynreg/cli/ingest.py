@@ -1,0 +1,35 @@
+"""`dynreg ingest`: bring a log into the registry."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, verb
+from dynreg.cli.completion import robot_names
+
+
+def register(app: typer.Typer) -> None:
+    """Add `ingest` to the program."""
+    verb(app, "ingest")(ingest)
+
+
+def ingest(
+    call: Call,
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs of one recording.")],
+    robot: Annotated[str, typer.Option(help="Robot that was recorded.", autocompletion=robot_names)],
+    log_map: Annotated[
+        Path | None, typer.Option("--map", help="TOML map from the log to the robot's channels.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Name for the recording.")] = None,
+) -> None:
+    """Read logs (MCAP, ROS bags, CSV, Parquet, LeRobot, .mat, bam JSON) as one recording.
+
+    Logs of a packaged robot's bench find their map by themselves; a table whose columns carry the robot's
+    channel names needs none.
+
+    Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday
+    """
+    with call.open(create=True) as session:
+        result = session.ingest(logs, robot, log_map=log_map, name=name)
+    call.emit(result, hint=f"dynreg query {result.name or result.recording[:12]} -k 5")

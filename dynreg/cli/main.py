@@ -1,0 +1,148 @@
+"""The program `dynreg`: its global options, its verbs, and what an error looks like."""
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from dynreg.cli import (
+    calibrate,
+    doctor,
+    export,
+    info,
+    ingest,
+    listing,
+    populate,
+    query,
+    report,
+    robots,
+    show,
+    verify,
+)
+from dynreg.cli.call import (
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    RegistryOption,
+    SettingsOption,
+    Shared,
+)
+from dynreg.errors import DynregError
+
+INTERRUPTED, BROKEN_PIPE = 130, 141  # 128 + the signal's number, as shells have it
+
+# click's errors, wherever typer keeps its click
+_UsageError = typer.BadParameter.__bases__[0]
+_ClickError = _UsageError.__bases__[0]
+
+app = typer.Typer(
+    name="dynreg",
+    add_completion=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from dynreg import __version__
+
+        print(f"dynreg {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _root(
+    ctx: typer.Context,
+    registry: RegistryOption = None,
+    settings_file: SettingsOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Find the simulators that are nearest to a real robot's log.
+
+    Fill a registry with simulators (populate), bring in a log (ingest), ask for its neighbours (query).
+
+    Exit status: 0 done, 1 error, 2 usage, 3 data lost or corrupt, 4 no match or nothing close enough.
+    An error is one line on stderr, with --json too.
+    """
+    ctx.obj = Shared(registry, settings_file, json, quiet, debug)
+
+
+for _module in (
+    robots,
+    populate,
+    ingest,
+    listing,
+    show,
+    query,
+    calibrate,
+    report,
+    export,
+    verify,
+    doctor,
+    info,
+):
+    _module.register(app)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit status; errors go to stderr as one line."""
+    debug = "--debug" in arguments
+    try:
+        status = app(list(arguments) or ["--help"], prog_name="dynreg", standalone_mode=False)
+        sys.stdout.flush()
+        return status if isinstance(status, int) else 0
+    except DynregError as error:
+        return _fail(str(error), error.exit_status, debug)
+    except _UsageError as error:
+        return _fail(_usage(error), 2, debug)
+    except _ClickError as error:
+        return _fail(error.format_message(), error.exit_code, debug)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted; what was registered before stays", INTERRUPTED, debug)
+    except BrokenPipeError:
+        return _end_quietly()
+    except Exception as error:
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        return _fail(f"{text}; this is a bug in dynreg; run again with --debug", 1, debug)
+
+
+def run() -> None:
+    """The console script."""
+    if "--debug" not in sys.argv:
+        import warnings
+
+        warnings.simplefilter("ignore")  # of the libraries below; an error is one line
+    sys.exit(main(sys.argv[1:]))
+
+
+def _fail(text: str, status: int, debug: bool) -> int:
+    if debug:
+        traceback.print_exc()
+    print(f"error: {text}", file=sys.stderr, flush=True)
+    return status
+
+
+def _usage(error: Exception) -> str:
+    """A misused command in one line: what is wrong, the form of the command, where its help is."""
+    problem = " ".join(error.format_message().split()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    if context is None:
+        return f"{problem}; expected another value; see `dynreg --help`"
+    form = " ".join(context.command.get_usage(context).removeprefix("Usage:").split())
+    return f"{problem}; expected {form}; see `{context.command_path} --help`"
+
+
+def _end_quietly() -> int:
+    """The reader of stdout went away: nothing more can be said there, and Python need not try at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return BROKEN_PIPE

@@ -1,0 +1,43 @@
+"""What goes to stdout (one result) and to stderr (progress, errors)."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+WIDTH = 100
+Progress = Callable[[str, int, int], None]
+
+
+def console(stream=None):
+    """A rich console on `stream` (stdout): at most 100 columns wide, without colours unless on a terminal."""
+    from rich.console import Console
+
+    stream = stream or sys.stdout
+    wanted = Console(file=stream)
+    width = min(WIDTH, wanted.width) if wanted.is_terminal else WIDTH
+    return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
+
+
+def print_line(text: str) -> None:
+    """One line to stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress_bars(wanted: bool) -> Iterator[Progress | None]:
+    """A function (stage, done, total) that draws bars on stderr; None where nobody would see them."""
+    if not wanted or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console(sys.stderr), transient=True) as bars:
+        tasks = {}
+
+        def advance(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done, total=total)
+
+        yield advance

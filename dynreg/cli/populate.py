@@ -1,0 +1,44 @@
+"""`dynreg populate`: fill the registry with simulators of a robot."""
+
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import robot_names
+
+
+def register(app: typer.Typer) -> None:
+    """Add `populate` to the program."""
+    verb(app, "populate")(populate)
+
+
+def populate(
+    call: Call,
+    robot: Annotated[str, typer.Argument(help="Packaged robot or robot folder.", autocompletion=robot_names)],
+    n: Annotated[int, typer.Option("-n", help="Simulators that the population shall hold.")],
+    seed: Annotated[int | None, typer.Option(help="Seed of all random draws [0].")] = None,
+    ranges: Annotated[str | None, typer.Option(help="Named ranges of robot.toml.")] = None,
+    link: Annotated[bool, typer.Option(help="Build the search graph as well.")] = True,
+    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+) -> None:
+    """Simulate N variants of a robot, train a model of each, and register them.
+
+    Runs again to grow a population or to finish one that was interrupted.
+
+    Example: dynreg populate servo_pendulum -n 1000
+    """
+    at_least("-n", n, 1)
+    at_least("--seed", seed, 0)
+    at_least("--threads", threads, 0)
+    with call.open(create=True) as session, call.progress() as progress:
+        result = session.populate(
+            robot,
+            n,
+            seed=call.pick("seed", seed, 0),
+            ranges=ranges,
+            link=link,
+            threads=call.pick("threads", threads, 0),
+            progress=progress,
+        )
+    call.emit(result, hint=f"dynreg ingest LOG --robot {robot}")

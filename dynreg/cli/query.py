@@ -1,0 +1,85 @@
+"""`dynreg query`: the simulators nearest to a recording."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import DISTANCES, recording_names, robot_names, stored_names
+from dynreg.errors import NoMatchError, UsageError
+
+if TYPE_CHECKING:
+    from dynreg.results import Neighbours
+
+
+def register(app: typer.Typer) -> None:
+    """Add `query` to the program."""
+    verb(app, "query")(query)
+
+
+def query(
+    call: Call,
+    recording: Annotated[
+        str, typer.Argument(help="Name, hash, @last, or path of a log.", autocompletion=recording_names)
+    ],
+    k: Annotated[int | None, typer.Option("-k", help="How many neighbours [5].")] = None,
+    distance: Annotated[str | None, typer.Option(help=f"One of {', '.join(DISTANCES)} [auto].")] = None,
+    population: Annotated[
+        str | None, typer.Option(help="Population to search.", autocompletion=stored_names)
+    ] = None,
+    replay: Annotated[bool, typer.Option(help="Replay the commands in the best and re-rank.")] = True,
+    synthesise: Annotated[bool, typer.Option(help="Make a simulator from the neighbours.")] = True,
+    hold_out: Annotated[
+        str | None,
+        typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
+    ] = None,
+    budget: Annotated[int | None, typer.Option(help="Simulations that the query may run.")] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
+    ] = None,
+    log_map: Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
+) -> None:
+    """Find the simulators nearest to a recording, replay them, and say which one to use.
+
+    Exit status 4 when no simulator of the population fits the recording (the result is printed all the same).
+
+    Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
+    """
+    at_least("-k", k, 1)
+    at_least("--budget", budget, 1)
+    chosen = call.pick("distance", distance, "auto")
+    if chosen not in DISTANCES:
+        raise UsageError(
+            f"--distance {chosen!r}", expected=f"one of {', '.join(DISTANCES)}", do="choose one of these"
+        )
+    with call.open() as session, call.progress() as progress:
+        result = session.query(
+            recording,
+            k=call.pick("k", k, 5),
+            distance=chosen,
+            population=population,
+            replay=replay,
+            synthesise=synthesise,
+            hold_out=hold_out,
+            budget=call.pick("budget", budget, None),
+            robot=robot,
+            log_map=log_map,
+            progress=progress,
+        )
+    if report is not None:
+        from dynreg.report.html import write_report
+
+        write_report(result, report)
+    call.emit(result, hint=None if report else "dynreg report @last")
+    _raise_alarm(result)
+
+
+def _raise_alarm(result: "Neighbours") -> None:
+    if not result.fits:
+        raise NoMatchError(
+            f"no simulator fits {result.recording_name!r}: {result.alarm or 'its data lie outside'}",
+            expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
+            do="check the log with `dynreg doctor`, or populate with wider ranges",
+        )

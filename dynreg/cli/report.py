@@ -1,0 +1,32 @@
+"""`dynreg report`: a stored result as one HTML page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, verb
+
+
+def register(app: typer.Typer) -> None:
+    """Add `report` to the program."""
+    verb(app, "report")(report)
+
+
+def report(
+    call: Call,
+    ref: Annotated[str, typer.Argument(metavar="ID", help="Result: hash, prefix of one or @last.")],
+    out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
+) -> None:
+    """Write a stored query or calibration as one HTML page that needs nothing else.
+
+    Example: dynreg report @last --out monday.html
+    """
+    from dynreg.cli.documents import ReportFile
+    from dynreg.report.html import write_report
+
+    with call.open() as session:
+        result = session.result(ref)
+    write_report(result, out)
+    written = ReportFile(result=ref, path=str(out), bytes=out.stat().st_size)
+    call.emit(written, f"{out}: {written.bytes / 1024:.0f} KiB", hint=f"open {out} in a browser")

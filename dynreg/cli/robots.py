@@ -1,0 +1,93 @@
+"""`dynreg robots`: the packaged robots, and the check of a robot folder."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dynreg.cli.call import Call, verb
+from dynreg.cli.completion import robot_names
+from dynreg.errors import RobotError
+
+if TYPE_CHECKING:
+    from dynreg.cli.documents import RobotLine
+
+
+def register(app: typer.Typer) -> None:
+    """Add `robots` and `robots check` to the program."""
+    group = typer.Typer(rich_markup_mode=None)
+    app.add_typer(group, name="robots")
+    verb(group, "list")(list_robots)
+    verb(group, "check")(check)
+    group.callback(invoke_without_command=True)(_default)
+
+
+def _default(ctx: typer.Context) -> None:
+    """List the packaged robots, or check a robot folder of your own.
+
+    Example: dynreg robots
+    Example: dynreg robots check my_arm/
+    """
+    if ctx.invoked_subcommand is None:
+        from dynreg.cli.call import Shared, call_of
+
+        list_robots(call_of(ctx.obj or Shared()))
+
+
+def list_robots(call: Call) -> None:
+    """List the robots that come with dynreg.
+
+    Example: dynreg robots list
+    """
+    from dynreg.cli.documents import RobotList
+    from dynreg.report.tables import table
+    from dynreg.sim.robot import packaged_robots
+
+    result = RobotList(robots=tuple(_line(name) for name in packaged_robots()))
+    shown = table(
+        ("robot", "title", "engines", "rate [Hz]", "channels", "parameters"),
+        [
+            (r.name, r.title, ", ".join(r.engines), r.control_rate, len(r.channels), len(r.parameters))
+            for r in result.robots
+        ],
+    )
+    call.emit(result, shown, hint="dynreg populate ROBOT -n 1000")
+
+
+def check(
+    call: Call,
+    folder: Annotated[str, typer.Argument(help="Robot folder or packaged name.", autocompletion=robot_names)],
+) -> None:
+    """Check a robot folder: its robot.toml, its model, every name in it, and whether it can be simulated.
+
+    Example: dynreg robots check my_arm/
+    """
+    from dynreg.cli.documents import RobotCheck
+    from dynreg.sim.robot import check_robot
+
+    problems = tuple(check_robot(folder))
+    result = RobotCheck(robot=folder, sound=not problems, problems=problems)
+    call.emit(result, "\n".join(problems) or f"{folder}: sound", f"dynreg populate {folder} -n 1000")
+    if problems:
+        raise RobotError(
+            f"{folder!r} has {len(problems)} problem(s), the first: {problems[0]}",
+            expected="a robot folder that can be simulated",
+            do="mend its robot.toml or model",
+        )
+
+
+def _line(name: str) -> "RobotLine":
+    from dynreg.cli.documents import RobotLine
+    from dynreg.sim.robot import load_robot
+
+    robot = load_robot(name)
+    head = robot.file.robot
+    return RobotLine(
+        name=robot.name,
+        title=head.title or "",
+        engines=tuple(head.engines),
+        control_rate=head.control_rate,
+        channels=robot.channels,
+        actions=robot.actions,
+        settings=robot.settings,
+        parameters=tuple(p.name for p in robot.space.parameters),
+    )

@@ -1,0 +1,29 @@
+"""`dynreg show`: one stored thing."""
+
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, verb
+from dynreg.cli.completion import stored_names
+
+
+def register(app: typer.Typer) -> None:
+    """Add `show` to the program."""
+    verb(app, "show")(show)
+
+
+def show(
+    call: Call,
+    ref: Annotated[
+        str,
+        typer.Argument(metavar="ID", help="Hash, prefix of one, name or @last.", autocompletion=stored_names),
+    ],
+) -> None:
+    """Show one stored thing: an entry, a recording, a population, a simulator or a result.
+
+    Example: dynreg show @last
+    """
+    with call.open() as session:
+        result = session.show(ref)
+    call.emit(result)

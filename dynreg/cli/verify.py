@@ -1,0 +1,37 @@
+"""`dynreg verify`: is everything that was stored still there?"""
+
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, verb
+from dynreg.errors import CorruptError
+
+
+def register(app: typer.Typer) -> None:
+    """Add `verify` to the program."""
+    verb(app, "verify")(verify)
+
+
+def verify(
+    call: Call,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Bring the catalogue in line with the files.")
+    ] = False,
+) -> None:
+    """Compare the catalogue with the stored files, hash by hash.
+
+    Exit status 3 when data are lost or changed.
+
+    Example: dynreg verify --repair
+    """
+    with call.open() as session:
+        result = session.verify(repair)
+    call.emit(result, hint=None if result.clean or repair else "dynreg verify --repair")
+    left = result.lost if repair else result.faults
+    if left:
+        raise CorruptError(
+            f"{len(left)} fault(s), the first: {left[0]}",
+            expected="every stored file as it was registered",
+            do="populate or ingest again what was lost" if repair else "run `dynreg verify --repair`",
+        )

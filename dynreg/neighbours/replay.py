@@ -1,0 +1,168 @@
+"""Replay: a recording's own commands in candidate simulators, compared with what the robot did."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.errors import LogError
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A recording cut into windows of equal length, ready to be replayed.
+
+    run : the commands of W windows, their inputs, settings and measured start.
+    measured : (W, T+1, S), NaN after the end of a shorter window.
+    spread : (S,) standard deviation of each measured channel: the unit of normalised errors.
+    weight : (S,) weight of each channel, summing to 1.
+    episode : (W,) number of the recording's episode that each window is cut from.
+    """
+
+    run: Run
+    measured: np.ndarray
+    spread: np.ndarray
+    weight: np.ndarray
+    episode: np.ndarray
+    period: float
+
+    def __len__(self) -> int:
+        return len(self.episode)
+
+    def take(self, windows: np.ndarray) -> "Windows":
+        """Only these windows."""
+        return replace(
+            self, run=self.run.take(windows), measured=self.measured[windows], episode=self.episode[windows]
+        )
+
+
+def windows(robot: Robot, recording: Recording) -> Windows:
+    """Cut a recording for replay, each window from a measured state; at most `replay.horizon` [s] long.
+
+    Raises LogError where the recording lacks the commands to replay or has no rows.
+    """
+    state, action = recording.columns(robot.channels), _action_columns(robot, recording)
+    cuts = [cut for number in range(len(recording.episodes)) for cut in _cuts(robot, recording, number)]
+    steps = max(stop - start for _, start, stop in cuts) - 1
+    if steps < 1:
+        raise LogError(
+            "no episode has two rows in a row", expected="commands and the states after them", do="record longer"
+        )
+    shape = (len(cuts), steps)
+    actions = np.empty((*shape, len(action)))
+    inputs = np.tile(robot.input_defaults, (*shape, 1))
+    measured = np.full((len(cuts), steps + 1, len(state)), np.nan)
+    for w, (number, start, stop) in enumerate(cuts):
+        values = recording.episodes[number].values[start:stop]
+        last = np.minimum(np.arange(steps), stop - start - 2)
+        actions[w] = values[last][:, action]
+        measured[w, : stop - start] = values[:, state]
+        for i, name in enumerate(robot.inputs):
+            if name in recording.names:
+                inputs[w, :, i] = values[last, recording.names.index(name)]
+    run = Run(
+        np.nan_to_num(actions),
+        inputs=inputs,
+        settings=_settings(robot, recording)[[c[0] for c in cuts]],
+        initial=measured[:, 0],
+        period=_period(recording),
+    )
+    spread, weight = _scales(robot, measured)
+    return Windows(run, measured, spread, weight, np.array([c[0] for c in cuts]), run.period)
+
+
+@dataclass
+class Replayer:
+    """Replays candidates through the windows of a recording and counts what it simulates.
+
+    `rollouts` counts simulators run through all the windows of a call.
+    """
+
+    robot: Robot
+    windows: Windows
+    threads: int = 0
+    rollouts: int = field(default=0)
+
+    def states(self, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """(n, W, T+1, S) what simulators (n, P) do in the chosen windows, without motor noise."""
+        self.rollouts += len(values)
+        return rollout(self.robot, values, self.windows.run.take(chosen), threads=self.threads).states
+
+    def residuals(self, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """(n, W, T, S') normalised and weighted residuals: their mean size is the replay error.
+
+        Channels without weight are left out; NaN stands where nothing was measured; a diverged simulation
+        counts as ten times the motion.
+        """
+        use = np.flatnonzero(self.windows.weight > 0)
+        difference = self.states(values, chosen)[..., 1:, use] - self.windows.measured[chosen][:, 1:, use]
+        scaled = difference / self.windows.spread[use]
+        lost = np.isnan(scaled) & ~np.isnan(self.windows.measured[chosen][:, 1:, use])
+        scaled = np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
+        return scaled * (self.windows.weight[use] * len(use))
+
+
+def errors(residuals: np.ndarray) -> np.ndarray:
+    """(n, W) replay error of each window: mean absolute normalised residual, 1 = the size of the motion."""
+    return np.nanmean(np.abs(residuals), axis=(2, 3))
+
+
+def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:
+    missing = [name for name in robot.actions if name not in recording.names]
+    if missing or not robot.actions:
+        raise LogError(
+            f"the recording has no commands ({missing[0] if missing else 'the robot has no actions'})",
+            expected=f"the channels {list(robot.actions)}",
+            do="record the commands too: without them nothing can be replayed or compared",
+        )
+    return recording.columns(robot.actions)
+
+
+def _cuts(robot: Robot, recording: Recording, number: int) -> list[tuple[int, int, int]]:
+    """(episode, first row, one past the last row) of the windows of one episode."""
+    episode = recording.episodes[number]
+    rows = len(episode.time)
+    horizon = robot.file.replay.horizon
+    length = rows if horizon is None else min(rows, int(round(horizon / _period(recording))) + 1)
+    if length < 2:
+        return []
+    starts = range(0, rows - length + 1, max(length - 1, 1))
+    return [(number, start, start + length) for start in starts]
+
+
+def _period(recording: Recording) -> float:
+    gaps = np.concatenate([np.diff(e.time) for e in recording.episodes if len(e.time) > 1] or [[0.0]])
+    period = float(np.median(gaps))
+    if not period > 0:
+        raise LogError(
+            "the recording has one row an episode", expected="commands and the states after them", do="record longer"
+        )
+    return period
+
+
+def _settings(robot: Robot, recording: Recording) -> np.ndarray:
+    nominal = {s.name: s.nominal for s in robot.file.settings}
+    return np.array(
+        [[e.settings.get(name, nominal[name]) for name in robot.settings] for e in recording.episodes]
+    ).reshape(len(recording.episodes), len(robot.settings))
+
+
+def _scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Spread of each channel, never below its noise, and the weights of the channels that were measured."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a channel that was never measured
+        spread = np.nanstd(measured, axis=(0, 1))
+    floor = np.array([max(c.noise, c.quantum, 1e-9) for c in robot.file.channels])
+    weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured).any(axis=(0, 1))
+    if not weight.sum() > 0:
+        raise LogError(
+            "no channel with a weight was measured",
+            expected=f"one of {[c.name for c in robot.file.channels if c.weight > 0]}",
+            do="add it to the map, or give another channel a weight in robot.toml",
+        )
+    return np.maximum(np.nan_to_num(spread), floor), weight / weight.sum()

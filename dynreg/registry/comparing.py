@@ -1,0 +1,176 @@
+"""What differs between the catalogue's rows and what the files hold."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from dynreg.errors import CorruptError
+from dynreg.registry import tables
+from dynreg.registry.files import ROBOTS, StoredFile
+from dynreg.registry.rebuild import Rows
+from dynreg.registry.scan import Found
+
+_HEALED_BY_PUTTING = ("robot", "population")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is not as it was registered.
+
+    `kind` is "catalog", "robot", "population", "shard", "entries", "recording", "simulator", "result",
+    "index", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot
+    bring back by itself; `mended` says what a repair did, None where it did nothing.
+    """
+
+    kind: str
+    what: str
+    problem: str
+    lost: bool
+    mended: str | None = None
+
+
+@dataclass(frozen=True)
+class VerifyReport:
+    """Faults, how many things of each kind were checked, and sound files that no catalogue row knows.
+
+    Such leftovers come from a process that was killed between its files and its transaction; they are no
+    fault, and a repair adopts them.
+    """
+
+    faults: tuple[Fault, ...]
+    checked: dict[str, int]
+    leftovers: tuple[str, ...]
+
+    @property
+    def lost(self) -> tuple[Fault, ...]:
+        """The faults that mean a loss of data."""
+        return tuple(fault for fault in self.faults if fault.lost)
+
+    def raise_if_lost(self) -> None:
+        """CorruptError when data are lost."""
+        if self.lost:
+            first = self.lost[0]
+            raise CorruptError(
+                f"{len(self.lost)} losses, the first: {first.kind} {first.what}: {first.problem}",
+                expected="every stored file as it was registered",
+                do="populate or ingest again what was lost"
+                if first.mended
+                else "run `dynreg verify --repair`",
+            )
+
+
+def paths_in(held: Rows) -> set[str]:
+    """Paths that some row refers to: those of `files`, and those of rows whose `files` row is gone."""
+    columns = ("path", "states_path", "arrays_path")
+    return {row[column] for rows in held.values() for row in rows for column in columns if row.get(column)}
+
+
+def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
+    """The report on old rows against files; `faults` are those known already."""
+    faults = [*faults, *_file_faults(held, found), *_entry_faults(held, found), *_index_faults(held, found)]
+    faults += _row_faults(held, found)
+    known = paths_in(held)
+    faults += [
+        Fault("stray", name, reason, lost=False)
+        for name, reason in sorted(found.bad.items())
+        if name not in known
+    ]
+    faults += _robot_faults(held, found)
+    robots = {row["hash"] for row in held["robots"]}
+    unknown = sorted(set(found.files) - known - set(found.bad))
+    leftovers = [n for n in unknown if not (n.startswith(f"{ROBOTS}/") and n.split("/")[1] in robots)]
+    checked = {name: len(rows) for name, rows in held.items() if name != "migrations"}
+    return VerifyReport(tuple(faults), checked, tuple(leftovers))
+
+
+_FOLDER_KINDS = {
+    "populations": "population",
+    "shards": "shard",
+    "recordings": "recording",
+    "simulators": "simulator",
+    "results": "result",
+    "index": "index",
+}
+
+
+def _file_faults(held: Rows, found: Found) -> Iterator[Fault]:
+    """Registered files that are missing or no longer the same."""
+    for row in held["files"]:
+        path = row["path"]
+        kind = _FOLDER_KINDS.get(path.split("/")[0], "stray")
+        if path in found.bad:
+            problem = found.bad[path]
+        elif path not in found.files:
+            problem = "it is missing"
+        elif found.files[path] != StoredFile(path, row["sha256"], row["size"]):
+            problem = "its bytes are not those that were registered"
+        else:
+            continue
+        yield Fault(kind, path, problem, lost=kind != "index")
+
+
+def _robot_faults(held: Rows, found: Found) -> Iterator[Fault]:
+    """Files of robots that are missing, changed or more than were registered."""
+    for row in held["robots"]:
+        prefix = f"{ROBOTS}/{row['hash']}/"
+        present = {n.removeprefix(prefix): f.sha256 for n, f in found.files.items() if n.startswith(prefix)}
+        manifest = json.loads(row["manifest"])
+        for name in sorted({*present, *manifest}):
+            if name not in manifest:
+                yield Fault("stray", prefix + name, "no file of the robot as it was registered", lost=False)
+            elif present.get(name) != manifest[name]:
+                problem = (
+                    "its bytes are not those that were registered" if name in present else "it is missing"
+                )
+                yield Fault("robot", prefix + name, problem, lost=True)
+        if not manifest:
+            yield Fault("robot", prefix, "its folder is missing", lost=True)
+
+
+def _entry_faults(held: Rows, found: Found) -> Iterator[Fault]:
+    """Shards whose rows of entries are not what their files say."""
+    rows: dict[str, dict[int, dict[str, Any]]] = {}
+    for row in held["entries"]:
+        rows.setdefault(row["population_id"], {})[row["number"]] = row
+    for shard in held["shards"]:
+        population, start, stop = shard["population_id"], shard["start"], shard["stop"]
+        mine = [rows.get(population, {}).pop(number, None) for number in range(start, stop)]
+        sound = found.shards.get((population, start))
+        if sound is None or sound.row != shard:
+            continue  # said of its files, or of its row
+        wrong = sum(a != b for a, b in zip(mine, sound.entries, strict=True))
+        if wrong:
+            problem = f"{wrong} of {stop - start} rows are not what its files say"
+            yield Fault("entries", f"{population[:12]} from {start}", problem, lost=False)
+    for population, left in rows.items():
+        if left:
+            yield Fault("row", f"entries of {population[:12]}", f"{len(left)} belong to no shard", lost=False)
+
+
+def _index_faults(held: Rows, found: Found) -> Iterator[Fault]:
+    """Indexes of a population whose entries have changed are stale, no fault; a changed row is one."""
+    for row in held["indexes"]:
+        sound = found.indexes.get((row["population_id"], row["key"]))
+        if sound is not None and sound != row:
+            yield Fault("index", row["path"], "its row is not what its file says", lost=False)
+
+
+def _row_faults(held: Rows, found: Found) -> Iterator[Fault]:
+    """Rows that refer to rows which are gone, and rows that do not say what their files say."""
+    keys = {name: {_first_key(name, row) for row in rows} for name, rows in held.items()}
+    for name, table in tables.metadata.tables.items():
+        for key in table.foreign_keys:
+            parent = key.column.table.name
+            for row in held[name]:
+                if row[key.parent.name] not in keys[parent]:
+                    what = f"{name} {_first_key(name, row)!s:.24}"
+                    yield Fault("row", what, f"its row in {parent} is gone", lost=False)
+    for row in held["shards"]:
+        sound = found.shards.get((row["population_id"], row["start"]))
+        if sound is not None and sound.row != row:
+            yield Fault("row", f"shard from {row['start']}", "its row is not what its files say", lost=False)
+
+
+def _first_key(name: str, row: dict[str, Any]) -> Any:
+    return row[next(iter(tables.metadata.tables[name].primary_key)).name]

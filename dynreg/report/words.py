@@ -1,0 +1,94 @@
+"""What a result says, in sentences and short numbers."""
+
+from dynreg.results import Calibration, Estimate, Gain, Neighbours
+
+STAGES = {
+    "nominal": "nominal",
+    "nearest": "nearest",
+    "replayed": "replayed and re-ranked",
+    "synthesised": "synthesised",
+    "answer": "answer",
+}
+
+
+def number(value: float | int | None) -> str:
+    """Four digits at most; `-` where there is none.
+
+    >>> number(0.123456), number(1234), number(None)
+    ('0.1235', '1234', '-')
+    """
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.4g}"
+
+
+def interval(estimate: Estimate) -> str:
+    """Value with its 90 % interval, marked where it lies on the edge of the range."""
+    edge = " (at the edge)" if estimate.at_bound else ""
+    return f"{number(estimate.value)} [{number(estimate.low)}, {number(estimate.high)}]{edge}"
+
+
+def gain_words(gain: Gain) -> str:
+    """A gain against the nominal model, with its interval where there is one."""
+    side = "below" if gain.value >= 0 else "above"
+    text = f"{abs(gain.value):.0%} {side} the nominal model"
+    if gain.low is None or gain.high is None:
+        return text + " (too few episodes for an interval)"
+    return text + f" (90 % interval {gain.low:.0%} to {gain.high:.0%})"
+
+
+def verdict(result: Neighbours | Calibration) -> str:
+    """The answer in a sentence."""
+    if isinstance(result, Calibration):
+        return _calibrated(result)
+    name = result.recording_name
+    if not result.fits:
+        return f"No simulator of this population fits {name}: do not rely on the answer below."
+    if result.answer_kind == "nominal":
+        return f"For {name} the nominal model stands: no simulator near it did better."
+    chosen = f"the {result.answer_kind} simulator {result.answer[:12]}"
+    if result.answer_kind == "neighbour":
+        names = [n.name for n in result.neighbours if n.entry == result.answer]
+        chosen = f"simulator {names[0] if names else result.answer[:12]}"
+    gain = f" Its replay error is {gain_words(result.gain)}." if result.gain else ""
+    return f"For {name}, use {chosen}.{gain}"
+
+
+def _calibrated(result: Calibration) -> str:
+    text = (
+        f"{result.method} fitted {len(result.parameters)} parameters of {result.robot} to {result.recording[:12]}"
+        f" in {result.cost.rollouts} simulations: replay error {number(result.train_error)}"
+        f" (nominal {number(result.nominal_train_error)})"
+    )
+    if result.test_error is None:
+        return text + "."
+    return (
+        text
+        + f", on the test part {number(result.test_error)} (nominal {number(result.nominal_test_error)})."
+    )
+
+
+def next_steps(result: Neighbours | Calibration) -> tuple[str, ...]:
+    """What to do with the result, the first thing first."""
+    if isinstance(result, Calibration):
+        return (f"Compare with what the registry gives: dynreg query {result.recording[:12]}",)
+    steps = []
+    if not result.fits:
+        steps.append(f"Check the log: dynreg doctor LOG --robot {result.robot}")
+        steps.append(
+            "Widen the parameter ranges in robot.toml, or add what the model leaves out, and populate."
+        )
+    edge = _at_edge(result)
+    if edge:
+        steps.append(f"{', '.join(edge)}: at the edge of the range; widen it and populate again.")
+    if not result.parts.get("test"):
+        steps.append("Nothing was held out: record more episodes, or name some with --hold-out.")
+    if result.fits:
+        steps.append(f"Take the simulator along: dynreg export {result.answer[:12]} --to FOLDER")
+    return tuple(steps)
+
+
+def _at_edge(result: Neighbours) -> list[str]:
+    if result.synthesised is None or result.answer_kind != "synthesised":
+        return []
+    return [name for name, estimate in result.synthesised.parameters.items() if estimate.at_bound]

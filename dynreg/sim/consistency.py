@@ -1,0 +1,75 @@
+"""What the parts of a robot.toml say about each other: names used twice, names that lead nowhere."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from dynreg.errors import RobotError
+from dynreg.sim.sets import parse
+from dynreg.sim.spec import RobotFile
+from dynreg.tomlfile import Location, line_of
+
+
+def check_consistency(file: RobotFile, path: Path) -> None:
+    """Raise RobotError, with the line, for the first name or `sets` entry of `file` that cannot be."""
+    for location, problem in _problems(file):
+        line = line_of(path.read_text(encoding="utf-8"), location)
+        raise RobotError(
+            f"{path.name}, line {line}: {problem.problem}", expected=problem.expected, do=problem.do
+        )
+
+
+def _problems(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
+    signals = [
+        (group, i, t.name) for group in ("actions", "channels", "inputs") for i, t in _tables(file, group)
+    ]
+    yield from _twice(signals)
+    for group in ("settings", "parameters"):
+        yield from _twice([(group, i, t.name) for i, t in _tables(file, group)])
+    yield from _drives(file)
+    for group in ("parameters", "settings"):
+        for i, table in _tables(file, group):
+            for entry in table.sets:
+                try:
+                    parse(entry)
+                except RobotError as problem:
+                    yield (group, i, "sets"), problem
+    known = [p.name for p in file.parameters]
+    for label, population in file.populations.items():
+        for name in population.ranges:
+            if name not in known:
+                problem = RobotError(
+                    f"unknown parameter {name!r}", expected=f"one of {known}", do="correct its spelling"
+                )
+                yield ("populations", label, "ranges", name), problem
+
+
+def _tables(file: RobotFile, group: str) -> Iterable:
+    return enumerate(getattr(file, group))
+
+
+def _twice(items: list[tuple[str, int, str]]) -> Iterator[tuple[Location, RobotError]]:
+    seen: set[str] = set()
+    for group, number, name in items:
+        if name in seen:
+            problem = RobotError(f"{name!r} is named twice", expected="unique names", do="rename one of them")
+            yield (group, number, "name"), problem
+        seen.add(name)
+
+
+def _drives(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
+    inputs = [i.name for i in file.inputs]
+    others = {t.name for group in ("actions", "channels", "inputs") for _, t in _tables(file, group)}
+    for i, drive in _tables(file, "drives"):
+        supply = getattr(drive, "supply_input", None)
+        if supply is not None and supply not in inputs:
+            problem = RobotError(
+                f"supply_input {supply!r} is no input", expected=f"one of {inputs}", do="add it to [[inputs]]"
+            )
+            yield ("drives", i, "supply_input"), problem
+        if drive.enable in others:
+            problem = RobotError(
+                f"enable {drive.enable!r} is already an action, a channel or an input",
+                expected="a name of its own, such as 'arm/enabled'",
+                do="rename it; an enable channel needs no table",
+            )
+            yield ("drives", i, "enable"), problem

@@ -1,0 +1,69 @@
+"""Units of a robot.toml: known, SI, and those of the joints that they stand for."""
+
+import re
+from collections.abc import Iterator
+from types import MappingProxyType
+
+from dynreg.data.units import UNITS
+from dynreg.errors import RobotError
+from dynreg.sim.ports import nominal_ports
+from dynreg.sim.robot import Robot
+
+# factors of a parameter's or setting's unit, as in "N*m*s/rad"
+_FACTORS = frozenset({"1", "rad", "m", "s", "kg", "N", "V", "A", "W", "J", "Hz", "Pa", "ohm", "H", "degC"})
+_QUANTITIES = MappingProxyType(
+    {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+    | {"vx": "m/s", "vy": "m/s", "vz": "m/s", "wx": "rad/s", "wy": "rad/s", "wz": "rad/s"}
+    | {"speed": "m/s", "yaw_rate": "rad/s", "speed_command": "m/s", "yaw_rate_command": "rad/s"}
+)
+
+
+def unit_problems(robot: Robot) -> Iterator[str]:
+    """Units that are unknown, not SI, or not those of the quantity, one line each."""
+    for table in (*robot.file.channels, *robot.file.actions, *robot.file.inputs):
+        if table.unit not in UNITS:
+            yield f"unit {table.unit!r} of {table.name!r} is unknown; use one of {_si_units()}"
+        elif UNITS[table.unit][0] != table.unit:
+            yield f"unit {table.unit!r} of {table.name!r} is not SI; use {UNITS[table.unit][0]!r}"
+    for table in (*robot.file.channels, *robot.file.actions):
+        expected = _expected(robot, table.name)
+        if table.unit in _si_units() and expected is not None and table.unit != expected:
+            yield f"unit {table.unit!r} of {table.name!r} is not that of its joint; use {expected!r}"
+    for table in (*robot.file.parameters, *robot.file.settings):
+        unknown = [f for f in re.split(r"[*/]", table.unit) if _base(f) not in _FACTORS]
+        if unknown:
+            yield (
+                f"unit {table.unit!r} of {table.name!r} has an unknown factor {unknown[0]!r}; "
+                f"build it with * / ^ from {sorted(_FACTORS)}"
+            )
+
+
+def _base(factor: str) -> str:
+    match = re.fullmatch(r"([A-Za-z1]+)(\^\d+)?", factor.strip())
+    return match[1] if match else factor
+
+
+def _si_units() -> list[str]:
+    return [name for name, (si, _, _) in UNITS.items() if name == si]
+
+
+def _expected(robot: Robot, name: str) -> str | None:
+    """The SI unit of a channel or a command, None where its drive leaves it open."""
+    owner, _, quantity = name.partition("/")
+    if quantity in _QUANTITIES:
+        return _QUANTITIES[quantity]
+    kinds = {robot.model.joint(j).name: int(robot.model.jnt_type[j]) for j in range(robot.model.njnt)}
+    length = {2: "m", 3: "rad"}.get(kinds.get(owner, -1))  # mjJNT_SLIDE, mjJNT_HINGE
+    if length is None:
+        return None
+    if name in robot.channels:
+        return {"position": length, "velocity": f"{length}/s"}.get(quantity)
+    return _command_unit(robot, name, length)
+
+
+def _command_unit(robot: Robot, name: str, length: str) -> str | None:
+    try:
+        kind = nominal_ports(robot, 1).types[robot.actions.index(name)]
+    except RobotError:  # told where names are checked
+        return None
+    return {"position": length, "duty_servo": length, "dcmotor": "V"}.get(kind)

@@ -1,0 +1,54 @@
+"""What all tests share: the folder of measured data, fixed seeds, drawing without a screen, snapshots."""
+
+import hashlib
+import os
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).parents[1]
+
+os.environ.setdefault("MPLBACKEND", "Agg")  # for subprocesses too; read when matplotlib is first imported
+
+# the same examples in every run, and no deadline: the machine may be busy
+settings.register_profile("dynreg", deadline=None, derandomize=True, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dynreg"))
+
+
+@pytest.fixture(autouse=True)
+def _fixed_seeds() -> None:
+    """The sources of chance that dynreg does not use itself; a library may."""
+    random.seed(0)
+    np.random.seed(0)  # noqa: NPY002
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The folder of measured data (`DYNREG_DATA_DIR`, or shared/data beside the repository)."""
+    folder = Path(os.environ.get("DYNREG_DATA_DIR", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip("no measured data: set DYNREG_DATA_DIR to a folder with copies of it")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def registry_snapshot() -> Callable[[Path], dict[str, str]]:
+    """Path of every file below a folder to the SHA-256 of its bytes: two equal ones hold the same data.
+
+    SQLite's journals and the lock files are left out: they tell of who is at work, not of what is stored.
+    """
+
+    def snapshot(folder: Path) -> dict[str, str]:
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        passing = ("-wal", "-shm", "-journal", ".lock")
+        return {
+            path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in files
+            if not path.name.endswith(passing)
+        }
+
+    return snapshot
