@@ -1,5 +1,6 @@
 # Every target builds the environment .venv itself, when it is missing or older than its description.
-# Settings: PYTHON=python3.12 (the interpreter to build .venv with), ARGS="-k name" (passed to pytest).
+# Settings: PYTHON=python3.12 (the interpreter to build .venv with), ARGS="-k name" (passed to pytest),
+# JOBS=1 (test processes; as many as cores, at most 4).
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
@@ -13,6 +14,8 @@ PYTHON ?= $(shell for p in python3 python3.12 python3.11 python3.13; do \
     $$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
 BENCHES := $(patsubst benchmarks/bench_%.py,bench-%,$(sort $(wildcard benchmarks/bench_*.py)))
 ARGS ?=
+JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
+SPREAD := -n $(JOBS) --dist worksteal
 
 .PHONY: help env demo test slow bench $(BENCHES) lint clean
 
@@ -46,7 +49,7 @@ demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
 test: $(STAMP)
-	@$(BIN)/python -m pytest $(ARGS)
+	@$(BIN)/python -m pytest $(SPREAD) $(ARGS)
 
 slow: $(STAMP)
 	@$(BIN)/python -m pytest -m slow $(ARGS)

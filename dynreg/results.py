@@ -38,6 +38,7 @@ class Estimate(Result):
     """A parameter with its 90 % interval, in `unit`; the interval holds if the model is right.
 
     at_bound : the value lies on the edge of the population's range, so the interval says little.
+    limits : that range (low, high), where there is one.
     """
 
     value: float
@@ -46,6 +47,7 @@ class Estimate(Result):
     unit: str
     nominal: float
     at_bound: bool = False
+    limits: tuple[float, float] | None = None
 
 
 class Gain(Result):
@@ -119,10 +121,15 @@ class Trace(Result):
 
 
 class Cost(Result):
-    """What a result cost: distance evaluations, rollouts (one simulator through the replayed part), seconds."""
+    """What a result cost.
+
+    evaluations : distances evaluated; rollouts : simulators run through the fit and select parts to choose the
+    answer; test_rollouts : simulators run through the test part to judge it; seconds : wall time.
+    """
 
     evaluations: int
     rollouts: int
+    test_rollouts: int = 0
     seconds: float
 
 

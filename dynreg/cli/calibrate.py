@@ -16,7 +16,9 @@ def register(app: typer.Typer) -> None:
 
 def calibrate(
     call: Call,
-    recording: Annotated[str, typer.Argument(help="Name, hash or @last.", autocompletion=recording_names)],
+    recording: Annotated[
+        str, typer.Argument(metavar="RECORDING", help="Name, hash or @last.", autocompletion=recording_names)
+    ],
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "cmaes",
     seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
     budget: Annotated[int, typer.Option(help="Simulations that the search may run.")] = 600,
@@ -25,7 +27,7 @@ def calibrate(
         typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
     ] = None,
 ) -> None:
-    """Fit the robot's parameters to a recording by a search over simulations.
+    """Fit a robot's parameters by a search.
 
     The reference that a query is compared with: it needs no population.
 

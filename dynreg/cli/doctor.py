@@ -23,9 +23,10 @@ def doctor(
     ] = None,
     log_map: Annotated[Path | None, typer.Option("--map", help="TOML map.")] = None,
 ) -> None:
-    """Check logs: clocks, gaps, numbers, and with a robot its channels, units and limits.
+    """Say what is wrong with logs.
 
-    Exit status 1 when the logs could not be ingested.
+    Looks at clocks, gaps and numbers, and with a robot at its channels, units and limits. Exit status 1
+    when the logs could not be ingested.
 
     Example: dynreg doctor run.mcap --robot servo_pendulum --map my_map.toml
     """

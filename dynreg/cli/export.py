@@ -24,7 +24,9 @@ def export(
     ],
     to: Annotated[Path, typer.Option(help="New directory.")],
 ) -> None:
-    """Copy stored things, with all they need, to a new registry.
+    """Copy stored things to a new registry.
+
+    All that they need comes with them: a population its robot and entries, a result its recording.
 
     Example: dynreg export monday --to monday-registry
     """

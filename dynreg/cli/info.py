@@ -11,7 +11,7 @@ def register(app: typer.Typer) -> None:
 
 
 def info(call: Call) -> None:
-    """Say which versions run, which registry is used and what it holds.
+    """Show versions, registry and machine.
 
     Example: dynreg info
     """

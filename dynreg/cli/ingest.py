@@ -23,9 +23,10 @@ def ingest(
     ] = None,
     name: Annotated[str | None, typer.Option(help="Name for the recording.")] = None,
 ) -> None:
-    """Read logs (MCAP, ROS bags, CSV, Parquet, LeRobot, .mat, bam JSON) as one recording.
+    """Bring logs in as one recording.
 
-    Logs of a packaged robot's bench find their map by themselves; a table whose columns carry the robot's
+    Reads MCAP, ROS bags, CSV, Parquet, LeRobot datasets, MATLAB .mat and bam JSON. Logs of a packaged
+    robot's bench find their map by themselves; a table whose columns carry the robot's
     channel names needs none.
 
     Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday

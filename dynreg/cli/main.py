@@ -100,11 +100,13 @@ def main(arguments: Sequence[str]) -> int:
     try:
         status = app(list(arguments) or ["--help"], prog_name="dynreg", standalone_mode=False)
         sys.stdout.flush()
+        if status == INTERRUPTED:  # typer takes Ctrl-C for an exit
+            raise KeyboardInterrupt
         return status if isinstance(status, int) else 0
     except DynregError as error:
         return _fail(str(error), error.exit_status, debug)
     except _UsageError as error:
-        return _fail(_usage(error), 2, debug)
+        return _fail(_usage(error, arguments), 2, debug)
     except _ClickError as error:
         return _fail(error.format_message(), error.exit_code, debug)
     except (KeyboardInterrupt, typer.Abort):
@@ -132,14 +134,25 @@ def _fail(text: str, status: int, debug: bool) -> int:
     return status
 
 
-def _usage(error: Exception) -> str:
+def _usage(error: Exception, arguments: Sequence[str]) -> str:
     """A misused command in one line: what is wrong, the form of the command, where its help is."""
-    problem = " ".join(error.format_message().split()).rstrip(".")
+    problem = " ".join(error.format_message().split()).rstrip(".") + _given(error, arguments)
     context = getattr(error, "ctx", None)
     if context is None:
         return f"{problem}; expected another value; see `dynreg --help`"
     form = " ".join(context.command.get_usage(context).removeprefix("Usage:").split())
     return f"{problem}; expected {form}; see `{context.command_path} --help`"
+
+
+def _given(error: Exception, arguments: Sequence[str]) -> str:
+    """The value that an option was given, which the message of a failed conversion leaves out."""
+    for option in getattr(getattr(error, "param", None), "opts", ()):
+        for here, following in zip(arguments, (*arguments[1:], ""), strict=True):
+            if here == option and following:
+                return f" (given: {following!r})"
+            if here.startswith(f"{option}="):
+                return f" (given: {here.removeprefix(option + '=')!r})"
+    return ""
 
 
 def _end_quietly() -> int:

@@ -15,16 +15,20 @@ def register(app: typer.Typer) -> None:
 
 def populate(
     call: Call,
-    robot: Annotated[str, typer.Argument(help="Packaged robot or robot folder.", autocompletion=robot_names)],
+    robot: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT", help="Packaged robot or robot folder.", autocompletion=robot_names),
+    ],
     n: Annotated[int, typer.Option("-n", help="Simulators that the population shall hold.")],
     seed: Annotated[int | None, typer.Option(help="Seed of all random draws [0].")] = None,
     ranges: Annotated[str | None, typer.Option(help="Named ranges of robot.toml.")] = None,
     link: Annotated[bool, typer.Option(help="Build the search graph as well.")] = True,
     threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
 ) -> None:
-    """Simulate N variants of a robot, train a model of each, and register them.
+    """Fill the registry with N simulators of a robot.
 
-    Runs again to grow a population or to finish one that was interrupted.
+    Each one is simulated with parameters of its own, and a model of its dynamics is trained. Runs again
+    to grow a population or to finish one that was interrupted.
 
     Example: dynreg populate servo_pendulum -n 1000
     """

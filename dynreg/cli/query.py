@@ -21,7 +21,10 @@ def register(app: typer.Typer) -> None:
 def query(
     call: Call,
     recording: Annotated[
-        str, typer.Argument(help="Name, hash, @last, or path of a log.", autocompletion=recording_names)
+        str,
+        typer.Argument(
+            metavar="RECORDING", help="Name, hash, @last, or path of a log.", autocompletion=recording_names
+        ),
     ],
     k: Annotated[int | None, typer.Option("-k", help="How many neighbours [5].")] = None,
     distance: Annotated[str | None, typer.Option(help=f"One of {', '.join(DISTANCES)} [auto].")] = None,
@@ -41,9 +44,11 @@ def query(
     log_map: Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
 ) -> None:
-    """Find the simulators nearest to a recording, replay them, and say which one to use.
+    """Find the simulators nearest to a recording.
 
-    Exit status 4 when no simulator of the population fits the recording (the result is printed all the same).
+    They are replayed with the recording's own commands and ranked again, and one answer is given. Exit
+    status 4 when no simulator of the population fits the recording (the result is printed all the
+    same).
 
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
     """

@@ -18,7 +18,9 @@ def report(
     ref: Annotated[str, typer.Argument(metavar="ID", help="Result: hash, prefix of one or @last.")],
     out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
 ) -> None:
-    """Write a stored query or calibration as one HTML page that needs nothing else.
+    """Write a stored result as one HTML page.
+
+    Queries and calibrations have a page; it needs no other file and no network.
 
     Example: dynreg report @last --out monday.html
     """

@@ -4,7 +4,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import (
+    Call,
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    RegistryOption,
+    SettingsOption,
+    Shared,
+    call_of,
+    verb,
+)
 from dynreg.cli.completion import robot_names
 from dynreg.errors import RobotError
 
@@ -21,16 +31,21 @@ def register(app: typer.Typer) -> None:
     group.callback(invoke_without_command=True)(_default)
 
 
-def _default(ctx: typer.Context) -> None:
-    """List the packaged robots, or check a robot folder of your own.
+def _default(
+    ctx: typer.Context,
+    registry: RegistryOption = None,
+    settings_file: SettingsOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """List robots, or check a folder of your own.
 
-    Example: dynreg robots
     Example: dynreg robots check my_arm/
     """
+    ctx.obj = Shared(registry, settings_file, json, quiet, debug).over(ctx.obj or Shared())
     if ctx.invoked_subcommand is None:
-        from dynreg.cli.call import Shared, call_of
-
-        list_robots(call_of(ctx.obj or Shared()))
+        list_robots(call_of(ctx.obj))
 
 
 def list_robots(call: Call) -> None:
@@ -55,7 +70,10 @@ def list_robots(call: Call) -> None:
 
 def check(
     call: Call,
-    folder: Annotated[str, typer.Argument(help="Robot folder or packaged name.", autocompletion=robot_names)],
+    folder: Annotated[
+        str,
+        typer.Argument(metavar="FOLDER", help="Robot folder or packaged name.", autocompletion=robot_names),
+    ],
 ) -> None:
     """Check a robot folder: its robot.toml, its model, every name in it, and whether it can be simulated.
 

@@ -20,7 +20,9 @@ def show(
         typer.Argument(metavar="ID", help="Hash, prefix of one, name or @last.", autocompletion=stored_names),
     ],
 ) -> None:
-    """Show one stored thing: an entry, a recording, a population, a simulator or a result.
+    """Show one stored thing.
+
+    That is an entry, a recording, a population, a simulator, a robot or a result.
 
     Example: dynreg show @last
     """

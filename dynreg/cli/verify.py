@@ -19,9 +19,9 @@ def verify(
         bool, typer.Option("--repair", help="Bring the catalogue in line with the files.")
     ] = False,
 ) -> None:
-    """Compare the catalogue with the stored files, hash by hash.
+    """Check that all that was stored is still there.
 
-    Exit status 3 when data are lost or changed.
+    Compares the catalogue with the stored files, hash by hash. Exit status 3 when data are lost or changed.
 
     Example: dynreg verify --repair
     """

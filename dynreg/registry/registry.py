@@ -171,6 +171,12 @@ class Registry:
         """An index's arrays; None where there are none for the population's present entries."""
         return documents.get_index(self.directory, self._id(ref, "population"), key)
 
+    def ids(self, kind: str) -> tuple[str, ...]:
+        """Ids of all simulators (sorted), or of all results in the order in which they came."""
+        table = {"simulator": tables.simulators, "result": tables.results}[kind]
+        with self.directory.catalog.read() as connection:
+            return tuple(connection.execute(select(table.c.id).order_by(table.c.get("ordinal", table.c.id))).scalars())
+
     def content_hash(self) -> str:
         """Hash over all entries and recordings: equal for two registries that hold the same ones."""
         with self.directory.catalog.read() as connection:

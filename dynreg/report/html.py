@@ -1,0 +1,144 @@
+"""One self-contained HTML page of a result: no script, no font, no file besides it."""
+
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from dynreg.errors import UsageError
+from dynreg.report.drawing import Chart, Track, chart, track
+from dynreg.report.words import STAGES, count, next_steps, number, verdict
+from dynreg.results import Calibration, Estimate, Neighbours
+
+
+def write_report(result: Neighbours | Calibration, path: str | Path) -> Path:
+    """Write the page of `result` to `path`; the same result gives the same bytes.
+
+    Raises UsageError where the result has no page or the file cannot be written.
+    """
+    path = Path(path)
+    text = page(result)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"cannot write {str(path)!r}: {error.strerror}",
+            expected="a file name in an existing folder that may be written",
+            do="name another file",
+        ) from error
+    return path
+
+
+def page(result: Neighbours | Calibration) -> str:
+    """The page's HTML."""
+    if isinstance(result, Neighbours):
+        return _environment().get_template("neighbours.html").render(**_neighbours(result))
+    if isinstance(result, Calibration):
+        return _environment().get_template("calibration.html").render(**_calibration(result))
+    raise UsageError(
+        f"a {type(result).__name__} has no report",
+        expected="a stored query or calibration",
+        do="see `dynreg list --kind result`",
+    )
+
+
+@cache
+def _environment():
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    folder = Path(str(resources.files("dynreg.report") / "templates"))
+    environment = Environment(
+        loader=FileSystemLoader(folder),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "count": count}
+    return environment
+
+
+def _neighbours(result: Neighbours) -> dict[str, Any]:
+    by_name = {s.stage: s for s in result.stages}
+    answer = by_name.get("answer")
+    part = "test" if answer and answer.test is not None else "select"
+    return {
+        "result": result,
+        "title": f"{result.recording_name} · {result.robot}",
+        "verdict": verdict(result),
+        "steps": next_steps(result),
+        "part": part,
+        "error_before": getattr(by_name.get("nominal"), part, None),
+        "error_after": getattr(answer, part, None),
+        "charts": _trace_charts(result),
+        "stages": _stage_bars(result),
+        "tracks": _neighbour_tracks(result),
+        "channels": _channel_bars(result),
+        "names": list(result.nominal.parameters),
+        "units": {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {},
+    }
+
+
+def _calibration(result: Calibration) -> dict[str, Any]:
+    steps = [step.simulations for step in result.history]
+    errors = {"answer": [step.error for step in result.history]}
+    return {
+        "result": result,
+        "title": f"{result.recording[:12]} · {result.robot}",
+        "verdict": verdict(result),
+        "steps": next_steps(result),
+        "chart": chart("best replay error so far", "simulations", steps, errors),
+        "tracks": {name: _track(e, ()) for name, e in result.parameters.items()},
+    }
+
+
+def _trace_charts(result: Neighbours) -> list[Chart]:
+    drawn = (
+        chart(
+            f"{t.channel} [{t.unit}], episode {t.episode}",
+            "time [s]",
+            t.time,
+            {"nominal": t.nominal, "measured": t.measured, "answer": t.answer},
+        )
+        for t in result.traces
+    )
+    return [c for c in drawn if c is not None]
+
+
+def _stage_bars(result: Neighbours) -> list[dict[str, Any]]:
+    """Stages with (part, error, percent of the largest error)."""
+    largest = max((e for s in result.stages for e in (s.fit, s.select, s.test) if e is not None), default=1.0)
+    return [
+        {
+            "name": STAGES[s.stage],
+            "simulator": s.simulator,
+            "simulations": s.simulations,
+            "bars": [
+                (part, error, 100 * error / (largest or 1.0))
+                for part, error in (("fit", s.fit), ("select", s.select), ("test", s.test))
+                if error is not None
+            ],
+        }
+        for s in result.stages
+    ]
+
+
+def _neighbour_tracks(result: Neighbours) -> dict[str, Track]:
+    if result.synthesised is None:
+        return {}
+    return {
+        name: _track(e, [n.parameters[name] for n in result.neighbours if name in n.parameters])
+        for name, e in result.synthesised.parameters.items()
+    }
+
+
+def _channel_bars(result: Neighbours) -> list[dict[str, Any]]:
+    rows = []
+    for c in result.channels:
+        largest = max(c.nominal, c.answer) or 1.0
+        rows.append({"of": c, "nominal": 100 * c.nominal / largest, "answer": 100 * c.answer / largest})
+    return rows
+
+
+def _track(e: Estimate, others: list[float] | tuple[float, ...]) -> Track:
+    return track(e.value, e.low, e.high, e.nominal, others, e.limits)

@@ -9,22 +9,27 @@ from rich.table import Table
 from rich.text import Text
 
 from dynreg import results
-from dynreg.report.words import STAGES, interval, next_steps, number, verdict
+from dynreg.report.words import STAGES, count, interval, next_steps, number, verdict
 from dynreg.results import Result
 
 SHOWN_NEIGHBOURS = 5
+KEPT_WHOLE = 32  # a first cell shorter than this is not broken
+_LINES = box.SIMPLE_HEAD
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | None = None) -> Table:
-    """A table whose numbers stand to the right; a title in its own line above it."""
+def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | None = None) -> RenderableType:
+    """A table whose numbers stand to the right; its title is a line of its own above it."""
     rows = [tuple(row) for row in rows]
-    out = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False)
+    out = Table(box=_LINES, show_edge=False, show_header=any(columns), pad_edge=False, header_style="bold")
     for i, name in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[i], int | float | None) for row in rows)
-        out.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        short = all(len(str(row[i])) < KEPT_WHOLE for row in rows)
+        out.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", no_wrap=i == 0 and short
+        )
     for row in rows:
         out.add_row(*(cell if isinstance(cell, str) else number(cell) for cell in row))
-    return out
+    return Group(Text(f"\n{title}", style="bold"), out) if title else out
 
 
 def render(result: Result) -> RenderableType:
@@ -41,31 +46,28 @@ def _neighbours(result: results.Neighbours) -> Group:
         parts.append(_estimate_table(result.synthesised.parameters, "synthesised parameters"))
     if result.channels:
         parts.append(_channel_table(result))
-    parts += [Text(f"note: {note}") for note in result.notes]
-    parts.append(Text(_cost(result.cost)))
+    parts += [Text(f"\n{_cost(result.cost)}"), *(Text(f"note: {note}") for note in result.notes)]
     parts += [Text(f"- {step}") for step in next_steps(result)]
     return Group(*parts)
 
 
-def _neighbour_table(result: results.Neighbours) -> Table:
+def _neighbour_table(result: results.Neighbours) -> RenderableType:
     """Neighbours stand side by side, so that any number of parameters stays within the width."""
     shown = result.neighbours[:SHOWN_NEIGHBOURS]
     more = len(result.neighbours) - len(shown)
     units = {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {}
-    names = list(result.nominal.parameters) or [p for n in shown[:1] for p in n.parameters]
+    nominal = result.nominal.parameters
     rows = [
-        (f"distance ({result.distance})", None, *(n.distance for n in shown)),
-        ("replay error", result.nominal.replay_error, *(n.replay_error for n in shown)),
-        *(
-            (_named(p, units), result.nominal.parameters.get(p), *(n.parameters.get(p) for n in shown))
-            for p in names
-        ),
+        ("distance", "", None, *(n.distance for n in shown)),
+        ("replay error", "", result.nominal.replay_error, *(n.replay_error for n in shown)),
+        *((p, units.get(p, ""), nominal[p], *(n.parameters.get(p) for n in shown)) for p in nominal),
     ]
-    title = f"{len(result.neighbours)} neighbours" + (f", the first {len(shown)}" if more else "")
-    return table(("", "nominal", *(n.name for n in shown)), rows, title)
+    title = f"{count(len(result.neighbours), 'neighbour')} in {result.robot} by {result.distance}"
+    title += f", the first {len(shown)}" if more else ""
+    return table(("", "unit", "nominal", *(f"#{n.index}" for n in shown)), rows, title)
 
 
-def _stage_table(result: results.Neighbours) -> Table:
+def _stage_table(result: results.Neighbours) -> RenderableType:
     rows = [
         (STAGES[s.stage], (s.simulator or "-")[:12], s.fit, s.select, s.test, s.simulations)
         for s in result.stages
@@ -76,12 +78,12 @@ def _stage_table(result: results.Neighbours) -> Table:
     )
 
 
-def _estimate_table(parameters: dict[str, results.Estimate], title: str) -> Table:
+def _estimate_table(parameters: dict[str, results.Estimate], title: str) -> RenderableType:
     rows = [(name, e.nominal, interval(e), e.unit) for name, e in parameters.items()]
     return table(("parameter", "nominal", "value [90 % interval]", "unit"), rows, title)
 
 
-def _channel_table(result: results.Neighbours) -> Table:
+def _channel_table(result: results.Neighbours) -> RenderableType:
     rows = [(c.channel, c.nominal, c.answer, c.spread, c.unit) for c in result.channels]
     part = "test" if result.parts.get("test") else "select"
     title = f"where it still errs: mean absolute error on the {part} part"
@@ -97,15 +99,15 @@ def _calibration(result: results.Calibration) -> Group:
         Text(verdict(result), style="bold"),
         _estimate_table(result.parameters, "parameters"),
         table(("", "train", "test"), errors, "replay error (1 = the size of the motion)"),
-        Text(_cost(result.cost)),
+        Text(f"\n{_cost(result.cost)}"),
         *(Text(f"- {step}") for step in next_steps(result)),
     )
 
 
 def _population(result: results.PopulationSummary) -> Group:
     text = (
-        f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned} simulators,"
-        f" {result.added} added in {result.seconds:.1f} s"
+        f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned}"
+        f" simulators, {result.added} added in {result.seconds:.1f} s"
     )
     spent = [
         ("simulate", result.simulate_seconds),
@@ -119,8 +121,8 @@ def _recording(result: results.RecordingSummary) -> Group:
     kind = "measured" if result.measured else "simulated"
     rate = "uneven times" if result.rate is None else f"{number(result.rate)} Hz"
     text = (
-        f"{result.name} ({result.recording[:12]}): {kind} recording of {result.robot}, {result.episodes} episodes,"
-        f" {result.rows_count} rows, {result.duration:.1f} s, {rate}"
+        f"{result.name} ({result.recording[:12]}): {kind} recording of {result.robot},"
+        f" {count(result.episodes, 'episode')}, {result.rows_count} rows, {result.duration:.1f} s, {rate}"
     )
     lines = [f"channels: {', '.join(result.channels)}"]
     lines += [f"settings: {', '.join(result.settings)}"] if result.settings else []
@@ -153,10 +155,6 @@ def _plain(result: Result) -> RenderableType:
 
 def _cost(cost: results.Cost) -> str:
     return f"cost: {cost.evaluations} distance evaluations, {cost.rollouts} simulations, {cost.seconds:.1f} s"
-
-
-def _named(parameter: str, units: dict[str, str]) -> str:
-    return f"{parameter} [{units[parameter]}]" if parameter in units else parameter
 
 
 def _short(detail: dict[str, Any]) -> str:

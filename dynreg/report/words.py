@@ -12,14 +12,25 @@ STAGES = {
 
 
 def number(value: float | int | None) -> str:
-    """Four digits at most; `-` where there is none.
+    """Three digits, as people read them; `-` where there is none.
 
-    >>> number(0.123456), number(1234), number(None)
-    ('0.1235', '1234', '-')
+    >>> number(0.123456), number(1234.5), number(7), number(None)
+    ('0.123', '1234', '7', '-')
     """
     if value is None:
         return "-"
-    return str(value) if isinstance(value, int) else f"{value:.4g}"
+    if isinstance(value, int):
+        return str(value)
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def count(how_many: int, what: str) -> str:
+    """A number of things.
+
+    >>> count(1, "simulation"), count(2, "simulation")
+    ('1 simulation', '2 simulations')
+    """
+    return f"{how_many} {what}{'' if how_many == 1 else 's'}"
 
 
 def interval(estimate: Estimate) -> str:
@@ -31,10 +42,10 @@ def interval(estimate: Estimate) -> str:
 def gain_words(gain: Gain) -> str:
     """A gain against the nominal model, with its interval where there is one."""
     side = "below" if gain.value >= 0 else "above"
-    text = f"{abs(gain.value):.0%} {side} the nominal model"
+    text = f"{100 * abs(gain.value):.0f} % {side} the nominal model's"
     if gain.low is None or gain.high is None:
         return text + " (too few episodes for an interval)"
-    return text + f" (90 % interval {gain.low:.0%} to {gain.high:.0%})"
+    return text + f" (90 % interval of the gain: {100 * gain.low:.0f} to {100 * gain.high:.0f} %)"
 
 
 def verdict(result: Neighbours | Calibration) -> str:
@@ -56,9 +67,9 @@ def verdict(result: Neighbours | Calibration) -> str:
 
 def _calibrated(result: Calibration) -> str:
     text = (
-        f"{result.method} fitted {len(result.parameters)} parameters of {result.robot} to {result.recording[:12]}"
-        f" in {result.cost.rollouts} simulations: replay error {number(result.train_error)}"
-        f" (nominal {number(result.nominal_train_error)})"
+        f"{result.method} fitted {count(len(result.parameters), 'parameter')} of {result.robot} to"
+        f" {result.recording[:12]} in {count(result.cost.rollouts, 'simulation')}:"
+        f" replay error {number(result.train_error)} (nominal {number(result.nominal_train_error)})"
     )
     if result.test_error is None:
         return text + "."
@@ -78,17 +89,9 @@ def next_steps(result: Neighbours | Calibration) -> tuple[str, ...]:
         steps.append(
             "Widen the parameter ranges in robot.toml, or add what the model leaves out, and populate."
         )
-    edge = _at_edge(result)
-    if edge:
-        steps.append(f"{', '.join(edge)}: at the edge of the range; widen it and populate again.")
     if not result.parts.get("test"):
         steps.append("Nothing was held out: record more episodes, or name some with --hold-out.")
     if result.fits:
         steps.append(f"Take the simulator along: dynreg export {result.answer[:12]} --to FOLDER")
     return tuple(steps)
 
-
-def _at_edge(result: Neighbours) -> list[str]:
-    if result.synthesised is None or result.answer_kind != "synthesised":
-        return []
-    return [name for name, estimate in result.synthesised.parameters.items() if estimate.at_bound]

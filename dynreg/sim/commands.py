@@ -6,14 +6,19 @@ from dynreg.sim.ports import Ports
 
 
 def shaped_commands(
-    actions: np.ndarray, start: np.ndarray, low: np.ndarray, high: np.ndarray, ports: Ports, noise: np.ndarray | None
+    actions: np.ndarray,
+    start: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    ports: Ports,
+    noise: np.ndarray | None,
 ) -> np.ndarray:
     """(n, T, A) commands after the control port, for n simulations.
 
     Parameters
     ----------
     actions : (n, T, A) as commanded.
-    start : (n, A) where the commands start from, for the largest step: joint positions, zero torque or voltage.
+    start : (n, A) where the commands start from, for the largest step: joint positions, or zero torque.
     low, high : (n, A) limits of the commands.
     noise : (n, T, A) standard normal draws, times `control.noise` of each simulation; None for none.
     """
@@ -23,7 +28,11 @@ def shaped_commands(
         commands = commands.copy()
         previous = start
         for t in range(commands.shape[1]):
-            previous = previous + np.clip(commands[:, t] - previous, -largest, largest)
+            step = commands[:, t] - previous
+            # a command within reach is taken as it is: to the bit what it would be without the limit
+            previous = np.where(
+                np.abs(step) <= largest, commands[:, t], previous + np.clip(step, -largest, largest)
+            )
             commands[:, t] = previous
     if noise is not None:
         commands = commands + ports.control["noise"][:, None, None] * noise

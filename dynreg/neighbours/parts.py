@@ -1,0 +1,109 @@
+"""The parts of a recording: fit and select choose the answer, test is read once, at the end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.errors import UsageError
+from dynreg.neighbours.replay import Windows
+from dynreg.rng import stream
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Masks (W,) over the windows of a recording; a window is in exactly one of them."""
+
+    fit: np.ndarray
+    select: np.ndarray
+    test: np.ndarray
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """Numbers of the windows that the query may look at."""
+        return np.flatnonzero(self.fit | self.select)
+
+
+def parts(recording: Recording, windows: Windows, hold_out: str | None, seed: int = 0) -> Parts:
+    """Split by trajectory; by blocks of windows where there are fewer than four episodes.
+
+    hold_out : the test part: "SETTING=VALUE" (such as kp=400), names of episodes separated by commas, or a
+    share of the episodes such as 0.25. None holds out a fifth; "0" none at all.
+    Raises UsageError where the test part is empty, everything, or not understood.
+    """
+    groups = windows.episode
+    if len(np.unique(groups)) < 4 and len(windows) >= 4:
+        groups = np.arange(len(windows))
+    numbers = np.unique(groups)
+    test = _test_groups(recording, windows, groups, numbers, hold_out, seed)
+    rest = np.setdiff1d(numbers, test)
+    if not len(rest):
+        raise UsageError(
+            f"hold-out {hold_out!r} leaves nothing to choose by",
+            expected="a part of the episodes",
+            do="hold out less, or record more episodes",
+        )
+    mixed = stream(seed, "parts").permutation(rest)
+    select = mixed[: len(rest) // 4]
+    is_test, is_select = np.isin(groups, test), np.isin(groups, select)
+    return Parts(~is_test & ~is_select, is_select, is_test)
+
+
+def names(recording: Recording, windows: Windows, mask: np.ndarray) -> tuple[str, ...]:
+    """The episodes that a part is cut from, with the window's start [s] where an episode has several."""
+    out = []
+    for w in np.flatnonzero(mask):
+        number = windows.episode[w]
+        same = np.flatnonzero(windows.episode == number)
+        name = recording.episodes[number].name
+        out.append(name if len(same) == 1 else f"{name}[{int(np.flatnonzero(same == w)[0])}]")
+    return tuple(out)
+
+
+def _test_groups(
+    recording: Recording,
+    windows: Windows,
+    groups: np.ndarray,
+    numbers: np.ndarray,
+    hold_out: str | None,
+    seed: int,
+) -> np.ndarray:
+    if hold_out is None:
+        hold_out = "0.2" if len(numbers) >= 3 else "0"
+    share = _as_share(hold_out)
+    if share is not None:
+        count = 0 if share == 0 else max(1, round(share * len(numbers)))
+        return np.sort(stream(seed, "hold out").permutation(numbers)[:count])
+    chosen = [i for i, episode in enumerate(recording.episodes) if _matches(episode, hold_out)]
+    if not chosen:
+        known = sorted({f"{k}={v:g}" for e in recording.episodes for k, v in e.settings.items()})
+        raise UsageError(
+            f"hold-out {hold_out!r} fits no episode",
+            expected=f"a setting ({', '.join(known) or 'none here'}), episode names "
+            f"({', '.join(e.name for e in recording.episodes[:6])}, ...) or a share such as 0.25",
+            do="correct it, or leave it out to hold out a fifth of the episodes",
+        )
+    return np.unique(groups[np.isin(windows.episode, chosen)])
+
+
+def _as_share(hold_out: str) -> float | None:
+    try:
+        share = float(hold_out)
+    except ValueError:
+        return None
+    if not 0 <= share < 1:
+        raise UsageError(
+            f"hold-out share {share:g}", expected="0 to below 1", do="hold out less, such as 0.25"
+        )
+    return share
+
+
+def _matches(episode, hold_out: str) -> bool:
+    setting, equals, value = hold_out.partition("=")
+    if not equals:
+        return episode.name in [name.strip() for name in hold_out.split(",")]
+    try:
+        wanted = [float(v) for v in value.split(",")]
+    except ValueError:
+        return False
+    return any(np.isclose(episode.settings.get(setting.strip(), np.nan), v) for v in wanted)

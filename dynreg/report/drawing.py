@@ -1,0 +1,133 @@
+"""Geometry of the page's drawings: polylines in a 1000 x 100 box, ticks, and places on a track in percent.
+
+The box is stretched by the browser to the width at hand; words and numbers stay outside of it, as HTML.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+WIDTH, HEIGHT = 1000.0, 100.0
+MOST_POINTS = 600
+
+
+@dataclass(frozen=True)
+class Line:
+    """One polyline: its style's name and SVG path data."""
+
+    style: str
+    path: str
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A labelled place in percent of an axis."""
+
+    place: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A titled drawing with its axes."""
+
+    title: str
+    x_label: str
+    lines: tuple[Line, ...]
+    x_ticks: tuple[Tick, ...]
+    y_ticks: tuple[Tick, ...]
+
+
+@dataclass(frozen=True)
+class Track:
+    """A parameter's axis: the interval, the value, the nominal value and dots, all in percent."""
+
+    left: float
+    width: float
+    value: float
+    nominal: float
+    dots: tuple[float, ...]
+    low_label: str
+    high_label: str
+
+
+def chart(
+    title: str, x_label: str, x: Sequence[float], curves: dict[str, Sequence[float | None]]
+) -> Chart | None:
+    """Curves over common x; None where there is nothing to draw. Missing values break a line."""
+    values = [v for curve in curves.values() for v in curve if v is not None]
+    if not values or len(x) < 2:
+        return None
+    xs, ys = ticks(min(x), max(x)), ticks(min(values), max(values))
+    x_span, y_span = (min(x), max(x)), _padded(min(values), max(values))
+    lines = tuple(Line(style, _path(x, curve, x_span, y_span)) for style, curve in curves.items())
+    return Chart(title, x_label, lines, _placed(xs, x_span), _placed(ys, y_span))
+
+
+def track(
+    value: float,
+    low: float,
+    high: float,
+    nominal: float,
+    others: Iterable[float],
+    limits: tuple[float, float] | None = None,
+) -> Track:
+    """The axis spans `limits` and everything that is drawn on it."""
+    dots = tuple(others)
+    drawn = (value, low, high, nominal, *dots)
+    span = _padded(min(drawn), max(drawn)) if limits is None else (min(*drawn, *limits), max(*drawn, *limits))
+    left, right = _percent(low, span), _percent(high, span)
+    return Track(
+        left,
+        max(right - left, 0.8),  # an interval too small to see is drawn all the same
+        _percent(value, span),
+        _percent(nominal, span),
+        tuple(_percent(dot, span) for dot in dots),
+        f"{span[0]:.3g}",
+        f"{span[1]:.3g}",
+    )
+
+
+def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
+    """Round numbers from low to high.
+
+    >>> ticks(0.0, 6.0)
+    [0.0, 2.0, 4.0, 6.0]
+    """
+    if not high > low:
+        return [low]
+    rough = (high - low) / wanted
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * m for m in (1, 2, 5, 10) if power * m >= rough)
+    first = math.ceil(low / step - 1e-9)
+    count = math.floor(high / step + 1e-9) - first
+    return [round((first + i) * step, 12) for i in range(count + 1)]
+
+
+def _path(
+    x: Sequence[float], y: Sequence[float | None], x_span: tuple[float, float], y_span: tuple[float, float]
+) -> str:
+    step = max(1, math.ceil(len(x) / MOST_POINTS))
+    out, pen = [], "M"
+    for i in range(0, len(x), step):
+        if y[i] is None:
+            pen = "M"
+            continue
+        across = WIDTH * _percent(x[i], x_span) / 100
+        down = HEIGHT * (1 - _percent(y[i], y_span) / 100)
+        out.append(f"{pen}{across:.1f} {down:.2f}")
+        pen = "L"
+    return "".join(out)
+
+
+def _placed(values: Iterable[float], span: tuple[float, float]) -> tuple[Tick, ...]:
+    return tuple(Tick(round(_percent(v, span), 2), f"{v:g}") for v in values)
+
+
+def _percent(value: float, span: tuple[float, float]) -> float:
+    return 100 * (value - span[0]) / (span[1] - span[0])
+
+
+def _padded(low: float, high: float) -> tuple[float, float]:
+    pad = 0.06 * (high - low) or 0.06 * abs(high) or 1.0
+    return low - pad, high + pad

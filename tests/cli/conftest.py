@@ -1,0 +1,84 @@
+"""Command lines run in this process, with the exit status and what went to stdout and stderr."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import made_up_results
+import pytest
+
+from dynreg.cli.call import Call
+from dynreg.cli.main import main
+from dynreg.errors import NoMatchError
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command line ended."""
+
+    status: int
+    out: str
+    err: str
+
+
+@dataclass
+class RecordedSession:
+    """Stands where a session would: answers with made-up results and keeps what it was asked."""
+
+    path: Path
+    created: bool = False
+    asked: list[tuple] = field(default_factory=list)
+    answers: dict = field(default_factory=dict)
+
+    def __enter__(self) -> "RecordedSession":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        pass
+
+    def __getattr__(self, verb: str) -> Callable:
+        def answer(*given: object, **named: object) -> object:
+            self.asked.append((verb, given, named))
+            found = self.answers[verb]
+            if isinstance(found, BaseException):
+                raise found
+            return found
+
+        return answer
+
+
+@pytest.fixture
+def dynreg(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
+    def run(*arguments: object) -> Ended:
+        capsys.readouterr()
+        status = main([str(a) for a in arguments])
+        return Ended(status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
+    """What every verb that opens a registry gets."""
+    monkeypatch.chdir(tmp_path)
+    made = RecordedSession(Path("unopened"))
+    made.answers = {
+        "populate": made_up_results.population(),
+        "ingest": made_up_results.recording(),
+        "query": made_up_results.neighbours(),
+        "calibrate": made_up_results.calibration(),
+        "list": made_up_results.listing(),
+        "show": made_up_results.entry(),
+        "result": made_up_results.neighbours(),
+        "export": made_up_results.listing(),
+        "verify": made_up_results.verification(),
+        "info": {"dynreg": "0.1.0", "registry": "here"},
+        "missing": NoMatchError("'x' is not there", expected="a name", do="see `dynreg list`"),
+    }
+
+    def opened(call: Call, create: bool = False) -> RecordedSession:
+        made.path, made.created = call.registry, create
+        return made
+
+    monkeypatch.setattr(Call, "open", opened)
+    return made

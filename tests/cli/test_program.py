@@ -1,0 +1,156 @@
+"""The program as a whole: quick to start, its help complete, its errors one line, its completion alive."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from dynreg.cli.main import app
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = [sys.executable, "-c", "from dynreg.cli.main import run; run()"]
+HEAVY = ("torch", "mujoco", "sklearn", "pandas", "matplotlib", "scipy", "sqlalchemy")
+
+
+def commands() -> dict[str, object]:
+    """{name: command} of all verbs, those of groups as "group verb"."""
+    root = typer.main.get_command(app)
+    found = {}
+    for name, command in root.commands.items():
+        found[name] = command
+        found |= {f"{name} {sub}": c for sub, c in getattr(command, "commands", {}).items()}
+    return found
+
+
+def subprocess_of(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*PROGRAM, *arguments], capture_output=True, text=True, timeout=60, **options)
+
+
+@pytest.mark.parametrize("name", commands())
+def test_every_verb_has_help_with_an_example(name: str, dynreg) -> None:
+    ended = dynreg(*name.split(), "--help")
+    assert ended.status == 0
+    assert f"Example: dynreg {name}" in ended.out
+    for parameter in commands()[name].params:
+        assert getattr(parameter, "help", ""), f"{name}: {parameter.name} has no help"
+
+
+@pytest.mark.parametrize("name", commands())
+def test_every_verb_is_in_the_readme(name: str) -> None:
+    """README.md must hold "dynreg VERB" for each verb, such as "dynreg robots check"."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert re.search(rf"\bdynreg {name}\b", readme), f"README.md does not mention `dynreg {name}`"
+
+
+@pytest.mark.parametrize("code", ["import dynreg", "from dynreg.cli.main import main; main(['--help'])"])
+def test_import_and_help_load_no_heavy_library(code: str) -> None:
+    check = f"{code}\nimport sys\nprint([m for m in {HEAVY} if m in sys.modules], file=sys.stderr)"
+    ended = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, timeout=60)
+    assert ended.stderr.strip() == "[]"
+
+
+def test_help_takes_less_than_0_4_seconds_of_processor_time() -> None:
+    check = "import time; from dynreg.cli.main import main; main(['--help']); print(time.process_time())"
+    taken = []
+    for _ in range(3):  # the quickest of three: the machine may be busy
+        ended = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, timeout=60)
+        taken.append(float(ended.stdout.split()[-1]))
+    assert min(taken) < 0.4
+
+
+def test_nothing_given_shows_the_help(dynreg) -> None:
+    ended = dynreg()
+    assert ended.status == 0 and "populate" in ended.out
+
+
+def test_version(dynreg) -> None:
+    assert re.fullmatch(r"dynreg \d+(\.\d+)*\S*\n", dynreg("--version").out)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("nonsense",),
+        ("query",),
+        ("query", "a", "--colour", "red"),
+        ("populate", "leg", "-n", "abc"),
+        ("list", "a"),
+    ],
+    ids=" ".join,
+)
+def test_misuse_is_one_line_and_exits_2(line: tuple[str, ...], dynreg) -> None:
+    ended = dynreg(*line)
+    assert ended.status == 2 and ended.out == ""
+    assert re.fullmatch(r"error: .+; expected .+; .+\n", ended.err)
+
+
+def test_an_error_is_one_line_and_has_a_traceback_only_with_debug(dynreg, session) -> None:
+    session.answers["show"] = session.answers["missing"]
+    plain, loud = dynreg("show", "x"), dynreg("show", "x", "--debug")
+    assert plain.status == loud.status == 4
+    assert plain.err == "error: 'x' is not there; expected a name; see `dynreg list`\n"
+    assert "Traceback" in loud.err and loud.err.endswith(plain.err)
+
+
+def test_a_bug_is_one_line_that_says_so(dynreg, session) -> None:
+    session.answers["show"] = ZeroDivisionError("division\nby zero")
+    ended = dynreg("show", "x")
+    assert ended.status == 1
+    assert ended.err == (
+        "error: ZeroDivisionError: division by zero; this is a bug in dynreg; run again with --debug\n"
+    )
+
+
+def test_an_interrupt_is_one_line_and_exits_130(dynreg, session) -> None:
+    session.answers["query"] = KeyboardInterrupt()
+    ended = dynreg("query", "x")
+    assert ended.status == 130
+    assert ended.err.startswith("error: interrupted") and ended.err.count("\n") == 1
+
+
+def test_ctrl_c_ends_the_real_program_with_130(tmp_path: Path) -> None:
+    code = (
+        "import os, signal, dynreg.cli.call as c\n"
+        "c.Call.open = lambda *a, **k: os.kill(os.getpid(), signal.SIGINT)\n"
+        "from dynreg.cli.main import run; run()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code, "list"], capture_output=True, text=True, timeout=60, cwd=tmp_path
+    )
+    assert ended.returncode == 128 + signal.SIGINT
+    assert ended.stderr.count("\n") == 1 and "Traceback" not in ended.stderr
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as stdout:
+        ended = subprocess.run(
+            [*PROGRAM, "robots", "--json"], stdout=stdout, stderr=subprocess.PIPE, text=True, timeout=60
+        )
+    assert ended.stderr == "" and ended.returncode == 141
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_the_shell_completes_verbs_and_robots(shell: str) -> None:
+    def offered(words: str) -> str:
+        asked = {"_DYNREG_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": words}
+        asked |= {"COMP_WORDS": words, "COMP_CWORD": str(len(words.split(" ")) - 1)}
+        return subprocess_of(env=os.environ | asked).stdout
+
+    assert "populate" in offered("dynreg po")
+    assert "servo_pendulum" in offered("dynreg populate ser")
+    assert "servo_pendulum" not in offered("dynreg populate quad")
+    assert "--hold-out" in offered("dynreg query x --ho")
+    assert "--registry" in offered("dynreg query x --reg")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_the_completion_script_is_given(shell: str) -> None:
+    ended = subprocess_of(env=os.environ | {"_DYNREG_COMPLETE": f"source_{shell}"})
+    assert ended.returncode == 0 and "complete" in ended.stdout and "dynreg" in ended.stdout

@@ -1,0 +1,69 @@
+"""Settings: file < environment < flags, and wrong ones are errors."""
+
+from pathlib import Path
+
+import pytest
+
+from dynreg.cli.settings import Settings, read_settings
+from dynreg.errors import UsageError
+
+
+def test_without_anything_there_are_no_settings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert read_settings(None, {}) == Settings()
+
+
+def test_the_later_source_wins(dynreg, session, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("dynreg.toml").write_text('k = 2\nregistry = "from-file"\n')
+    dynreg("query", "bench")
+    assert session.asked[-1][2]["k"] == 2 and session.path == Path("from-file")
+    monkeypatch.setenv("DYNREG_K", "3")
+    monkeypatch.setenv("DYNREG_REGISTRY", "from-environment")
+    dynreg("query", "bench")
+    assert session.asked[-1][2]["k"] == 3 and session.path == Path("from-environment")
+    dynreg("query", "bench", "-k", "4", "--registry", "from-flag")
+    assert session.asked[-1][2]["k"] == 4 and session.path == Path("from-flag")
+
+
+def test_the_registry_may_stand_before_the_verb_and_the_one_behind_it_wins(dynreg, session) -> None:
+    dynreg("--registry", "early", "list")
+    assert session.path == Path("early")
+    dynreg("--registry", "early", "list", "--registry", "late")
+    assert session.path == Path("late")
+
+
+def test_a_named_settings_file_goes_before_the_default_one(dynreg, session) -> None:
+    Path("dynreg.toml").write_text("k = 2\n")
+    Path("other.toml").write_text("k = 9\n")
+    dynreg("query", "bench", "--settings", "other.toml")
+    assert session.asked[-1][2]["k"] == 9
+
+
+def test_every_setting_can_come_from_the_environment() -> None:
+    given = {
+        "registry": "r",
+        "threads": "2",
+        "seed": "5",
+        "k": "4",
+        "distance": "embedding",
+        "budget": "9",
+        "quiet": "true",
+    }
+    assert set(given) == set(Settings.model_fields)
+    found = read_settings(None, {f"DYNREG_{key.upper()}": value for key, value in given.items()})
+    assert found == Settings(
+        registry=Path("r"), threads=2, seed=5, k=4, distance="embedding", budget=9, quiet=True
+    )
+
+
+@pytest.mark.parametrize("text", ["kk = 3\n", "k = 0\n", 'k = "many"\n', "k = \n", "threads = -1\n"])
+def test_a_wrong_file_names_itself(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=r"mine\.toml"):
+        read_settings(file, {})
+
+
+def test_a_wrong_variable_names_itself() -> None:
+    with pytest.raises(UsageError, match="DYNREG_K='abc'.*expected"):
+        read_settings(None, {"DYNREG_K": "abc"})

@@ -1,0 +1,153 @@
+"""What each verb passes on, prints, and answers with its exit status."""
+
+import json
+from pathlib import Path
+
+import made_up_results
+import pytest
+
+from dynreg.cli.schemas import model_of
+
+VERBS = {
+    "robots": ("robots",),
+    "robots list": ("robots", "list"),
+    "robots check": ("robots", "check", "servo_pendulum"),
+    "populate": ("populate", "servo_pendulum", "-n", "8"),
+    "ingest": ("ingest", "run.csv", "--robot", "servo_pendulum"),
+    "list": ("list",),
+    "show": ("show", "@last"),
+    "query": ("query", "bench_monday"),
+    "calibrate": ("calibrate", "bench_monday"),
+    "report": ("report", "@last"),
+    "export": ("export", "bench_monday", "--to", "copy"),
+    "verify": ("verify",),
+    "info": ("info",),
+}
+
+
+@pytest.mark.parametrize("line", VERBS.values(), ids=VERBS)
+def test_json_is_one_document_that_fits_its_schema(line, dynreg, session) -> None:
+    for arguments in (("--json", *line), (*line, "--json")):
+        ended = dynreg(*arguments)
+        assert ended.status == 0 and ended.err == ""
+        document = json.loads(ended.out)  # fails on anything before or after it
+        model = model_of(document["schema"])
+        assert json.loads(model.model_validate(document).to_json()) == document
+
+
+@pytest.mark.parametrize("line", VERBS.values(), ids=VERBS)
+def test_text_is_narrow_and_without_colour_codes(line, dynreg, session) -> None:
+    ended = dynreg(*line)
+    assert ended.status == 0 and ended.err == ""
+    assert ended.out.strip()
+    assert "\x1b" not in ended.out
+    assert max(map(len, ended.out.splitlines())) <= 100
+
+
+def test_populate_passes_its_options_on(dynreg, session) -> None:
+    dynreg(
+        *"populate servo_pendulum -n 8 --seed 3 --ranges wide --no-link --threads 2".split(),
+    )
+    assert session.created
+    ((verb, given, named),) = session.asked
+    assert (verb, given) == ("populate", ("servo_pendulum", 8))
+    assert named == {"seed": 3, "ranges": "wide", "link": False, "threads": 2, "progress": None}
+
+
+def test_ingest_passes_its_options_on(dynreg, session) -> None:
+    dynreg("ingest", "a.csv", "b.csv", "--robot", "leg", "--map", "m.toml", "--name", "monday")
+    ((verb, given, named),) = session.asked
+    assert (verb, given) == ("ingest", ([Path("a.csv"), Path("b.csv")], "leg"))
+    assert named == {"log_map": Path("m.toml"), "name": "monday"}
+
+
+def test_query_passes_its_options_on(dynreg, session) -> None:
+    line = "query bench -k 7 --distance embedding --population p --no-replay --no-synthesise"
+    dynreg(*line.split(), *"--hold-out kp=400 --budget 50 --robot leg --map m.toml".split())
+    assert not session.created
+    ((verb, given, named),) = session.asked
+    assert (verb, given) == ("query", ("bench",))
+    assert named == {
+        "k": 7,
+        "distance": "embedding",
+        "population": "p",
+        "replay": False,
+        "synthesise": False,
+        "hold_out": "kp=400",
+        "budget": 50,
+        "robot": "leg",
+        "log_map": Path("m.toml"),
+        "progress": None,
+    }
+
+
+def test_query_shows_the_verdict_and_every_part_of_the_answer(dynreg, session) -> None:
+    out = dynreg("query", "bench_monday").out
+    result = session.answers["query"]
+    assert out.startswith("For bench_monday, use the synthesised simulator c0ffee")
+    for words in ("nominal", "nearest", "replayed", "synthesised", "answer", "distance", "replay error"):
+        assert words in out
+    for name in result.nominal.parameters:
+        assert name in out
+    for neighbour in result.neighbours:
+        assert f"#{neighbour.index}" in out
+    assert "90 % interval" in out and "arm/velocity" in out and "cost: 1000 distance" in out
+    assert "next: dynreg report @last" in out
+
+
+def test_an_alarm_is_printed_with_the_result_and_exits_4(dynreg, session) -> None:
+    session.answers["query"] = made_up_results.neighbours(fits=False)
+    for line in (("query", "bench_monday"), ("query", "bench_monday", "--json")):
+        ended = dynreg(*line)
+        assert ended.status == 4
+        assert "replay error 0.41" in ended.out
+        assert ended.err.startswith("error: no simulator fits 'bench_monday'")
+        assert len(ended.err.splitlines()) == 1
+
+
+def test_a_query_writes_a_report_when_asked(dynreg, session, tmp_path: Path) -> None:
+    assert dynreg("query", "bench_monday", "--report", tmp_path / "page.html").status == 0
+    assert (tmp_path / "page.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+def test_report_writes_where_it_says(dynreg, session, tmp_path: Path) -> None:
+    ended = dynreg("report", "@last", "--out", tmp_path / "page.html", "--json")
+    assert json.loads(ended.out)["bytes"] == (tmp_path / "page.html").stat().st_size
+
+
+def test_verify_exits_3_on_faults(dynreg, session) -> None:
+    session.answers["verify"] = made_up_results.verification(("shard 0: its file is lost",))
+    ended = dynreg("verify")
+    assert ended.status == 3
+    assert "its file is lost" in ended.out
+    assert "expected" in ended.err and "--repair" in ended.err
+
+
+def test_calibrate_passes_its_options_on(dynreg, session) -> None:
+    dynreg(*"calibrate bench --seed 2 --budget 40 --hold-out 0.25".split())
+    ((verb, given, named),) = session.asked
+    assert (verb, given) == ("calibrate", ("bench",))
+    assert named == {"method": "cmaes", "seed": 2, "budget": 40, "hold_out": "0.25", "progress": None}
+
+
+def test_quiet_leaves_hints_out(dynreg, session) -> None:
+    assert "next:" in dynreg("list").out
+    assert "next:" not in dynreg("list", "--quiet").out
+    assert "next:" not in dynreg("--quiet", "list").out
+
+
+def test_doctor_prints_its_findings_and_exits_1_when_the_log_is_unusable(dynreg, tmp_path: Path) -> None:
+    log = tmp_path / "run.csv"
+    log.write_text("time,arm/position\n0,1\n0.01,2\n")
+    ended = dynreg("doctor", log, "--robot", "servo_pendulum", "--json")
+    document = json.loads(ended.out)
+    assert ended.status == 1 and document["usable"] is False
+    assert model_of(document["schema"]).model_validate(document).findings
+    assert len(ended.err.splitlines()) == 1
+
+
+def test_doctor_says_when_nothing_is_wrong(dynreg, tmp_path: Path) -> None:
+    log = tmp_path / "run.csv"
+    log.write_text("time,x\n" + "".join(f"{0.01 * i:.2f},{(i * 7) % 11}\n" for i in range(300)))
+    ended = dynreg("doctor", log)
+    assert ended.status == 0 and "can be ingested" in ended.out

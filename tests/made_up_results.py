@@ -1,0 +1,256 @@
+"""One plausible document of every kind, for the tests of the command line and the report."""
+
+import math
+
+from dynreg.cli.documents import Info, LogFinding, LogFindings, ReportFile, RobotCheck, RobotLine, RobotList
+from dynreg.results import (
+    Calibration,
+    CalibrationStep,
+    ChannelError,
+    Cost,
+    EntrySummary,
+    Estimate,
+    Gain,
+    Listing,
+    Neighbour,
+    Neighbours,
+    Nominal,
+    PopulationSummary,
+    RecordingSummary,
+    Result,
+    Stage,
+    Synthesised,
+    Trace,
+    Verification,
+)
+
+UNITS = {
+    "tip_mass": ("kg", 0.49),
+    "torque_constant": ("N*m/A", 0.35),
+    "resistance": ("ohm", 4.5),
+    "rotor_inertia": ("kg*m^2", 0.0018),
+    "coulomb_friction": ("N*m", 0.02),
+    "viscous_friction": ("N*m*s/rad", 0.006),
+    "zero_offset": ("rad", 0.0),
+}
+LIMITS = {
+    "tip_mass": (0.4, 0.6),
+    "torque_constant": (0.2, 0.6),
+    "resistance": (2.5, 8.0),
+    "zero_offset": (-0.08, 0.08),
+}
+NOMINAL = {name: value for name, (_, value) in UNITS.items()}
+EPISODES = ("sin_sin_kp400", "lift_and_drop_kp400", "up_and_down_kp400")
+
+
+def neighbours(fits: bool = True, kind: str = "synthesised", held_out: bool = True, k: int = 5) -> Neighbours:
+    """A query of the servo bench with plausible numbers."""
+    near = tuple(_neighbour(i) for i in range(k))
+    answer = {"synthesised": "c0ffee" + "5" * 58, "neighbour": near[0].entry, "nominal": "0" * 64}[kind]
+    return Neighbours(
+        robot="servo_pendulum",
+        population="9a" * 32,
+        recording="b7" * 32,
+        recording_name="bench_monday",
+        distance="one_sided",
+        k=k,
+        neighbours=near,
+        synthesised=Synthesised(simulator="c0ffee" + "5" * 58, replay_error=0.068, parameters=estimates()),
+        answer=answer,
+        answer_kind=kind,
+        answer_parameters=near[0].parameters,
+        nominal=Nominal(replay_error=0.1042, parameters=NOMINAL),
+        stages=_stages(near[0].entry, answer, held_out),
+        gain=Gain(value=0.31, low=0.22, high=0.37),
+        parts={
+            "fit": ("sin_sin_kp100", "sin_sin_kp800", "up_and_down_kp100"),
+            "select": ("sin_sin_kp200", "up_and_down_kp200"),
+            "test": EPISODES if held_out else (),
+        },
+        channels=(
+            ChannelError(channel="arm/position", unit="rad", nominal=0.0621, answer=0.0433, spread=0.0051),
+            ChannelError(channel="arm/velocity", unit="rad/s", nominal=0.411, answer=0.352, spread=0.03),
+        ),
+        traces=tuple(_trace(episode, i) for i, episode in enumerate(EPISODES)),
+        fits=fits,
+        alarm=None
+        if fits
+        else "replay error 0.41 on select lies above 0.12, the 95 % quantile of the neighbours' own robots",
+        notes=("3 episodes are shorter than 2 s",),
+        cost=Cost(evaluations=1000, rollouts=142, seconds=8.4),
+    )
+
+
+def estimates() -> dict[str, Estimate]:
+    """The bench's parameters with intervals, one of them at its bound."""
+    out = {}
+    for i, (name, (unit, nominal)) in enumerate(UNITS.items()):
+        value = nominal * (1 + 0.07 * (-1) ** i) + (0.012 if name == "zero_offset" else 0)
+        half = 0.05 * abs(value) + 1e-4
+        out[name] = Estimate(
+            value=value,
+            low=value - half,
+            high=value + half,
+            unit=unit,
+            nominal=nominal,
+            at_bound=i == 4,
+            limits=LIMITS.get(name),
+        )
+    return out
+
+
+def calibration() -> Calibration:
+    """A search of 600 simulations."""
+    return Calibration(
+        robot="servo_pendulum",
+        recording="b7" * 32,
+        method="cmaes",
+        simulator="d1" * 32,
+        parameters=estimates(),
+        train_error=0.064,
+        test_error=0.071,
+        nominal_train_error=0.105,
+        nominal_test_error=0.104,
+        history=tuple(
+            CalibrationStep(simulations=20 * i, error=0.064 + 0.05 * math.exp(-i / 8)) for i in range(1, 31)
+        ),
+        cost=Cost(evaluations=0, rollouts=600, seconds=41.2),
+    )
+
+
+def _neighbour(i: int) -> Neighbour:
+    parameters = {
+        n: v * (1 + 0.09 * math.sin(3.1 * i + j)) + 0.001 * i for j, (n, v) in enumerate(NOMINAL.items())
+    }
+    return Neighbour(
+        entry=f"{i:x}a" * 32,
+        name=f"servo_pendulum-{417 * (i + 1) % 1000}",
+        index=417 * (i + 1) % 1000,
+        distance=1.03 + 0.02 * i,
+        replay_error=0.079 + 0.004 * i,
+        parameters=parameters,
+    )
+
+
+def _stages(nearest: str, answer: str, held_out: bool) -> tuple[Stage, ...]:
+    rows = [
+        ("nominal", None, 0.105, 0.101, 0.1042, 1),
+        ("nearest", nearest, 0.088, 0.086, 0.0903, 5),
+        ("replayed", nearest, 0.081, 0.079, 0.0841, 100),
+        ("synthesised", answer, 0.066, 0.068, 0.0719, 36),
+        ("answer", answer, 0.066, 0.068, 0.0719, 0),
+    ]
+    return tuple(
+        Stage(stage=s, simulator=i, fit=f, select=e, test=t if held_out else None, simulations=n)
+        for s, i, f, e, t, n in rows
+    )
+
+
+def _trace(episode: str, phase: int) -> Trace:
+    time = [0.01 * i for i in range(600)]
+    measured = [
+        math.sin(2.2 * t + phase) * (1 - 0.3 * math.sin(0.9 * t)) + 0.02 * math.sin(57 * t) for t in time
+    ]
+    measured[200:212] = [None] * 12
+    return Trace(
+        episode=episode,
+        channel="arm/position",
+        unit="rad",
+        time=time,
+        measured=measured,
+        nominal=[1.12 * math.sin(2.2 * t + phase - 0.16) * (1 - 0.3 * math.sin(0.9 * t)) for t in time],
+        answer=[0.98 * math.sin(2.2 * t + phase - 0.04) * (1 - 0.3 * math.sin(0.9 * t)) for t in time],
+    )
+
+
+def recording() -> RecordingSummary:
+    """A bench recording."""
+    return RecordingSummary(
+        recording="b7" * 32,
+        name="bench_monday",
+        robot="servo_pendulum",
+        measured=True,
+        episodes=16,
+        rows_count=9600,
+        duration=96.0,
+        rate=100.0,
+        channels=("arm/position", "arm/velocity", "arm/target", "supply"),
+        settings=("kp",),
+        findings=("warning: kp400.csv, row 12: 2 stamps repeat the one before",),
+    )
+
+
+def population() -> PopulationSummary:
+    """A population that was just filled."""
+    return PopulationSummary(
+        population="9a" * 32,
+        robot="servo_pendulum",
+        entries=1000,
+        planned=1000,
+        added=1000,
+        seconds=74.2,
+        simulate_seconds=50.1,
+        train_seconds=20.0,
+        link_seconds=4.1,
+    )
+
+
+def entry() -> EntrySummary:
+    """One simulator of the population."""
+    detail = {"own_loss": 0.0123, "parameters": NOMINAL}
+    return EntrySummary(
+        id="ab" * 32, kind="entry", name="servo_pendulum-417", robot="servo_pendulum", detail=detail
+    )
+
+
+def listing() -> Listing:
+    """What a small registry holds."""
+    return Listing(registry="dynreg-registry", items=(entry(),))
+
+
+def verification(faults: tuple[str, ...] = ()) -> Verification:
+    """A registry that was checked."""
+    return Verification(
+        registry="dynreg-registry",
+        clean=not faults,
+        checked={"files": 31, "entries": 1000},
+        faults=faults,
+        repaired=(),
+        lost=(),
+    )
+
+
+def every_kind() -> tuple[Result, ...]:
+    """One of each document."""
+    return (
+        neighbours(),
+        population(),
+        recording(),
+        entry(),
+        listing(),
+        verification(),
+        calibration(),
+        RobotList(
+            robots=(
+                RobotLine(
+                    name="servo_pendulum",
+                    title="Servo bench",
+                    engines=("joint", "mujoco"),
+                    control_rate=100.0,
+                    channels=("arm/position", "arm/velocity"),
+                    actions=("arm/target",),
+                    settings=("kp",),
+                    parameters=tuple(NOMINAL),
+                ),
+            )
+        ),
+        RobotCheck(robot="my_arm", sound=False, problems=("robot.toml, line 3: unknown key 'colour'",)),
+        LogFindings(
+            logs=("run.csv",),
+            robot="servo_pendulum",
+            usable=True,
+            findings=(LogFinding(level="info", check="jitter", where="run.csv", message="uneven stamps"),),
+        ),
+        ReportFile(result="@last", path="report.html", bytes=81234),
+        Info(facts={"dynreg": "0.1.0", "threads": 2}),
+    )

@@ -1,0 +1,149 @@
+"""The page: whole, self-contained, safe, always the same bytes, and true to the result."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import made_up_results
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.report.drawing import HEIGHT, WIDTH, chart, ticks, track
+from dynreg.report.html import page, write_report
+from dynreg.results import Neighbours
+
+RESULTS = {
+    "synthesised": made_up_results.neighbours(),
+    "neighbour": made_up_results.neighbours(kind="neighbour"),
+    "nominal": made_up_results.neighbours(kind="nominal"),
+    "alarm": made_up_results.neighbours(fits=False),
+    "nothing held out": made_up_results.neighbours(held_out=False),
+    "one neighbour": made_up_results.neighbours(k=1),
+    "bare": made_up_results.neighbours().model_copy(
+        update={"synthesised": None, "gain": None, "traces": (), "channels": (), "stages": (), "notes": ()}
+    ),
+    "calibration": made_up_results.calibration(),
+    "calibration without test": made_up_results.calibration().model_copy(
+        update={"test_error": None, "nominal_test_error": None, "history": ()}
+    ),
+}
+VOID = {"meta", "br", "link", "img", "hr"}
+
+
+class Balance(HTMLParser):
+    """Open elements, and a complaint where one is closed that is not open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag, attrs) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag) -> None:
+        assert self.open and self.open[-1] == tag, (tag, self.open)
+        self.open.pop()
+
+    def handle_data(self, data) -> None:
+        self.text += data
+
+
+def words(html: str) -> str:
+    reader = Balance()
+    reader.feed(re.sub(r"<style>.*</style>", "", html, flags=re.DOTALL))
+    assert reader.open == []
+    return " ".join(reader.text.split())
+
+
+@pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
+def test_a_page_is_well_formed_and_needs_nothing_else(result) -> None:
+    html = page(result)
+    assert words(html)
+    assert not re.search(r"<script|<link|<img|@import|url\(|https?://", html)
+    assert "None" not in words(html) and "nan" not in words(html)
+
+
+def test_the_same_result_gives_the_same_bytes(tmp_path: Path) -> None:
+    first = write_report(RESULTS["synthesised"], tmp_path / "a.html")
+    second = write_report(made_up_results.neighbours(), tmp_path / "b.html")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_the_page_says_what_the_result_says() -> None:
+    result = RESULTS["synthesised"]
+    text = words(page(result))
+    assert "use the synthesised simulator c0ffee" in text
+    assert result.population in text and result.answer in text and result.recording in text
+    for neighbour in result.neighbours:
+        assert neighbour.name in text
+    for name in result.nominal.parameters:
+        assert name in text
+    for note in result.notes:
+        assert note in text
+    assert "31 %" in text and "22 to 37 %" in text
+
+
+def test_an_alarm_stands_on_the_page_and_only_then() -> None:
+    assert RESULTS["alarm"].alarm in words(page(RESULTS["alarm"]))
+    assert 'role="alert"' in page(RESULTS["alarm"])
+    assert 'role="alert"' not in page(RESULTS["synthesised"])
+
+
+def test_there_is_a_drawing_for_each_trace() -> None:
+    result: Neighbours = RESULTS["synthesised"]
+    assert page(result).count("<svg") == len(result.traces)
+    assert page(RESULTS["bare"]).count("<svg") == 0
+
+
+def test_names_from_a_log_cannot_become_markup() -> None:
+    hostile = made_up_results.neighbours(fits=False).model_copy(
+        update={"recording_name": "<script>alert(1)</script>", "alarm": "<b>x</b>", "notes": ("<i>y</i>",)}
+    )
+    html = page(hostile)
+    assert "<script" not in html and "<b>x" not in html and "<i>y" not in html
+
+
+def test_what_has_no_page_is_an_error_that_says_so(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no report.*query or calibration"):
+        write_report(made_up_results.recording(), tmp_path / "page.html")
+    with pytest.raises(UsageError, match="cannot write"):
+        write_report(made_up_results.neighbours(), tmp_path / "missing" / "page.html")
+
+
+def test_curves_stay_in_their_box_and_break_at_missing_values() -> None:
+    drawn = chart("x", "t", [0.0, 1.0, 2.0, 3.0, 4.0], {"measured": [0.0, 5.0, None, -5.0, 1.0]})
+    (line,) = drawn.lines
+    points = [tuple(map(float, p.split())) for p in re.findall(r"[ML]([^ML]+)", line.path)]
+    assert len(points) == 4 and line.path.count("M") == 2
+    assert all(0 <= x <= WIDTH and 0 <= y <= HEIGHT for x, y in points)
+    assert points[1][1] < points[0][1] < points[2][1]  # up is up
+
+
+def test_nothing_to_draw_gives_no_chart() -> None:
+    assert chart("x", "t", [0.0, 1.0], {"measured": [None, None]}) is None
+    assert chart("x", "t", [0.0], {"measured": [1.0]}) is None
+
+
+@pytest.mark.parametrize("low, high", [(0.0, 1.0), (-3.7, 12.2), (1e-6, 3e-6), (99.0, 100.0), (-1e5, 1e5)])
+def test_ticks_are_round_and_inside(low: float, high: float) -> None:
+    found = ticks(low, high)
+    assert 2 <= len(found) <= 11
+    assert all(low - 1e-9 * abs(low) <= t <= high + 1e-9 * abs(high) for t in found)
+    assert found == sorted(found)
+
+
+def test_a_constant_still_has_a_tick_and_a_chart() -> None:
+    assert ticks(2.0, 2.0) == [2.0]
+    assert chart("x", "t", [0.0, 1.0], {"answer": [2.0, 2.0]}) is not None
+
+
+def test_a_track_spans_its_limits_and_holds_everything() -> None:
+    drawn = track(0.5, 0.45, 0.55, 0.49, [0.42, 0.58], (0.4, 0.6))
+    assert drawn.left == pytest.approx(25) and drawn.width == pytest.approx(50)
+    assert drawn.value == pytest.approx(50) and drawn.nominal == pytest.approx(45)
+    beyond = track(0.7, 0.6, 0.8, 0.3, [], (0.4, 0.6))
+    assert beyond.nominal == 0 and beyond.left + beyond.width == pytest.approx(100)
+    exact = track(1.0, 1.0, 1.0, 1.0, [])
+    assert 0 < exact.value < 100 and exact.width > 0
