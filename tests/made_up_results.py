@@ -220,6 +220,18 @@ def verification(faults: tuple[str, ...] = ()) -> Verification:
     )
 
 
+def information() -> Info:
+    """Versions and counts."""
+    return Info(
+        registry="dynreg-registry",
+        holds={"population": 1, "recording": 2},
+        entries=1000,
+        versions={"dynreg": "0.1.0", "mujoco": "4.0.0"},
+        device="cpu",
+        cores=2,
+    )
+
+
 def every_kind() -> tuple[Result, ...]:
     """One of each document."""
     return (
@@ -249,8 +261,8 @@ def every_kind() -> tuple[Result, ...]:
             logs=("run.csv",),
             robot="servo_pendulum",
             usable=True,
-            findings=(LogFinding(level="info", check="jitter", where="run.csv", message="uneven stamps"),),
+            findings=(LogFinding(severity="info", check="jitter", where="run.csv", message="uneven stamps"),),
         ),
         ReportFile(result="@last", path="report.html", bytes=81234),
-        Info(facts={"dynreg": "0.1.0", "threads": 2}),
+        information(),
     )

@@ -9,6 +9,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import tomllib
 import warnings
 from collections.abc import Iterator
 from functools import cache
@@ -51,6 +52,13 @@ def test_imports_go_down_only():
         "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()", "--no-cache"
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_every_module_has_a_floor():
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
+    floors = {name for layer in contract["layers"] for name in re.findall(r"dynreg\.\w+", layer)}
+    children = [p for p in PACKAGE.iterdir() if p.suffix == ".py" or (p / "__init__.py").is_file()]
+    assert floors == {f"dynreg.{p.stem}" for p in children if p.stem != "__init__"}
 
 
 def test_no_module_is_a_drawer_for_everything():
@@ -219,6 +227,32 @@ def test_examples_in_docstrings_hold(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = doctest.testmod(importlib.import_module(name), optionflags=DOCTESTS)
     assert result.attempted and not result.failed
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_readme_tells_of_every_command():
+    import typer
+
+    from dynreg.cli.main import app
+
+    table = set(re.findall(r"^\| `dynreg (\w+)", README, re.MULTILINE))
+    assert sorted(table) == sorted(typer.main.get_command(app).commands)
+
+
+def test_files_in_the_readme_are_valid(tmp_path):
+    from dynreg.data.maps import LogMap
+    from dynreg.sim.spec import RobotFile
+
+    robot, log_map = (tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", README, re.DOTALL))
+    RobotFile.model_validate(robot)
+    assert robot["parameters"] and LogMap.model_validate(log_map)
+
+
+def test_readme_names_only_files_that_are_there():
+    named = re.findall(r"`((?:examples|schemas|docs|benchmarks|tests)/[\w./]*)`", README)
+    assert named and not [name for name in named if not (ROOT / name).exists()]
 
 
 # ---- what is shipped ----

@@ -26,6 +26,7 @@ def calibrate(
         str | None,
         typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
     ] = None,
+    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
 ) -> None:
     """Fit a robot's parameters by a search.
 
@@ -39,6 +40,7 @@ def calibrate(
         )
     at_least("--budget", budget, 1)
     at_least("--seed", seed, 0)
+    at_least("--threads", threads, 0)
     with call.open() as session, call.progress() as progress:
         result = session.calibrate(
             recording,
@@ -46,6 +48,7 @@ def calibrate(
             seed=call.pick("seed", seed, 0),
             budget=budget,
             hold_out=hold_out,
+            threads=call.pick("threads", threads, 0),
             progress=progress,
         )
     call.emit(result, hint="dynreg report @last")

@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-KINDS = ("entry", "population", "recording", "result", "robot", "simulator")
-DISTANCES = ("auto", "one_sided", "embedding", "cross_loss")
+KINDS = ("population", "recording", "simulator", "result", "robot")
+DISTANCES = ("auto", "one_sided", "embedding", "cross_loss", "cross_loss_train", "trajectory")
 METHODS = ("cmaes",)
 
 

@@ -1,13 +1,16 @@
 """`dynreg doctor`: what is wrong with a log, before it is ingested."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dynreg.cli.call import Call, verb
 from dynreg.cli.completion import robot_names
 from dynreg.errors import LogError
+
+if TYPE_CHECKING:
+    from dynreg.data.ingest import Finding
 
 
 def register(app: typer.Typer) -> None:
@@ -31,26 +34,42 @@ def doctor(
     Example: dynreg doctor run.mcap --robot servo_pendulum --map my_map.toml
     """
     from dynreg.cli.documents import LogFinding, LogFindings
-    from dynreg.data import ingest
-    from dynreg.data.maps import read_map
     from dynreg.report.tables import table
-    from dynreg.sim.robot import load_robot
 
-    spec = load_robot(robot).recording_spec if robot else None
-    found = ingest.doctor(logs, spec, read_map(log_map) if log_map else None)
-    findings = tuple(
-        LogFinding(level=f.level, check=f.check, where=f.where, message=f.message) for f in found
-    )
-    wrong = [f for f in findings if f.level == "error"]
+    findings = tuple(LogFinding(**vars(f)) for f in _findings(logs, robot, log_map))
+    wrong = [f for f in findings if f.severity == "error"]
     result = LogFindings(logs=tuple(map(str, logs)), robot=robot, usable=not wrong, findings=findings)
-    shown = table(
-        ("level", "check", "where", "finding"), [(f.level, f.check, f.where, f.message) for f in findings]
-    )
+    rows = [(f.severity, f.check, f.where, f.message) for f in findings]
+    shown = table(("severity", "check", "where", "finding"), rows)
     call.emit(result, shown if findings else "nothing found: the logs can be ingested")
     if wrong:
+        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
         raise LogError(
-            f"{wrong[0].where}: {wrong[0].message}"
-            + (f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""),
+            f"{wrong[0].where}: {wrong[0].message}{more}",
             expected="a log that passes the checks",
             do="mend the log or its map",
         )
+
+
+def _findings(logs: list[Path], robot: str | None, log_map: Path | None) -> "tuple[Finding, ...]":
+    """Those without a map; where they are errors, those with the first packaged map that gives none."""
+    from dynreg.data.ingest import doctor as check
+    from dynreg.data.maps import read_map
+    from dynreg.sim.robot import load_robot
+
+    loaded = load_robot(robot) if robot else None
+    spec = loaded.recording_spec if loaded else None
+    if log_map is not None or loaded is None:
+        return check(logs, spec, read_map(log_map) if log_map else None)
+    first = check(logs, spec)
+    if not _unusable(first):
+        return first
+    for path in sorted((loaded.folder / "maps").glob("*.toml")):
+        found = check(logs, spec, read_map(path))
+        if not _unusable(found):
+            return found
+    return first
+
+
+def _unusable(findings: "tuple[Finding, ...]") -> bool:
+    return any(f.severity == "error" for f in findings)

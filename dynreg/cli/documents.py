@@ -1,6 +1,6 @@
 """JSON documents of the verbs that answer with something else than a registered result."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field
 
@@ -39,7 +39,7 @@ class RobotCheck(Result):
 class LogFinding(Result):
     """One finding of a check on a log."""
 
-    level: Literal["error", "warning", "info"]
+    severity: Literal["error", "warning", "info"]
     check: str
     where: str
     message: str
@@ -65,10 +65,15 @@ class ReportFile(Result):
 
 
 class Info(Result):
-    """Versions, paths and counts."""
+    """Versions, device, and what the registry holds (counts by kind, simulators of all populations)."""
 
     schema_: Literal["dynreg/info/1"] = Field(default="dynreg/info/1", alias="schema")
-    facts: dict[str, Any]
+    registry: str
+    holds: dict[str, int]
+    entries: int
+    versions: dict[str, str]
+    device: str
+    cores: int
 
 
 DOCUMENTS: tuple[type[Result], ...] = (*RESULTS, RobotList, RobotCheck, LogFindings, ReportFile, Info)

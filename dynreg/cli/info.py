@@ -16,8 +16,7 @@ def info(call: Call) -> None:
     Example: dynreg info
     """
     from dynreg.cli.documents import Info
-    from dynreg.report.tables import table
 
     with call.open() as session:
-        facts = session.info()
-    call.emit(Info(facts=facts), table(("", ""), [(key, str(value)) for key, value in facts.items()]))
+        result = Info.model_validate(session.info())
+    call.emit(result)

@@ -31,6 +31,11 @@ def ingest(
 
     Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday
     """
+    from dynreg.session import read_log
+    from dynreg.sim.robot import load_robot
+
+    loaded = load_robot(robot)
+    recording = read_log(logs, loaded, log_map)  # before a registry is made for it
     with call.open(create=True) as session:
-        result = session.ingest(logs, robot, log_map=log_map, name=name)
+        result = session.ingest(recording, loaded, name=name)
     call.emit(result, hint=f"dynreg query {result.name or result.recording[:12]} -k 5")

@@ -32,7 +32,8 @@ from dynreg.cli.call import (
 )
 from dynreg.errors import DynregError
 
-INTERRUPTED, BROKEN_PIPE = 130, 141  # 128 + the signal's number, as shells have it
+INTERRUPTED = 130  # 128 + the signal's number, as shells have it
+READER_GONE = 1  # the status that typer and rich give to a broken pipe
 
 # click's errors, wherever typer keeps its click
 _UsageError = typer.BadParameter.__bases__[0]
@@ -158,4 +159,4 @@ def _given(error: Exception, arguments: Sequence[str]) -> str:
 def _end_quietly() -> int:
     """The reader of stdout went away: nothing more can be said there, and Python need not try at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return BROKEN_PIPE
+    return READER_GONE

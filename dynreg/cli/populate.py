@@ -32,9 +32,12 @@ def populate(
 
     Example: dynreg populate servo_pendulum -n 1000
     """
+    from dynreg.sim.robot import load_robot
+
     at_least("-n", n, 1)
     at_least("--seed", seed, 0)
     at_least("--threads", threads, 0)
+    load_robot(robot, ranges)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
         result = session.populate(
             robot,

@@ -42,6 +42,7 @@ def query(
         str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
     ] = None,
     log_map: Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")] = None,
+    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
     report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
 ) -> None:
     """Find the simulators nearest to a recording.
@@ -54,6 +55,7 @@ def query(
     """
     at_least("-k", k, 1)
     at_least("--budget", budget, 1)
+    at_least("--threads", threads, 0)
     chosen = call.pick("distance", distance, "auto")
     if chosen not in DISTANCES:
         raise UsageError(
@@ -71,6 +73,7 @@ def query(
             budget=call.pick("budget", budget, None),
             robot=robot,
             log_map=log_map,
+            threads=call.pick("threads", threads, 0),
             progress=progress,
         )
     if report is not None:

@@ -28,4 +28,10 @@ def show(
     """
     with call.open() as session:
         result = session.show(ref)
-    call.emit(result)
+        stored = session.result(result.id) if result.kind == "result" and not call.shared.json else None
+    if stored is None:
+        call.emit(result)
+        return
+    from dynreg.report.tables import render
+
+    call.emit(result, render(stored), hint=f"dynreg report {result.id[:12]}")

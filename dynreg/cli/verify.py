@@ -25,8 +25,9 @@ def verify(
 
     Example: dynreg verify --repair
     """
-    with call.open() as session:
-        result = session.verify(repair)
+    from dynreg.summaries import verification
+
+    result = verification(call.registry, repair)  # a session could not open a damaged registry
     call.emit(result, hint=None if result.clean or repair else "dynreg verify --repair")
     left = result.lost if repair else result.faults
     if left:

@@ -33,14 +33,32 @@ def _problems(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
                     parse(entry)
                 except RobotError as problem:
                     yield (group, i, "sets"), problem
-    known = [p.name for p in file.parameters]
+    yield from _populations(file)
+
+
+def _populations(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
+    scales = {p.name: p.scale for p in file.parameters}
     for label, population in file.populations.items():
-        for name in population.ranges:
-            if name not in known:
-                problem = RobotError(
-                    f"unknown parameter {name!r}", expected=f"one of {known}", do="correct its spelling"
+        for name, (low, _) in population.ranges.items():
+            location = ("populations", label, "ranges", name)
+            if name not in scales:
+                yield (
+                    location,
+                    RobotError(
+                        f"unknown parameter {name!r}",
+                        expected=f"one of {list(scales)}",
+                        do="correct its spelling",
+                    ),
                 )
-                yield ("populations", label, "ranges", name), problem
+            elif scales[name] == "log" and low <= 0:
+                yield (
+                    location,
+                    RobotError(
+                        f"{name}: low {low:g} on a log scale",
+                        expected="low > 0",
+                        do="raise it, or use scale linear",
+                    ),
+                )
 
 
 def _tables(file: RobotFile, group: str) -> Iterable:

@@ -72,7 +72,7 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         "result": made_up_results.neighbours(),
         "export": made_up_results.listing(),
         "verify": made_up_results.verification(),
-        "info": {"dynreg": "0.1.0", "registry": "here"},
+        "info": made_up_results.information().to_dict(),
         "missing": NoMatchError("'x' is not there", expected="a name", do="see `dynreg list`"),
     }
 

@@ -151,3 +151,30 @@ def test_doctor_says_when_nothing_is_wrong(dynreg, tmp_path: Path) -> None:
     log.write_text("time,x\n" + "".join(f"{0.01 * i:.2f},{(i * 7) % 11}\n" for i in range(300)))
     ended = dynreg("doctor", log)
     assert ended.status == 0 and "can be ingested" in ended.out
+
+
+def test_doctor_finds_the_packaged_map_of_a_bench_log(dynreg, data_dir: Path) -> None:
+    log = sorted((data_dir / "bam_xl330_pendulum" / "raw").glob("*.json"))[0]
+    assert dynreg("doctor", log, "--robot", "servo_pendulum").status == 0
+    assert dynreg("doctor", log, "--robot", "emps").status == 1
+
+
+def test_the_choices_offered_are_those_of_the_layers_below() -> None:
+    from dynreg.cli import completion
+    from dynreg.neighbours.retrieve import DISTANCES
+    from dynreg.sim.robot import packaged_robots
+    from dynreg.summaries import KINDS
+
+    assert completion.DISTANCES == ("auto", *DISTANCES)
+    assert completion.KINDS == KINDS
+    assert completion.robot_names("") == sorted(packaged_robots())
+
+
+def test_a_shell_is_offered_the_names_of_a_registry(registry_folder, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dynreg.cli import completion
+
+    monkeypatch.setenv("DYNREG_REGISTRY", str(registry_folder))
+    assert completion.recording_names("ben") == ["bench"]
+    assert "servo_pendulum" in completion.stored_names("")
+    monkeypatch.setenv("DYNREG_REGISTRY", str(registry_folder / "missing"))
+    assert completion.recording_names("") == []

@@ -1,3 +1,4 @@
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -97,6 +98,4 @@ def test_a_robot_that_cannot_stand_is_told(tmp_path: Path):
 
 
 def _matches(pattern: str, line: str) -> bool:
-    import re
-
     return re.search(pattern, line) is not None

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import load_robot
+from dynreg.sim.run import motor_noise
 
 ROBOT = load_robot("so101")
 N, T, A = 3, 12, 6
@@ -48,3 +49,9 @@ def test_noise_is_added_in_the_actions_unit():
     noisy, *_, draws = _shaped(1, noisy=True, noise=sigma)
     quiet, *_ = _shaped(1)
     np.testing.assert_allclose(noisy - quiet, sigma[:, None, None] * draws, atol=1e-12)
+
+
+def test_motor_noise_depends_on_the_simulators_seed_alone():
+    together = motor_noise(np.array([5, 7]), 2, T, A)
+    np.testing.assert_array_equal(together[1:], motor_noise(np.array([7]), 2, T, A))
+    assert abs(together.std() - 1) < 0.1 and not np.array_equal(together[0], together[1])

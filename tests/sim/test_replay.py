@@ -1,6 +1,5 @@
 """Nominal simulators replay the measured logs about as well as the published models do."""
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -10,11 +9,10 @@ import pytest
 from dynreg.data.ingest import read_recording
 from dynreg.data.maps import read_map
 from dynreg.data.recording import Recording
+from dynreg.errors import LogError
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot, require_commands
 from dynreg.sim.run import Run
-
-Replay = Callable[..., np.ndarray]
 
 
 @cache
@@ -93,5 +91,5 @@ def test_so101_follows_its_commands_as_the_arm_does(data_dir: Path):
 def test_the_huskys_log_can_be_ingested_and_has_nothing_to_replay(data_dir: Path):
     robot, recording = _recording("husky", "husky_bag", "husky_rosbag/*.bag", data_dir)
     assert recording.names == (*robot.channels, "imu/yaw_rate")
-    with pytest.raises(Exception, match="nothing can be replayed"):
+    with pytest.raises(LogError, match="nothing can be replayed"):
         require_commands(robot, recording)

@@ -8,7 +8,7 @@ from arm_robot import ARM_XML, parameter
 
 from dynreg.data.ingest import read_recording
 from dynreg.data.maps import check_map, read_map
-from dynreg.errors import LogError, RobotError
+from dynreg.errors import LogError, MapError, RobotError
 from dynreg.sim.robot import load_robot, packaged_robots, require_commands
 
 PACKAGED = tuple(packaged_robots())
@@ -67,6 +67,7 @@ FAULTS = [  # what is changed, what the named line holds, what is said
     ("[reset]", "[resets]", "[resets]", "unknown key 'resets'.*'reset'"),
     ("[reset]", "[populations.a]\nranges = {gian = [1, 2]}\n[reset]", "gian", "'gian'.*'gain'"),
     ("[reset]", "[populations.a]\nranges = {gain = [2, 1]}\n[reset]", "ranges", "gain: low 2.0"),
+    ("[reset]", "[populations.a]\nranges = {gain = [0, 2]}\n[reset]", "ranges", "gain: low 0 on a log scale"),
     ('name = "shoulder/target"', "name = 3", "name = 3", "'actions.0.name' = 3.*string"),
 ]
 
@@ -136,7 +137,7 @@ def test_commands_that_are_not_optional_are_asked_for(tmp_path: Path, write_robo
     robot = load_robot(write_robot())
     header = ",".join(["time", *robot.channels])
     (tmp_path / "log.csv").write_text("\n".join([header, *(f"{0.02 * i},0,0,0,0" for i in range(30))]))
-    with pytest.raises(Exception, match="no column 'shoulder/target'"):
+    with pytest.raises(MapError, match="no column 'shoulder/target'"):
         read_recording(tmp_path / "log.csv", robot.recording_spec)
 
 
