@@ -126,9 +126,23 @@ def _one_error(
     if first["type"] == "missing":
         return error(f"{where}: {key!r} is missing", expected=f"a value for {key!r}", do="add it")
     message = first["msg"].removeprefix("Value error, ")
+    name = _name_at(document, location)
+    where += f", {name!r}" if name else ""
     value = first.get("input")
     shown = f" = {value!r}" if isinstance(value, str | int | float | bool) else ""
     return error(f"{where}: {key!r}{shown}: {message}", expected="a value that fits", do="correct that line")
+
+
+def _name_at(document: dict[str, Any], location: Location) -> str | None:
+    """The `name` of the innermost table on the way to a location, so that "parameters.3" has a face."""
+    here: Any = document
+    found = None
+    for part in location:
+        inside = part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int)
+        here = here[part] if inside else None
+        if isinstance(here, dict) and isinstance(here.get("name"), str):
+            found = here["name"]
+    return found
 
 
 def _in_document(document: dict[str, Any], location: Location) -> Location:

@@ -52,3 +52,11 @@ def registry_snapshot() -> Callable[[Path], dict[str, str]]:
         }
 
     return snapshot
+
+
+@pytest.fixture(scope="session")
+def registry_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tiny registry of the servo bench, made once; work on copies of it."""
+    import tiny_registry
+
+    return tiny_registry.make(tmp_path_factory.mktemp("tiny"))

@@ -80,6 +80,7 @@ def check(
     Example: dynreg robots check my_arm/
     """
     from dynreg.cli.documents import RobotCheck
+    from dynreg.report.words import count
     from dynreg.sim.robot import check_robot
 
     problems = tuple(check_robot(folder))
@@ -87,7 +88,7 @@ def check(
     call.emit(result, "\n".join(problems) or f"{folder}: sound", f"dynreg populate {folder} -n 1000")
     if problems:
         raise RobotError(
-            f"{folder!r} has {len(problems)} problem(s), the first: {problems[0]}",
+            f"{folder!r} has {count(len(problems), 'problem')}, the first: {problems[0].split('; expected')[0]}",
             expected="a robot folder that can be simulated",
             do="mend its robot.toml or model",
         )

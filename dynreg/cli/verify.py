@@ -25,6 +25,7 @@ def verify(
 
     Example: dynreg verify --repair
     """
+    from dynreg.report.words import count
     from dynreg.summaries import verification
 
     result = verification(call.registry, repair)  # a session could not open a damaged registry
@@ -32,7 +33,7 @@ def verify(
     left = result.lost if repair else result.faults
     if left:
         raise CorruptError(
-            f"{len(left)} fault(s), the first: {left[0]}",
+            f"{count(len(left), 'fault')}, the first: {left[0]}",
             expected="every stored file as it was registered",
             do="populate or ingest again what was lost" if repair else "run `dynreg verify --repair`",
         )

@@ -159,7 +159,9 @@ def _map_error(error: ValidationError, text: str, name: str) -> MapError:
             do="correct or remove it",
         )
     problem = first["msg"].removeprefix("Value error, ")
-    return MapError(f"{where}: {key}: {problem}", expected="a value of that kind", do="correct the map")
+    value = first.get("input")
+    shown = f" = {value!r}" if isinstance(value, str | int | float) else ""
+    return MapError(f"{where}: {key}{shown}: {problem}", expected="a value of that kind", do="correct the map")
 
 
 def _known(table: list[str]) -> list[str]:

@@ -143,7 +143,7 @@ def _entry(result: results.EntrySummary) -> RenderableType:
 
 def _verification(result: results.Verification) -> Group:
     counts = ", ".join(f"{count} {what}" for what, count in result.checked.items())
-    state = "sound" if result.clean else f"{len(result.faults)} fault(s)"
+    state = "sound" if result.clean else count(len(result.faults), "fault")
     lines = [f"- {fault}" for fault in result.faults] + [f"mended: {done}" for done in result.repaired]
     lines += [f"lost: {what}" for what in result.lost]
     return Group(Text(f"{result.registry}: {state} ({counts})", style="bold"), *map(Text, lines))

@@ -1,0 +1,478 @@
+"""The table of bad inputs: what is given, and what the one line must say."""
+
+import sqlite3
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tiny_registry import COLUMNS, bench_csv
+
+MAP = """\
+[map]
+robot = "servo_pendulum"
+
+[channels."arm/position"]
+source = "q"
+
+[channels."arm/velocity"]
+source = "dq"
+
+[channels."arm/target"]
+source = "goal"
+"""
+MAPPED = "time,q,dq,goal\n" + "".join(
+    f"{0.01 * i:.2f},{0.3 * (i % 7)},{0.1 * (i % 5)},{0.2 * (i % 9)}\n" for i in range(400)
+)
+INGEST = "ingest {tmp}/run.csv --robot servo_pendulum"
+WITH_MAP = f"{INGEST} --map {{tmp}}/map.toml"
+CHECK = "robots check {tmp}/robot"
+
+
+@dataclass(frozen=True)
+class Bad:
+    """One bad input.
+
+    line : the command line; {tmp} is the case's folder, {reg} the registry's copy.
+    says : what the error line must hold. status : the exit status.
+    files : written below {tmp} first. robot : edits (old, new) of a copy of servo_pendulum at {tmp}/robot.
+    prepare : does anything else to (tmp, registry). environment : variables.
+    """
+
+    title: str
+    line: str
+    says: str
+    status: int = 1
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
+    robot: tuple[tuple[str, str], ...] = ()
+    prepare: Callable[[Path, Path], object] = lambda tmp, registry: None
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+
+def _at(row: int, column: str, value: object) -> str:
+    """The bench log with one value of each episode changed."""
+    place = COLUMNS.index(column)
+    return bench_csv(lambda i, r: [*r[:place], value, *r[place + 1 :]] if i == row else r)
+
+
+def _each(column: str, change: Callable[[float], object]) -> str:
+    """The bench log with one column changed."""
+    place = COLUMNS.index(column)
+    return bench_csv(lambda i, r: [*r[:place], change(r[place]), *r[place + 1 :]])
+
+
+def _without(column: str) -> str:
+    place = COLUMNS.index(column)
+    return bench_csv(lambda i, r: r[:place] + r[place + 1 :], COLUMNS[:place] + COLUMNS[place + 1 :])
+
+
+def _csv(text: str | bytes) -> dict[str, str | bytes]:
+    return {"run.csv": text}
+
+
+def _map(old: str, new: str) -> dict[str, str | bytes]:
+    assert old in MAP
+    return {"run.csv": MAPPED, "map.toml": MAP.replace(old, new)}
+
+
+LOGS = [
+    Bad("no such log", "ingest {tmp}/none.csv --robot servo_pendulum", "none.csv"),
+    Bad("no such log for the doctor", "doctor {tmp}/none.csv", "none.csv"),
+    Bad(
+        "a folder that is no log",
+        "ingest {tmp}/folder --robot servo_pendulum",
+        "folder",
+        files={"folder/x": ""},
+    ),
+    Bad(
+        "an unknown suffix",
+        "ingest {tmp}/run.xyz --robot servo_pendulum",
+        "run.xyz",
+        files={"run.xyz": "hello"},
+    ),
+    Bad("a text file called .md", "doctor {tmp}/notes.md", "notes.md", files={"notes.md": "# hello"}),
+    *(
+        Bad(
+            f"an empty {kind}",
+            f"ingest {{tmp}}/run.{kind} --robot servo_pendulum",
+            f"run.{kind}",
+            files={f"run.{kind}": b""},
+        )
+        for kind in ("csv", "mcap", "bag", "db3", "parquet", "mat", "json")
+    ),
+    *(
+        Bad(
+            f"junk in a {kind}",
+            f"ingest {{tmp}}/run.{kind} --robot servo_pendulum",
+            f"run.{kind}",
+            files={f"run.{kind}": bytes(range(7, 256)) * 40},
+        )
+        for kind in ("csv", "mcap", "bag", "db3", "parquet", "mat", "json")
+    ),
+    Bad(
+        "a header of MCAP and nothing behind it",
+        "doctor {tmp}/run.mcap --robot servo_pendulum",
+        "run.mcap",
+        files={"run.mcap": b"\x89MCAP0\r\n"},
+    ),
+    Bad(
+        "a header of SQLite and junk behind it",
+        "ingest {tmp}/run.db3 --robot servo_pendulum",
+        "run.db3",
+        files={"run.db3": b"SQLite format 3\x00" + b"\x11" * 4000},
+    ),
+    Bad(
+        "a header of Parquet and junk",
+        "ingest {tmp}/run.csv --robot servo_pendulum",
+        "run.csv",
+        files=_csv(b"PAR1" + b"x" * 500),
+    ),
+    Bad("a CSV of a header alone", INGEST, "run.csv", files=_csv(",".join(COLUMNS) + "\n")),
+    Bad("a CSV of one row", INGEST, "run.csv", files=_csv("\n".join(bench_csv().splitlines()[:2]) + "\n")),
+    Bad("a CSV without time", INGEST, "time", files=_csv(_without("time"))),
+    Bad(
+        "a CSV with words for numbers",
+        INGEST,
+        "arm/position",
+        files=_csv(_each("arm/position", lambda v: "high")),
+    ),
+    Bad("a CSV with rows of unequal length", INGEST, "run.csv", files=_csv(bench_csv() + "1,2,3\n")),
+    Bad("a column that is missing", INGEST, "arm/target", files=_csv(_without("arm/target"))),
+    Bad("a column of NaN", INGEST, "arm/position", files=_csv(_each("arm/position", lambda v: "nan"))),
+    Bad("a column of infinities", INGEST, "arm/velocity", files=_csv(_each("arm/velocity", lambda v: "inf"))),
+    Bad("a clock that runs back", INGEST, "clock", files=_csv(_at(100, "time", 0.2))),
+    Bad("a clock that stands still", INGEST, "clock", files=_csv(_each("time", lambda v: min(v, 0.5)))),
+    Bad("a time that is no number", INGEST, "time", files=_csv(_at(100, "time", "nan"))),
+    Bad(
+        "degrees in a radian channel",
+        INGEST,
+        "degrees",
+        files=_csv(_each("arm/position", lambda v: 57.3 * v * 4)),
+    ),
+    Bad(
+        "a channel that never moves",
+        INGEST,
+        "arm/position",
+        files=_csv(_each("arm/position", lambda v: 0.25)),
+    ),
+    Bad("a setting that is no number", INGEST, "kp", files=_csv(_each("kp", lambda v: "soft"))),
+    Bad(
+        "the same column twice",
+        INGEST,
+        "arm/position",
+        files=_csv(bench_csv().replace("arm/velocity", "arm/position", 1)),
+    ),
+    Bad(
+        "a log of another robot",
+        "ingest {tmp}/run.csv --robot emps",
+        "run.csv",
+        files=_csv(bench_csv()),
+        status=1,
+    ),
+    Bad(
+        "a name that stands for other data",
+        INGEST + " --name bench",
+        "'bench'",
+        files=_csv(_each("supply", lambda v: 7.2)),
+    ),
+    Bad("an empty name", INGEST + " --name=", "name", files=_csv(bench_csv()), status=1),
+    Bad(
+        "a robot that nobody knows",
+        "ingest {tmp}/run.csv --robot robbie",
+        "'robbie'",
+        files=_csv(bench_csv()),
+    ),
+]
+
+MAPS = [
+    Bad("no such map", WITH_MAP, "map.toml", files=_csv(MAPPED)),
+    Bad("a map that is not TOML", WITH_MAP, "map.toml", files=_map("[map]", "[map")),
+    Bad(
+        "a map that is no text", WITH_MAP, "map.toml", files={"run.csv": MAPPED, "map.toml": b"\xff\xfe\x00"}
+    ),
+    Bad("an empty map", WITH_MAP, "channels", files={"run.csv": MAPPED, "map.toml": ""}),
+    Bad(
+        "an unknown key in a map", WITH_MAP, "colour", files=_map('source = "q"', 'source = "q"\ncolour = 1')
+    ),
+    Bad("an unknown table in a map", WITH_MAP, "chanels", files=_map("[map]", "[chanels]\na = 1\n[map]")),
+    Bad("a map of another robot", WITH_MAP, "'emps'", files=_map('"servo_pendulum"', '"emps"')),
+    Bad("an unknown unit", WITH_MAP, "furlong", files=_map('source = "q"', 'source = "q"\nunit = "furlong"')),
+    Bad(
+        "a unit of something else", WITH_MAP, "'kg'", files=_map('source = "q"', 'source = "q"\nunit = "kg"')
+    ),
+    Bad(
+        "a channel that the robot lacks", WITH_MAP, "leg/position", files=_map("arm/velocity", "leg/position")
+    ),
+    Bad("a source that the log lacks", WITH_MAP, "wheel", files=_map('source = "q"', 'source = "wheel"')),
+    Bad("no source at all", WITH_MAP, "source", files=_map('source = "q"', "scale = 2.0")),
+    Bad(
+        "a scale that is no number",
+        WITH_MAP,
+        "scale",
+        files=_map('source = "q"', 'source = "q"\nscale = "two"'),
+    ),
+    Bad(
+        "a regular expression without a group",
+        WITH_MAP,
+        "groups",
+        files=_map("[map]", "[settings.kp]\nfilename = 'kp\\d+'\n[map]"),
+    ),
+    Bad(
+        "a broken regular expression",
+        WITH_MAP,
+        "regular expression",
+        files=_map("[map]", "[settings.kp]\nfilename = '(kp'\n[map]"),
+    ),
+    Bad(
+        "a setting that the robot lacks",
+        WITH_MAP,
+        "gravity",
+        files=_map("[map]", "[settings.gravity]\nvalue = 9.8\n[map]"),
+    ),
+    Bad("episodes by nothing known", WITH_MAP, "moon", files=_map("[map]", '[episodes]\nby = "moon"\n[map]')),
+    Bad(
+        "an episode name that reaches into objects",
+        WITH_MAP,
+        "__class__",
+        files=_map("[map]", '[episodes]\nname = "{kp.__class__}"\n[map]'),
+    ),
+    Bad("a clock that the log lacks", WITH_MAP, "stamp", files=_map("[map]", '[map]\ntime = "stamp"')),
+    Bad("a unit of time that is none", WITH_MAP, "hours", files=_map("[map]", '[map]\ntime_unit = "hours"')),
+]
+
+ROBOTS = [
+    Bad("no such robot", "populate robbie -n 4", "'robbie'"),
+    Bad("no such folder", "robots check {tmp}/none", "none"),
+    Bad("a folder without robot.toml", CHECK, "robot", files={"robot/model.xml": "<mujoco/>"}),
+    Bad("a robot.toml that is not TOML", CHECK, "robot.toml", robot=(("[robot]", "[robot"),)),
+    Bad(
+        "an unknown key",
+        CHECK,
+        "'robot.colour'",
+        robot=(('name = "servo_pendulum"', 'name = "servo_pendulum"\ncolour = "red"'),),
+    ),
+    Bad("a missing key", CHECK, "timestep", robot=(("timestep = 0.002\n", ""),)),
+    Bad("low above high", CHECK, "tip_mass", robot=(("low = 0.4\nhigh = 0.6", "low = 0.6\nhigh = 0.4"),)),
+    Bad("a nominal value outside", CHECK, "tip_mass", robot=(("nominal = 0.49", "nominal = 0.9"),)),
+    Bad("a log scale from 0", CHECK, "tip_mass", robot=(("low = 0.4", "low = 0.0"),)),
+    Bad("a missing model", CHECK, "other.xml", robot=(('"model.xml"', '"other.xml"'),)),
+    Bad("a model outside the folder", CHECK, "model", robot=(('"model.xml"', '"../model.xml"'),)),
+    Bad("a model that is no MJCF", CHECK, "model.xml", robot=(), files={"robot/model.xml": "<mujoco><body"}),
+    Bad(
+        "`sets` without an operation",
+        CHECK,
+        "mj.body_mass",
+        robot=(('"mj.body_mass[tip] ="', '"mj.body_mass[tip]"'),),
+    ),
+    Bad("`sets` of an unknown kind", CHECK, "warp", robot=(('"mj.body_mass[tip] ="', '"warp.factor =9"'),)),
+    Bad(
+        "`sets` with an unknown operation",
+        CHECK,
+        "mj.body_mass",
+        robot=(('"mj.body_mass[tip] ="', '"mj.body_mass[tip] ^="'),),
+    ),
+    Bad("an unknown body in `sets`", CHECK, "head", robot=(("mj.body_mass[tip]", "mj.body_mass[head]"),)),
+    Bad(
+        "an unknown field in `sets`",
+        CHECK,
+        "body_colour",
+        robot=(("mj.body_mass[tip]", "mj.body_colour[tip]"),),
+    ),
+    Bad(
+        "an unknown port in `sets`",
+        CHECK,
+        "magnet",
+        robot=(("port.friction.coulomb[arm]", "port.magnet.coulomb[arm]"),),
+    ),
+    Bad(
+        "an action without a drive",
+        CHECK,
+        "leg/target",
+        robot=(('name = "arm/target"', 'name = "leg/target"'),),
+    ),
+    Bad("a drive of an unknown joint", CHECK, "'leg'", robot=(('joint = "arm"', 'joint = "leg"'),)),
+    Bad("a drive of an unknown type", CHECK, "steam", robot=(('"duty_servo"', '"steam"'),)),
+    Bad("an unknown engine", CHECK, "warp", robot=(('"joint", "mujoco"', '"warp"'),)),
+    Bad(
+        "a control rate of 0", CHECK, "control_rate", robot=(("control_rate = 100.0", "control_rate = 0.0"),)
+    ),
+    Bad("a parameter twice", CHECK, "tip_mass", robot=(('name = "resistance"', 'name = "tip_mass"'),)),
+    Bad("a number in quotes", CHECK, "nominal", robot=(("nominal = 0.49", 'nominal = "0.49"'),)),
+    Bad(
+        "populate with a broken robot",
+        "populate {tmp}/robot -n 4",
+        "tip_mass",
+        robot=(("nominal = 0.49", "nominal = 0.9"),),
+    ),
+    Bad("unknown ranges", "populate servo_pendulum -n 4 --ranges lunar", "'lunar'"),
+]
+
+ARGUMENTS = [
+    Bad("no simulators", "populate servo_pendulum -n 0", "-n 0", 2),
+    Bad("fewer than no simulators", "populate servo_pendulum -n -5", "-5", 2),
+    Bad("how many simulators: a word", "populate servo_pendulum -n many", "'many'", 2),
+    Bad("how many simulators: nothing", "populate servo_pendulum", "-n", 2),
+    Bad("half a simulator", "populate servo_pendulum -n 2.5", "2.5", 2),
+    Bad("a negative seed", "populate servo_pendulum -n 4 --seed -1", "--seed -1", 2),
+    Bad("a negative number of threads", "populate servo_pendulum -n 4 --threads -1", "--threads -1", 2),
+    Bad("no neighbours", "query bench -k 0", "-k 0", 2),
+    Bad("more neighbours than simulators", "query bench -k 9", "9", 2),
+    Bad("no budget", "query bench --budget 0", "--budget 0", 2),
+    Bad("a budget below k", "query bench -k 5 --budget 3", "3", 2),
+    Bad("an unknown distance", "query bench --distance hamming", "'hamming'", 2),
+    Bad("an unknown verb", "quarry bench", "quarry", 2),
+    Bad("an unknown option", "query bench --colour red", "--colour", 2),
+    Bad("no recording", "query", "RECORDING", 2),
+    Bad("an unknown recording", "query tuesday -k 3", "'tuesday'", 4),
+    Bad("an unknown hash", "query 00000000 -k 3", "'00000000'", 4),
+    Bad("an unknown population", "query bench -k 3 --population crowd", "'crowd'", 4),
+    Bad("a log without its robot", "query {tmp}/run.csv -k 3", "run.csv", 2, files=_csv(bench_csv())),
+    Bad(
+        "a log and a robot that is none",
+        "query {tmp}/run.csv --robot robbie",
+        "'robbie'",
+        files=_csv(bench_csv()),
+    ),
+    Bad("hold out a setting that is none", "query bench -k 3 --hold-out gain=4", "gain", 2),
+    Bad("hold out a value that is not there", "query bench -k 3 --hold-out kp=123", "123", 2),
+    Bad("hold out a value that is no number", "query bench -k 3 --hold-out kp=soft", "soft", 2),
+    Bad("hold out an unknown episode", "query bench -k 3 --hold-out e17", "e17", 2),
+    Bad("hold out all episodes", "query bench -k 3 --hold-out e0,e1,e2,e3,e4", "e0,e1", 2),
+    Bad("hold out a share above 1", "query bench -k 3 --hold-out 1.5", "1.5", 2),
+    Bad("hold out everything", "query bench -k 3 --hold-out 1.0", "1.0", 2),
+    Bad("an unknown method", "calibrate bench --method guess", "'guess'", 2),
+    Bad("a calibration without simulations", "calibrate bench --budget 0", "--budget 0", 2),
+    Bad("calibrate an unknown recording", "calibrate tuesday", "'tuesday'", 4),
+    Bad("show what is not there", "show tuesday", "'tuesday'", 4),
+    Bad("a prefix of 3 digits", "show abc", "'abc'", 4),
+    Bad("an unknown kind", "list --kind toys", "'toys'", 2),
+    Bad("report of nothing", "report tuesday", "'tuesday'", 4),
+    Bad("report before there is a result", "report @last", "result", 4),
+    Bad("export of nothing", "export tuesday --to {tmp}/copy", "'tuesday'", 4),
+    Bad("export to a folder that is there", "export bench --to {tmp}/copy", "copy", files={"copy/x": ""}),
+    Bad("export without a destination", "export bench", "--to", 2),
+]
+
+SETTINGS = [
+    Bad(
+        "an unknown setting",
+        "list --settings {tmp}/s.toml",
+        "colour",
+        2,
+        files={"s.toml": 'colour = "red"\n'},
+    ),
+    Bad(
+        "a setting of the wrong kind",
+        "list --settings {tmp}/s.toml",
+        "'k'",
+        2,
+        files={"s.toml": 'k = "five"\n'},
+    ),
+    Bad(
+        "settings that are not TOML",
+        "list --settings {tmp}/s.toml",
+        "s.toml",
+        2,
+        files={"s.toml": "k = = 1\n"},
+    ),
+    Bad("no such settings", "list --settings {tmp}/s.toml", "s.toml", 2),
+    Bad("a variable that is no number", "query bench", "DYNREG_K='abc'", 2, environment={"DYNREG_K": "abc"}),
+    Bad("a variable out of range", "query bench", "DYNREG_K='0'", 2, environment={"DYNREG_K": "0"}),
+]
+
+
+def _populate_twice(tmp: Path, registry: Path) -> None:
+    from tiny_registry import QUICK
+
+    from dynreg import session
+
+    with session.open(registry) as opened:
+        opened.populate("servo_pendulum", 2, seed=1, training=QUICK, link=False)
+
+
+def _another_robot(tmp: Path, registry: Path) -> None:
+    from dynreg import session
+
+    log = tmp / "other.csv"
+    rows = (f"{0.005 * i:.3f},{0.01 * (i % 17)},{0.02 * (i % 5)},{0.3 * (i % 9)}\n" for i in range(400))
+    log.write_text("time,carriage/position,carriage/velocity,carriage/force\n" + "".join(rows))
+    with session.open(registry) as opened:
+        robot = opened._robot("emps")
+        names = ["time", *robot.channels, *robot.actions]
+        log.write_text(log.read_text().replace(log.read_text().splitlines()[0], ",".join(names), 1))
+        opened.ingest(log, "emps", name="slide")
+
+
+def _overwrite(name: str, data: bytes) -> Callable[[Path, Path], object]:
+    return lambda tmp, registry: (registry / name).write_bytes(data)
+
+
+def _cut_a_shard(tmp: Path, registry: Path) -> None:
+    shard = sorted(registry.glob("shards/**/*.safetensors"))[0]
+    shard.write_bytes(shard.read_bytes()[: shard.stat().st_size // 2])
+
+
+def _newer_catalogue(tmp: Path, registry: Path) -> None:
+    with sqlite3.connect(registry / "catalog.sqlite") as connection:
+        connection.execute("INSERT INTO migrations VALUES ('999_from_the_future')")
+    connection.close()
+
+
+def _lose(name: str) -> Callable[[Path, Path], object]:
+    return lambda tmp, registry: (registry / name).unlink()
+
+
+REGISTRIES = [
+    Bad("no registry there", "list --registry {tmp}/none", "none"),
+    Bad("a query where there is no registry", "query bench --registry {tmp}/none", "none"),
+    Bad("a registry that is a file", "list --registry {tmp}/file", "file", files={"file": "x"}),
+    Bad(
+        "populate into a file",
+        "populate servo_pendulum -n 2 --registry {tmp}/file",
+        "file",
+        files={"file": "x"},
+    ),
+    Bad("a folder that is no registry", "list --registry {tmp}/folder", "folder", files={"folder/x": ""}),
+    Bad(
+        "ingest into a folder that is no registry",
+        INGEST + " --registry {tmp}/folder",
+        "folder",
+        files={"folder/x": "", "run.csv": bench_csv()},
+    ),
+    Bad("verify where there is no registry", "verify --registry {tmp}/none", "none"),
+    Bad(
+        "a marker of a newer version",
+        "list",
+        "99",
+        prepare=_overwrite("dynreg.json", b'{"format": "dynreg-registry", "version": 99}'),
+    ),
+    Bad("a marker that is junk", "list", "dynreg.json", prepare=_overwrite("dynreg.json", b"\x00\xff")),
+    Bad("a catalogue of a newer version", "list", "future", prepare=_newer_catalogue),
+    Bad(
+        "a catalogue that is junk",
+        "list",
+        "catalog.sqlite",
+        3,
+        prepare=_overwrite("catalog.sqlite", b"junk" * 3000),
+    ),
+    Bad(
+        "verify a catalogue that is junk",
+        "verify",
+        "catalog",
+        3,
+        prepare=_overwrite("catalog.sqlite", b"junk" * 3000),
+    ),
+    Bad("a catalogue that is lost", "list", "catalog.sqlite", 3, prepare=_lose("catalog.sqlite")),
+    Bad("a shard cut in half", "query bench -k 3", "shard", 3, prepare=_cut_a_shard),
+    Bad("verify with a shard cut in half", "verify", "shard", 3, prepare=_cut_a_shard),
+    Bad("two populations and none named", "query bench -k 2", "--population", 2, prepare=_populate_twice),
+    Bad("a recording of a robot without simulators", "query slide -k 3", "emps", 4, prepare=_another_robot),
+    Bad(
+        "a population of another robot",
+        "query slide -k 3 --population servo_pendulum",
+        "servo_pendulum",
+        2,
+        prepare=_another_robot,
+    ),
+]
+
+ALL = (*LOGS, *MAPS, *ROBOTS, *ARGUMENTS, *SETTINGS, *REGISTRIES)
