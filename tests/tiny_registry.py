@@ -13,7 +13,7 @@ Row = list[object]
 
 
 def bench_csv(edit: Callable[[int, Row], Row] = lambda i, row: row, columns: Iterable[str] = COLUMNS) -> str:
-    """A made-up log of the servo bench; `edit` changes the rows of (time, position, velocity, target, ...)."""
+    """A made-up log of the servo bench; `edit` changes rows in the order of `columns`."""
     lines = [",".join(columns)]
     for episode, kp in enumerate((100, 200, 400, 400, 800)):
         for i in range(200):

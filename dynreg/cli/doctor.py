@@ -45,7 +45,7 @@ def doctor(
     if wrong:
         more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
         raise LogError(
-            f"{wrong[0].where}: {wrong[0].message}{more}",
+            f"{wrong[0].where}: {wrong[0].message.split('; expected ')[0]}{more}",
             expected="a log that passes the checks",
             do="mend the log or its map",
         )

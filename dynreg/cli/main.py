@@ -142,6 +142,7 @@ def _usage(error: Exception, arguments: Sequence[str]) -> str:
     if context is None:
         return f"{problem}; expected another value; see `dynreg --help`"
     form = " ".join(context.command.get_usage(context).removeprefix("Usage:").split())
+    form = form.replace("{", "").replace("}", "")
     return f"{problem}; expected {form}; see `{context.command_path} --help`"
 
 

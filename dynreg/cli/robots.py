@@ -80,18 +80,25 @@ def check(
     Example: dynreg robots check my_arm/
     """
     from dynreg.cli.documents import RobotCheck
-    from dynreg.report.words import count
     from dynreg.sim.robot import check_robot
 
     problems = tuple(check_robot(folder))
     result = RobotCheck(robot=folder, sound=not problems, problems=problems)
     call.emit(result, "\n".join(problems) or f"{folder}: sound", f"dynreg populate {folder} -n 1000")
     if problems:
-        raise RobotError(
-            f"{folder!r} has {count(len(problems), 'problem')}, the first: {problems[0].split('; expected')[0]}",
-            expected="a robot folder that can be simulated",
-            do="mend its robot.toml or model",
-        )
+        raise _refused(folder, problems)
+
+
+def _refused(folder: str, problems: tuple[str, ...]) -> RobotError:
+    """The first problem in its own words, where it says what was expected and what to do."""
+    problem, _, rest = problems[0].partition("; expected ")
+    expected, _, do = rest.rpartition("; ")
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return RobotError(
+        f"{folder!r} cannot be used: {problem}{more}",
+        expected=expected or "a robot folder that can be simulated",
+        do=do or "mend its robot.toml or model",
+    )
 
 
 def _line(name: str) -> "RobotLine":

@@ -142,15 +142,17 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
         text = log.metadata[entry.metadata]
     elif entry.metadata in log.sources:
         return _constant(log, entry.metadata, select)
+    elif entry.metadata in log.labels:
+        text = log.labels[entry.metadata][0]
     else:
         return None
     try:
         return None if text is None else float(text)
     except (TypeError, ValueError):
         raise LogError(
-            f"{log.path.name!r}: the setting read as {text!r} is not a number",
+            f"{log.path.name!r}: the setting {entry.metadata or entry.filename!r} reads as {str(text)!r}",
             expected="a number",
-            do="correct [settings] in the map",
+            do="correct it in the log, or [settings] in the map",
         ) from None
 
 

@@ -158,10 +158,14 @@ def _map_error(error: ValidationError, text: str, name: str) -> MapError:
             expected=f"one of {', '.join(_known(keys[:-1]))}",
             do="correct or remove it",
         )
+    if first["type"] == "missing":
+        return MapError(f"{where}: {key!r} is missing", expected=f"a value or table {key!r}", do="add it")
     problem = first["msg"].removeprefix("Value error, ")
     value = first.get("input")
     shown = f" = {value!r}" if isinstance(value, str | int | float) else ""
-    return MapError(f"{where}: {key}{shown}: {problem}", expected="a value of that kind", do="correct the map")
+    return MapError(
+        f"{where}: {key}{shown}: {problem}", expected="a value of that kind", do="correct the map"
+    )
 
 
 def _known(table: list[str]) -> list[str]:
@@ -249,9 +253,15 @@ def factors(entry: ChannelMap, channel: ChannelSpec) -> tuple[float, float]:
 def identity_map(spec: RecordingSpec, sources: Mapping[str, Any], labels: Mapping[str, Any]) -> LogMap:
     """The map of a table whose columns are named like the robot's channels and settings (and `episode`).
 
-    Raises MapError where a required channel has no column.
+    Raises MapError where a required channel has no column, or a channel's column holds text.
     """
     for channel in spec.channels:
+        if channel.name in labels:
+            raise MapError(
+                f"column {channel.name!r} holds text such as {str(labels[channel.name][0])!r}",
+                expected="numbers alone",
+                do="mend the log",
+            )
         if not channel.optional and channel.name not in sources:
             raise MapError(
                 f"the log has no column {channel.name!r}",

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -82,12 +82,7 @@ class Shared:
         """The bank with the motor noise of the entries `numbers`: each entry's is its own."""
         seeds = np.array([stream_seed(self.seed, "entry", int(i)) % 2**62 for i in numbers])
         shape = self.run.actions.shape
-        return Run(
-            self.run.actions,
-            inputs=self.run.inputs,
-            settings=self.run.settings,
-            noise=motor_noise(seeds, *shape),
-        )
+        return replace(self.run, noise=motor_noise(seeds, *shape))
 
 
 @dataclass(frozen=True)
@@ -135,35 +130,44 @@ def population_spec(robot: Robot, seed: int, training: Training) -> dict:
 
 
 def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Shared:
-    """Simulate the base configurations and train the base model: everything that entries will share."""
+    """Simulate the base configurations and train the base model: everything that entries will share.
+
+    Base configurations run commands of their own, eight to a bank: a base that saw the entries' commands alone
+    would know those trajectories rather than the dynamics.
+    """
     from dynreg.models.base import train_base
-    from dynreg.sim.engines import rollout
 
     run = excitation(robot, seed=seed)
-    values = robot.space.sample(0, training.base_configurations, stream_seed(seed, "base") % 2**31)
-    seeds = np.array([stream_seed(seed, "base", i) % 2**62 for i in range(len(values))])
-    noise = motor_noise(seeds, *run.actions.shape)
-    states = rollout(
-        robot, values, Run(run.actions, inputs=run.inputs, settings=run.settings, noise=noise), threads=threads
-    ).states.astype(np.float32)
-    states = states[np.isfinite(states).all(axis=(1, 2, 3))]
-    context = context_of(robot, run)
-    spread = lambda a: np.broadcast_to(a, (len(states), *a.shape)).reshape(-1, a.shape[-1])  # noqa: E731
-    size = states.shape[-1]
-    normaliser = fit_normaliser(
-        states[:, :, :-1].reshape(-1, size), spread(run.actions), spread(context), states[:, :, 1:].reshape(-1, size)
-    )
-    rows = bank_rows(states, run.actions, context, normaliser)
-    flat = lambda a: a.reshape(-1, a.shape[-1])  # noqa: E731
+    parts = [_base_rows(robot, seed, training, first, threads) for first in range(0, training.base_configurations, 8)]
+    states, actions, context, after = (np.concatenate(column) for column in zip(*parts, strict=True))
+    normaliser = fit_normaliser(states, actions, context, after)
+    inputs, targets = normaliser.inputs(states, actions, context), normaliser.targets(states, after)
     base = train_base(
-        *(flat(a) for a in rows.train),
+        inputs,
+        targets,
         epochs=training.base_epochs,
         seed=stream_seed(seed, "base model") % 2**31,
         threads=threads or None,
     )
-    inputs = flat(rows.inputs)
     probes = inputs[thin(len(inputs), PROBES, seed, "probes")]
     return Shared(robot, seed, run, normaliser, base, probes, training)
+
+
+def _base_rows(robot: Robot, seed: int, training: Training, first: int, threads: int) -> tuple[np.ndarray, ...]:
+    """States, actions, context and next states (N, .) of up to eight base configurations on one bank."""
+    from dynreg.sim.engines import rollout
+
+    stop = min(first + 8, training.base_configurations)
+    run = excitation(robot, seed=seed, name=f"base {first}")
+    values = robot.space.sample(first, stop, stream_seed(seed, "base") % 2**31)
+    seeds = np.array([stream_seed(seed, "base", i) % 2**62 for i in range(first, stop)])
+    noise = motor_noise(seeds, *run.actions.shape)
+    states = rollout(robot, values, replace(run, noise=noise), threads=threads).states.astype(np.float32)
+    context = context_of(robot, run)
+    flat = lambda a: np.broadcast_to(a, (len(states), *a.shape[-3:])).reshape(-1, a.shape[-1])  # noqa: E731
+    columns = (flat(states[:, :, :-1]), flat(run.actions), flat(context), flat(states[:, :, 1:]))
+    good = np.isfinite(columns[0]).all(axis=1) & np.isfinite(columns[3]).all(axis=1)
+    return tuple(column[good].astype(np.float32) for column in columns)
 
 
 def shared_arrays(shared: Shared) -> dict[str, np.ndarray]:
@@ -172,6 +176,7 @@ def shared_arrays(shared: Shared) -> dict[str, np.ndarray]:
         "bank.actions": shared.run.actions,
         "bank.inputs": shared.run.inputs,
         "bank.settings": shared.run.settings,
+        **({} if shared.run.initial is None else {"bank.initial": shared.run.initial}),
         "probes": shared.probes,
         **{f"normaliser.{k}": v for k, v in shared.normaliser.as_arrays().items()},
         **{f"base.{k}": v for k, v in shared.base.as_arrays(np.float32).items()},
@@ -187,7 +192,7 @@ def shared_from(robot: Robot, record: PopulationRecord) -> Shared:
     return Shared(
         robot,
         record.seed,
-        Run(bank["actions"], inputs=bank["inputs"], settings=bank["settings"]),
+        Run(bank["actions"], inputs=bank["inputs"], settings=bank["settings"], initial=bank.get("initial")),
         Normaliser.from_arrays(part("normaliser.")),
         MlpStack.from_arrays(part("base.")),
         record.arrays["probes"],

@@ -17,7 +17,8 @@ from dynreg.results import Estimate
 from dynreg.rng import stream
 from dynreg.sim.space import ParameterSpace
 
-DAMPING = (0.03, 0.3, 3.0)  # trust regions tried in each round, from bold to careful
+DAMPING = (0.01, 0.1)  # of the bold and the careful step, in units of the mean curvature
+REACH = 0.15  # of the exploring step, in the unit cube; shrinks when a round gains little
 PRIOR = 12.0  # 1 / variance of a uniform prior on [0, 1]
 FEATURES = 2000  # residual samples kept for the linear model
 
@@ -26,7 +27,8 @@ FEATURES = 2000  # residual samples kept for the linear model
 class Evidence:
     """Replays of one recording: unit parameters (n, P), residuals (n, W, T, S'), errors on fit and select.
 
-    `free` marks the parameters that may change (those that are known of the robot may not).
+    `free` marks the parameters that may change (those that are known of the robot may not); `share` is the share
+    of the windows that are to fit.
     """
 
     space: ParameterSpace
@@ -35,6 +37,7 @@ class Evidence:
     residuals: np.ndarray
     fit: np.ndarray
     select: np.ndarray
+    share: float = 1.0
 
     def add(self, unit: np.ndarray, residuals: np.ndarray, fit_windows: np.ndarray) -> None:
         """Append replays; residuals over all replayed windows, of which `fit_windows` (W,) bool are to fit."""
@@ -42,13 +45,14 @@ class Evidence:
         self.unit = np.concatenate([self.unit, unit])
         self.residuals = np.concatenate([self.residuals, residuals[:, fit_windows].astype(np.float32)])
         self.fit = np.concatenate([self.fit, e[:, fit_windows].mean(axis=1)])
+        self.share = float(fit_windows.mean())
         rest = e[:, ~fit_windows]
         self.select = np.concatenate([self.select, rest.mean(axis=1) if rest.shape[1] else e.mean(axis=1)])
 
     @property
     def score(self) -> np.ndarray:
-        """(n,) error over fit and select together: what ranks replays."""
-        return 0.5 * (self.fit + self.select)
+        """(n,) mean error over the windows of fit and select: what ranks replays."""
+        return self.share * self.fit + (1.0 - self.share) * self.select
 
 
 def empty_evidence(space: ParameterSpace, free: np.ndarray) -> Evidence:
@@ -63,36 +67,42 @@ def refine(
     budget: int,
     seed: int,
 ) -> None:
-    """Rounds of proposals until `budget` replays are spent or a round gains less than half a per cent.
+    """Rounds of proposals until `budget` replays are spent.
 
     replay : replays unit parameters (n, P) and adds them to the evidence.
     """
-    idle = 0
+    reach = REACH
     while budget > 0:
         best = evidence.score.min()
-        proposals = propose(evidence, seed)[:budget]
+        proposals = propose(evidence, reach, seed)[:budget]
         replay(proposals)
         budget -= len(proposals)
-        idle = idle + 1 if evidence.score.min() > 0.995 * best else 0
-        if idle >= 2:
-            return
+        if evidence.score.min() > 0.98 * best:
+            reach *= 0.7
 
 
-def propose(evidence: Evidence, seed: int) -> np.ndarray:
-    """(3, P) unit parameters to replay next, one for each damping, drawn apart where they coincide."""
-    centre, jacobian, residual, weight = linearise(evidence)
-    lead = evidence.unit[np.argmin(evidence.score)]
-    rng = stream(seed, "synthesise", len(evidence.unit))
+def propose(evidence: Evidence, reach: float, seed: int) -> np.ndarray:
+    """(3, P) unit parameters to replay next: a bold step, a careful one, and one that explores.
+
+    The exploring one goes `reach` away from the careful one, farthest where the residuals hardly change: it is
+    there that the linear model knows least.
+    """
+    lead, jacobian, residual, weight = linearise(evidence)
     free = np.flatnonzero(evidence.free)
+    rng = stream(seed, "synthesise", len(evidence.unit))
     hessian, slope = _normal_equations(jacobian, residual, weight)
-    scale = np.trace(hessian) / max(len(free), 1)
-    proposals = []
-    for damping in DAMPING:
-        step = np.linalg.solve(hessian + damping * scale * np.eye(len(free)) / 10, slope)
+    scale = np.trace(hessian) / len(free) + 1e-12
+    steps = [np.linalg.solve(hessian + d * scale * np.eye(len(free)), slope) for d in DAMPING]
+    curvature, directions = np.linalg.eigh(hessian / scale + 0.05 * np.eye(len(free)))
+    astray = directions @ (rng.standard_normal(len(free)) / np.sqrt(curvature))
+    astray *= reach / np.linalg.norm(astray)
+    proposals: list[np.ndarray] = []
+    for move in (-steps[0], -steps[1], -steps[1] + astray):
         point = lead.copy()
-        point[free] = np.clip(centre[free] - step, 0.0, 1.0)
-        if any(np.abs(point - other).max() < 1e-3 for other in [*proposals, *evidence.unit]):
-            point[free] = np.clip(point[free] + 0.03 * rng.standard_normal(len(free)), 0.0, 1.0)
+        point[free] = np.clip(lead[free] + move, 0.0, 1.0)
+        if any(np.abs(point - other).max() < 2e-3 for other in [*proposals, *evidence.unit]):
+            jitter = 0.5 * reach / np.sqrt(len(free)) * rng.standard_normal(len(free))
+            point[free] = np.clip(point[free] + jitter, 0.0, 1.0)
         proposals.append(point)
     return np.array(proposals)
 
@@ -109,21 +119,20 @@ def linearise(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     """
     best = int(np.argmin(evidence.score))
     flat = evidence.residuals.reshape(len(evidence.unit), -1)
-    keep = ~np.isnan(flat).any(axis=0)
-    flat = flat[:, keep]
-    step = max(1, flat.shape[1] // FEATURES)
-    flat = flat[:, ::step].astype(float)
+    flat = flat[:, ~np.isnan(flat).any(axis=0)]
+    flat = flat[:, :: max(1, flat.shape[1] // FEATURES)].astype(float)
     free = np.flatnonzero(evidence.free)
     offset = (evidence.unit - evidence.unit[best])[:, free]
-    # good replays and near ones say most about the map here
-    near = np.exp(-0.5 * (offset**2).sum(axis=1) / (0.25**2 * len(free)))
-    good = np.exp(-(evidence.score / evidence.score[best] - 1.0) / 0.3)
-    w = near * good
+    apart = (offset**2).sum(axis=1)
+    # near replays and good ones say most about the map here; the width is that of the 2 P nearest
+    width = np.sort(apart)[min(len(apart) - 1, 2 * len(free))]
+    w = 1.0 / (apart + 0.1 * width + 1e-4)
+    w *= np.exp(-np.minimum(evidence.score / evidence.score[best] - 1.0, 3.0) / 0.5)
     w[best] = 0.0
-    change = flat - flat[best]
     gram = (offset * w[:, None]).T @ offset
-    ridge = 1e-3 * np.trace(gram) / len(free) + 1e-9
-    jacobian = np.linalg.solve(gram + ridge * np.eye(len(free)), (offset * w[:, None]).T @ change).T
+    ridge = 0.02 * np.trace(gram) / len(free) + 1e-12
+    change = (offset * w[:, None]).T @ (flat - flat[best])
+    jacobian = np.linalg.solve(gram + ridge * np.eye(len(free)), change).T
     residual = flat[best]
     weight = 1.0 / np.maximum(np.abs(residual), 0.3 * np.mean(np.abs(residual)) + 1e-9)
     return evidence.unit[best], jacobian, residual, weight
@@ -159,6 +168,7 @@ def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[st
             unit=p.unit,
             nominal=p.nominal,
             at_bound=bool(edge[i]),
+            limits=(p.low, p.high),
         )
         for i, p in enumerate(evidence.space.parameters)
     }

@@ -29,6 +29,9 @@ class Fault:
     lost: bool
     mended: str | None = None
 
+    def __str__(self) -> str:
+        return f"{self.kind} {self.what}: {self.problem}" + (f" ({self.mended})" if self.mended else "")
+
 
 @dataclass(frozen=True)
 class VerifyReport:

@@ -137,12 +137,14 @@ def _listing(result: results.Listing) -> RenderableType:
 
 
 def _entry(result: results.EntrySummary) -> RenderableType:
-    rows = [("id", result.id), ("kind", result.kind), ("name", result.name), ("robot", result.robot)]
-    return table(("", ""), [*rows, *((key, _value(value)) for key, value in result.detail.items())])
+    head = {"id": result.id, "kind": result.kind, "name": result.name, "robot": result.robot}
+    told = {"schema", result.kind, *head}  # a recording's detail says its name again
+    detail = {key: _value(value) for key, value in result.detail.items() if key not in told}
+    return table(("", ""), [*head.items(), *detail.items()])
 
 
 def _verification(result: results.Verification) -> Group:
-    counts = ", ".join(f"{count} {what}" for what, count in result.checked.items())
+    counts = ", ".join(f"{what} {how_many}" for what, how_many in result.checked.items())
     state = "sound" if result.clean else count(len(result.faults), "fault")
     lines = [f"- {fault}" for fault in result.faults] + [f"mended: {done}" for done in result.repaired]
     lines += [f"lost: {what}" for what in result.lost]
@@ -165,7 +167,8 @@ def _value(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{k} {_value(v)}" for k, v in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(map(_value, value))
+        texts = [_value(v) for v in value]
+        return ("\n" if any(len(text) > KEPT_WHOLE for text in texts) else ", ").join(texts)
     return number(value) if isinstance(value, float) else str(value)
 
 

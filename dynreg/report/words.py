@@ -40,12 +40,16 @@ def interval(estimate: Estimate) -> str:
 
 
 def gain_words(gain: Gain) -> str:
-    """A gain against the nominal model, with its interval where there is one."""
-    side = "below" if gain.value >= 0 else "above"
-    text = f"{100 * abs(gain.value):.0f} % {side} the nominal model's"
+    """A gain against the nominal model, as a sentence; one that may be chance is not called a gain."""
     if gain.low is None or gain.high is None:
-        return text + " (too few episodes for an interval)"
-    return text + f" (90 % interval of the gain: {100 * gain.low:.0f} to {100 * gain.high:.0f} %)"
+        side = "below" if gain.value >= 0 else "above"
+        size = f"{100 * abs(gain.value):.0f} %"
+        return f"Its replay error is {size} {side} the nominal model's (too few episodes for an interval)."
+    interval = f"90 % interval of the gain: {100 * gain.low:.0f} to {100 * gain.high:.0f} %"
+    if gain.low <= 0 <= gain.high:
+        return f"It does not clearly differ from the nominal model ({interval})."
+    side = "below" if gain.low > 0 else "above"
+    return f"Its replay error is {100 * abs(gain.value):.0f} % {side} the nominal model's ({interval})."
 
 
 def verdict(result: Neighbours | Calibration) -> str:
@@ -61,7 +65,7 @@ def verdict(result: Neighbours | Calibration) -> str:
     if result.answer_kind == "neighbour":
         names = [n.name for n in result.neighbours if n.entry == result.answer]
         chosen = f"simulator {names[0] if names else result.answer[:12]}"
-    gain = f" Its replay error is {gain_words(result.gain)}." if result.gain else ""
+    gain = f" {gain_words(result.gain)}" if result.gain else ""
     return f"For {name}, use {chosen}.{gain}"
 
 
@@ -94,4 +98,3 @@ def next_steps(result: Neighbours | Calibration) -> tuple[str, ...]:
     if result.fits:
         steps.append(f"Take the simulator along: dynreg export {result.answer[:12]} --to FOLDER")
     return tuple(steps)
-

@@ -67,7 +67,7 @@ def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0
 
     Offsets are scaled to `amplitude` times the room between the reset pose and the action's limits. A "drop"
     holds a random pose and then switches the drives off for the last half. Settings run through their `values`,
-    optional inputs are drawn once an episode between their low and high.
+    joints of a robot without a floating base start anywhere, optional inputs are drawn once an episode between their low and high.
     """
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
@@ -77,6 +77,8 @@ def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0
     actions = np.empty((episodes, steps, len(robot.actions)))
     inputs = np.tile(robot.input_defaults, (episodes, steps, 1))
     settings = np.empty((episodes, len(robot.settings)))
+    initial = np.full((episodes, len(robot.channels)), np.nan)
+    held = _held_joints(robot)
     for e in range(episodes):
         kind = file.kinds[e % len(file.kinds)]
         rng = stream(seed, "excitation", robot.name, name, e)
@@ -85,14 +87,24 @@ def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0
             choices = setting.values or [setting.nominal]
             settings[e, k] = choices[(e // len(file.kinds)) % len(choices)]
         offset = KINDS[kind](rng, steps, len(robot.actions), _typical_rate(robot))
-        room = np.where(offset > 0, high - pose, pose - low)
         # gentle and violent episodes: standing robots tell masses and friction, violent ones speed and limits
         size = file.amplitude * rng.uniform(0.3, 1.7)
-        actions[e] = np.clip(pose + size * room * offset, low, high)
+        centre = pose
+        if len(held):
+            # a bench may start anywhere: models must know small errors at large angles, as in tracking
+            centre = pose + rng.uniform(-0.6, 0.6, len(pose)) * np.minimum(high - pose, pose - low)
+        room = np.where(offset > 0, high - centre, centre - low)
+        actions[e] = np.clip(centre + size * room * offset, low, high)
+        for action, position, velocity in held:
+            initial[e, position] = actions[e, 0, action] + 0.05 * (high - low)[action] * rng.standard_normal()
+            if velocity >= 0:
+                initial[e, velocity] = 0.3 * (high - low)[action] * rng.standard_normal()
         _draw_inputs(robot, rng, inputs[e])
         if kind == "drop":
             actions[e] = actions[e, :1]
             inputs[e, steps // 2 :, len(robot.file.inputs) :] = 0.0
+    if len(held):
+        return Run(actions, inputs=inputs, settings=settings, initial=initial)
     return Run(actions, inputs=inputs, settings=settings)
 
 
@@ -113,6 +125,25 @@ def reset_pose(robot: Robot) -> np.ndarray:
             for j, t in zip(joints, types, strict=True)
         ]
     )
+
+
+def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
+    """(action, position column, velocity column or -1) of position-driven joints of a robot without a free base.
+
+    Empty for floating robots, whose joints cannot be put anywhere without moving the base.
+    """
+    from dynreg.sim.ports import nominal_ports
+
+    types = nominal_ports(robot, 1).types if robot.actions else []
+    if any(model_type == 0 for model_type in robot.model.jnt_type):
+        return []
+    channels = {name: i for i, name in enumerate(robot.channels)}
+    out = []
+    for a, (action, kind) in enumerate(zip(robot.actions, types, strict=True)):
+        joint = action.split("/")[0]
+        if kind in ("position", "duty_servo") and f"{joint}/position" in channels:
+            out.append((a, channels[f"{joint}/position"], channels.get(f"{joint}/velocity", -1)))
+    return out
 
 
 def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from bad_inputs import ALL, LOGS, Bad
+from tiny_registry import bench_csv
 
 from dynreg.cli.main import main
 from dynreg.sim.robot import packaged_robots
@@ -69,6 +70,16 @@ def test_a_bad_input_is_one_clear_line(
     assert status == case.status, err
     assert registry_snapshot(place / "dynreg-registry") == before
     assert sorted(os.listdir(place)) == around
+
+
+def test_a_channel_that_never_moves_is_told_not_refused(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    still = bench_csv(lambda i, row: [row[0], 0.25, *row[2:]])
+    (place / "run.csv").write_text(still, encoding="utf-8")
+    assert main(["ingest", "run.csv", "--robot", "servo_pendulum"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"(info|warning): .*arm/position.*0\.25", told), told
 
 
 def test_there_are_many_and_each_has_a_title_of_its_own() -> None:

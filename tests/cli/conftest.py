@@ -6,7 +6,9 @@ from pathlib import Path
 
 import made_up_results
 import pytest
+import tiny_registry
 
+from dynreg import summaries
 from dynreg.cli.call import Call
 from dynreg.cli.main import main
 from dynreg.errors import NoMatchError
@@ -81,4 +83,6 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         return made
 
     monkeypatch.setattr(Call, "open", opened)
+    monkeypatch.setattr(summaries, "verification", made.verify)
+    (tmp_path / "run.csv").write_text(tiny_registry.bench_csv(), encoding="utf-8")
     return made

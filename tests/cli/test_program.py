@@ -145,8 +145,6 @@ def test_the_shell_completes_verbs_and_robots(shell: str) -> None:
 
     assert "populate" in offered("dynreg po")
     assert "servo_pendulum" in offered("dynreg populate ser")
-    assert "servo_pendulum" not in offered("dynreg populate quad")
-    assert "--hold-out" in offered("dynreg query x --ho")
     assert "--registry" in offered("dynreg query x --reg")
 
 

@@ -45,25 +45,25 @@ def test_text_is_narrow_and_without_colour_codes(line, dynreg, session) -> None:
 
 
 def test_populate_passes_its_options_on(dynreg, session) -> None:
-    dynreg(
-        *"populate servo_pendulum -n 8 --seed 3 --ranges wide --no-link --threads 2".split(),
-    )
+    dynreg(*"populate quadruped -n 8 --seed 3 --ranges slow --no-link --threads 2".split())
     assert session.created
     ((verb, given, named),) = session.asked
-    assert (verb, given) == ("populate", ("servo_pendulum", 8))
-    assert named == {"seed": 3, "ranges": "wide", "link": False, "threads": 2, "progress": None}
+    assert (verb, given) == ("populate", ("quadruped", 8))
+    assert named == {"seed": 3, "ranges": "slow", "link": False, "threads": 2, "progress": None}
 
 
-def test_ingest_passes_its_options_on(dynreg, session) -> None:
-    dynreg("ingest", "a.csv", "b.csv", "--robot", "leg", "--map", "m.toml", "--name", "monday")
-    ((verb, given, named),) = session.asked
-    assert (verb, given) == ("ingest", ([Path("a.csv"), Path("b.csv")], "leg"))
-    assert named == {"log_map": Path("m.toml"), "name": "monday"}
+def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> None:
+    assert dynreg("ingest", "none.csv", "--robot", "servo_pendulum").status == 1
+    assert not session.created and session.asked == []
+    assert dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday").status == 0
+    ((verb, (recording, robot), named),) = session.asked
+    assert session.created and verb == "ingest" and named == {"name": "monday"}
+    assert robot.name == "servo_pendulum" and len(recording.episodes) == 5
 
 
 def test_query_passes_its_options_on(dynreg, session) -> None:
     line = "query bench -k 7 --distance embedding --population p --no-replay --no-synthesise"
-    dynreg(*line.split(), *"--hold-out kp=400 --budget 50 --robot leg --map m.toml".split())
+    dynreg(*line.split(), *"--hold-out kp=400 --budget 50 --robot leg --map m.toml --threads 2".split())
     assert not session.created
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("query", ("bench",))
@@ -77,6 +77,7 @@ def test_query_passes_its_options_on(dynreg, session) -> None:
         "budget": 50,
         "robot": "leg",
         "log_map": Path("m.toml"),
+        "threads": 2,
         "progress": None,
     }
 
@@ -127,7 +128,14 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
     dynreg(*"calibrate bench --seed 2 --budget 40 --hold-out 0.25".split())
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("calibrate", ("bench",))
-    assert named == {"method": "cmaes", "seed": 2, "budget": 40, "hold_out": "0.25", "progress": None}
+    assert named == {
+        "method": "cmaes",
+        "seed": 2,
+        "budget": 40,
+        "hold_out": "0.25",
+        "threads": 0,
+        "progress": None,
+    }
 
 
 def test_quiet_leaves_hints_out(dynreg, session) -> None:

@@ -55,6 +55,10 @@ def test_the_verdict_follows_the_answer() -> None:
 def test_a_loss_is_not_called_a_gain() -> None:
     worse = made_up_results.neighbours().model_copy(update={"gain": Gain(value=-0.2, low=None, high=None)})
     assert "20 % above the nominal" in verdict(worse) and "too few episodes" in verdict(worse)
+    clearly = worse.model_copy(update={"gain": Gain(value=-0.2, low=-0.3, high=-0.1)})
+    assert "20 % above the nominal" in verdict(clearly)
+    unclear = worse.model_copy(update={"gain": Gain(value=0.03, low=-0.08, high=0.1)})
+    assert "does not clearly differ" in verdict(unclear) and "below" not in verdict(unclear)
 
 
 def test_next_steps_follow_the_result() -> None:

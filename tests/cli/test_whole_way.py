@@ -1,0 +1,76 @@
+"""The verbs on a real registry, from the log to the page; every document fits its schema."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tiny_registry
+
+from dynreg.cli.schemas import model_of
+
+QUERY = ("query", "monday", "-k", "2", "--budget", "8", "--hold-out", "kp=400")
+
+
+@pytest.fixture
+def place(tmp_path: Path, registry_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("DYNREG_REGISTRY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(registry_folder, tmp_path / "dynreg-registry")
+    changed = tiny_registry.bench_csv(lambda i, row: [*row[:4], 7.2, *row[5:]])
+    (tmp_path / "run.csv").write_text(changed, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def document(dynreg: Callable) -> Callable[..., dict[str, Any]]:
+    def of(*line: str, statuses: tuple[int, ...] = (0,)) -> dict[str, Any]:
+        ended = dynreg(*line, "--json")
+        assert ended.status in statuses, ended.err
+        found = json.loads(ended.out)
+        assert json.loads(model_of(found["schema"]).model_validate(found).to_json()) == found
+        return found
+
+    return of
+
+
+def test_from_the_log_to_the_page(place: Path, dynreg: Callable, document: Callable) -> None:
+    recording = document("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday")
+    assert recording["episodes"] == 5 and recording["settings"] == ["kp"]
+    answer = document(*QUERY, statuses=(0, 4))
+    assert answer["recording"] == recording["recording"] and len(answer["neighbours"]) == 2
+    assert set(answer["parts"]["test"]) == {"e2", "e3"}
+    kinds = [item["kind"] for item in document("list")["items"]]
+    assert {"population", "recording", "result", "robot"} <= set(kinds)
+    (result,) = document("list", "--kind", "result")["items"]
+    assert document("show", result["id"])["detail"]["answer"] == answer["answer"]
+    shown = dynreg("show", result["id"])
+    assert shown.status == 0 and "2 neighbours" in shown.out
+    written = document("report", "@last", "--out", "page.html")
+    assert written["bytes"] == (place / "page.html").stat().st_size
+    assert "monday" in (place / "page.html").read_text(encoding="utf-8")
+    assert document("info")["holds"]["recording"] == 2
+    assert document("verify")["clean"] is True
+    exported = document("export", "monday", "--to", "copy")
+    assert recording["recording"] in [item["id"] for item in exported["items"]]
+    assert document("list", "--registry", "copy", "--kind", "recording")["items"][0]["name"] == "monday"
+
+
+def test_the_same_query_gives_the_same_answer(place: Path, dynreg: Callable, document: Callable) -> None:
+    document("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday")
+    first, second = (document(*QUERY, statuses=(0, 4)) for _ in range(2))
+    for found in (first, second):
+        found["cost"].pop("seconds")
+    assert first == second
+
+
+def test_a_damaged_catalogue_is_repaired(place: Path, dynreg: Callable, document: Callable) -> None:
+    (place / "dynreg-registry" / "catalog.sqlite").write_bytes(b"junk" * 1000)
+    assert dynreg("list").status == 3
+    assert document("verify", statuses=(3,))["clean"] is False
+    assert dynreg("verify", "--repair").status == 3  # names of recordings are gone for good
+    assert dynreg("verify").status == 0
+    (population,) = document("list", "--kind", "population")["items"]
+    assert population["detail"]["entries"] == 8
