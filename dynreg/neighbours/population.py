@@ -164,7 +164,8 @@ def _base_rows(robot: Robot, seed: int, training: Training, first: int, threads:
     noise = motor_noise(seeds, *run.actions.shape)
     states = rollout(robot, values, replace(run, noise=noise), threads=threads).states.astype(np.float32)
     context = context_of(robot, run)
-    flat = lambda a: np.broadcast_to(a, (len(states), *a.shape[-3:])).reshape(-1, a.shape[-1])  # noqa: E731
+    count = int(np.prod(states.shape[:2])) * run.steps
+    flat = lambda a: np.broadcast_to(a, (len(states), *a.shape[-3:])).reshape(count, a.shape[-1])  # noqa: E731
     columns = (flat(states[:, :, :-1]), flat(run.actions), flat(context), flat(states[:, :, 1:]))
     good = np.isfinite(columns[0]).all(axis=1) & np.isfinite(columns[3]).all(axis=1)
     return tuple(column[good].astype(np.float32) for column in columns)

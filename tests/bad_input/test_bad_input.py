@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from bad_inputs import ALL, LOGS, Bad
+from bad_inputs import ALL, ARGUMENTS, LOGS, SETTINGS, Bad
 from tiny_registry import bench_csv
 
 from dynreg.cli.main import main
@@ -87,7 +87,7 @@ def test_there_are_many_and_each_has_a_title_of_its_own() -> None:
     assert len({case.title for case in ALL}) == len(ALL)
 
 
-@pytest.mark.parametrize("case", [LOGS[0], ALL[-1]], ids=lambda case: case.title)
+@pytest.mark.parametrize("case", [LOGS[0], ARGUMENTS[0], SETTINGS[0]], ids=lambda case: case.title)
 def test_the_real_program_says_the_same(case: Bad, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = lay_out(case, place)
     status, err = main(line), capsys.readouterr().err

@@ -1,5 +1,6 @@
 """Command lines run in this process, with the exit status and what went to stdout and stderr."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,6 +64,8 @@ def dynreg(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
 def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
     """What every verb that opens a registry gets."""
     monkeypatch.chdir(tmp_path)
+    for name in [name for name in os.environ if name.startswith("DYNREG_") and name != "DYNREG_DATA_DIR"]:
+        monkeypatch.delenv(name)
     made = RecordedSession(Path("unopened"))
     made.answers = {
         "populate": made_up_results.population(),
