@@ -17,7 +17,8 @@ from hidden import Hidden, hidden_robots, unseen_commands
 import dynreg
 from dynreg.neighbours.link import load_population
 from dynreg.neighbours.query import Settings, query
-from dynreg.neighbours.retrieve import known_values, retrieve
+from dynreg.neighbours.retrieve import retrieve
+from dynreg.replay.known import known_values
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
@@ -73,7 +74,9 @@ def _errors(population, hidden: Hidden, chosen: dict[str, np.ndarray]) -> dict[s
     itself = chosen.pop("itself")
     values = np.concatenate(list(chosen.values()))
     states = [rollout(robot, values, run).states, rollout(hidden.robot, hidden.values[None], run).states]
-    miss = np.concatenate([np.abs(np.nan_to_num(s, nan=1e3) - truth)[..., 1:, use] / spread[use] for s in states])
+    miss = np.concatenate(
+        [np.abs(np.nan_to_num(s, nan=1e3) - truth)[..., 1:, use] / spread[use] for s in states]
+    )
     error = np.minimum(miss, 10.0).mean(axis=(1, 2, 3))
     chosen["itself"] = itself
     cuts = np.cumsum([len(v) for k, v in chosen.items()])[:-1]

@@ -18,7 +18,9 @@ OUTSIDE = (
     Parameter("joint_friction", "N*m", 0.05, 0.02, 0.15, "linear", np.inf, ("port.friction.coulomb[*] =",)),
     Parameter("com_forward", "m", 0.0, -0.03, 0.03, "linear", np.inf, ("mj.body_ipos[torso][0] +=",)),
     Parameter("com_left", "m", 0.0, -0.02, 0.02, "linear", np.inf, ("mj.body_ipos[torso][1] +=",)),
-    Parameter("contact_time", "s", 0.02, 0.012, 0.04, "linear", np.inf, ("mj.geom_solref[*_foot,ground][0] =",)),
+    Parameter(
+        "contact_time", "s", 0.02, 0.012, 0.04, "linear", np.inf, ("mj.geom_solref[*_foot,ground][0] =",)
+    ),
 )
 
 
@@ -51,7 +53,9 @@ class Hidden:
         """(E, T+1, S) true states, with motor noise of their own for every `name`."""
         seeds = np.array([stream_seed(self.seed, "motor", self.number, name) % 2**62])
         noise = motor_noise(seeds, *commands.actions.shape)
-        return rollout(self.robot, self.values[None], Run(commands.actions, period=1 / self.rate, noise=noise)).states[0]
+        return rollout(
+            self.robot, self.values[None], Run(commands.actions, period=1 / self.rate, noise=noise)
+        ).states[0]
 
 
 def hidden_robots(robot: Robot, n: int, seed: int, *, outside: bool = False) -> list[Hidden]:
@@ -69,4 +73,10 @@ def hidden_robots(robot: Robot, n: int, seed: int, *, outside: bool = False) -> 
 def unseen_commands(robot: Robot, hidden: Hidden, *, episodes: int = 8, seconds: float = 1.0) -> Run:
     """Commands that neither the population nor the log ran: `episodes` of one second at the robot's rate."""
     steps = int(round(seconds * hidden.rate))
-    return excitation(robot, seed=stream_seed(hidden.seed, "test", hidden.number) % 2**31, name="unseen", episodes=episodes, steps=steps)
+    return excitation(
+        robot,
+        seed=stream_seed(hidden.seed, "test", hidden.number) % 2**31,
+        name="unseen",
+        episodes=episodes,
+        steps=steps,
+    )

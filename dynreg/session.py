@@ -162,7 +162,9 @@ class Session:
         from dynreg.neighbours.query import BUDGET, Settings, query
 
         identity, loaded = self._recording(recording, robot, log_map)
-        ready = self._population(population, identity, states=distance in ("cross_loss", "cross_loss_train", "trajectory"))
+        ready = self._population(
+            population, identity, states=distance in ("cross_loss", "cross_loss_train", "trajectory")
+        )
         settings = Settings(
             k=k,
             distance="one_sided" if distance == "auto" else distance,
@@ -172,9 +174,7 @@ class Session:
             budget=BUDGET if budget is None else budget,
             threads=threads,
         )
-        found = query(
-            self.registry, ready, loaded, settings, name=self._name(identity), progress=progress
-        )
+        found = query(self.registry, ready, loaded, settings, name=self._name(identity), progress=progress)
         self.registry.put_result("neighbours", identity, found.to_dict())
         return found
 

@@ -59,18 +59,30 @@ def summary(registry: Registry, kind: str, identity: str) -> results.EntrySummar
     if kind == "recording":
         info = next(i for i in registry.recordings() if i.id == identity)
         robot = registry.robots()[info.robot_hash]
-        told = recording_summary(identity, registry.recording(identity), robot, info.names[0] if info.names else "")
+        told = recording_summary(
+            identity, registry.recording(identity), robot, info.names[0] if info.names else ""
+        )
         return _item(identity, "recording", told.name, robot, told.to_dict())
     if kind == "population":
         record = registry.population(identity)
-        return _item(identity, "population", record.name, record.name, _population_detail(registry, record) | {"spec": dict(record.spec)})
+        return _item(
+            identity,
+            "population",
+            record.name,
+            record.name,
+            _population_detail(registry, record) | {"spec": dict(record.spec)},
+        )
     if kind == "simulator":
         config = registry.simulator(identity)
-        return _item(identity, "simulator", config.get("robot_name", ""), config.get("robot_name", ""), config)
+        return _item(
+            identity, "simulator", config.get("robot_name", ""), config.get("robot_name", ""), config
+        )
     if kind == "result":
         record = registry.result(identity)
         return _item(identity, "result", record.kind, record.document.get("robot", ""), record.document)
-    return _item(identity, "robot", registry.robots()[identity], registry.robots()[identity], {"hash": identity})
+    return _item(
+        identity, "robot", registry.robots()[identity], registry.robots()[identity], {"hash": identity}
+    )
 
 
 def stored_result(registry: Registry, ref: str) -> results.Result:
@@ -82,7 +94,9 @@ def stored_result(registry: Registry, ref: str) -> results.Result:
         record = registry.result(identity) if kind == "result" else registry.latest(None, identity)
     if record.kind not in _RESULTS:
         raise NoMatchError(
-            f"result {ref!r} is of kind {record.kind!r}", expected=f"one of {sorted(_RESULTS)}", do="name another"
+            f"result {ref!r} is of kind {record.kind!r}",
+            expected=f"one of {sorted(_RESULTS)}",
+            do="name another",
         )
     try:
         return _RESULTS[record.kind].model_validate(record.document)
@@ -134,7 +148,8 @@ def _device() -> str:
 
 def _populations(registry: Registry) -> list[results.EntrySummary]:
     return [
-        _item(r.id, "population", r.name, r.name, _population_detail(registry, r)) for r in registry.populations()
+        _item(r.id, "population", r.name, r.name, _population_detail(registry, r))
+        for r in registry.populations()
     ]
 
 
@@ -149,14 +164,16 @@ def _simulators(registry: Registry) -> list[results.EntrySummary]:
     ids = registry.ids("simulator")
     configs = [(i, registry.simulator(i)) for i in ids]
     return [
-        _item(i, "simulator", c.get("lineage", {}).get("made_by", ""), c.get("robot_name", ""), {}) for i, c in configs
+        _item(i, "simulator", c.get("lineage", {}).get("made_by", ""), c.get("robot_name", ""), {})
+        for i, c in configs
     ]
 
 
 def _results(registry: Registry) -> list[results.EntrySummary]:
     records = [registry.result(i) for i in registry.ids("result")]
     return [
-        _item(r.id, "result", r.kind, r.document.get("robot", ""), {"recording": r.recording_id[:12]}) for r in records
+        _item(r.id, "result", r.kind, r.document.get("robot", ""), {"recording": r.recording_id[:12]})
+        for r in records
     ]
 
 

@@ -42,7 +42,7 @@ class Embedding:
 
 
 def fit_embedding(stack: MlpStack, base: MlpStack, probes: np.ndarray, dimensions: int = 64) -> Embedding:
-    """Principal components of the predictions of M models on probes (N, D)."""
+    """Principal components of the predictions of M models on probes (N, D); as many as they vary in, at most."""
     reference = predict(base, probes)[0].reshape(-1)
     flat = np.concatenate(
         [
@@ -52,12 +52,12 @@ def fit_embedding(stack: MlpStack, base: MlpStack, probes: np.ndarray, dimension
     )
     flat = flat - reference
     mean = flat.mean(axis=0)
-    centred = flat - mean
-    dimensions = min(dimensions, len(stack), reference.size)
+    centred = (flat - mean).astype(np.float64)
     # eigenvectors of the small Gram matrix: far cheaper than an SVD of (M, N S)
-    gram = (centred @ centred.T).astype(np.float64)
-    values, vectors = np.linalg.eigh(gram)
-    keep = np.argsort(values)[::-1][:dimensions]
+    values, vectors = np.linalg.eigh(centred @ centred.T)
+    # M centred points span M - 1 dimensions at most; a direction without variance is rounding, blown up
+    known = max(1, int((values > 1e-10 * values[-1]).sum()))
+    keep = np.argsort(values)[::-1][: min(dimensions, known)]
     scale = np.sqrt(np.maximum(values[keep], 1e-12))
     components = (vectors[:, keep] / scale).T @ centred
     # the sign of an eigenvector is arbitrary: fix it, so that the same entries give the same bytes

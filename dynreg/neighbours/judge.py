@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.neighbours.replay import Windows
+from dynreg.replay.windows import Windows
 from dynreg.results import ChannelError, Gain, Trace
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
@@ -97,7 +97,9 @@ def alarm(search: "_Search", answer: int) -> tuple[str | None, tuple[str, ...]]:
     usual = float(np.median(apart.min(axis=1)))
     mine = float(search.evidence.fit[answer])
     ratio = mine / max(usual, 1e-12)
-    note = f"the answer's error is {ratio:.1f} times what separates neighbouring simulators under these commands"
+    note = (
+        f"the answer's error is {ratio:.1f} times what separates neighbouring simulators under these commands"
+    )
     if ratio <= TOO_FAR:
         return None, (note,)
     sentence = (

@@ -24,6 +24,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 Progress = Callable[[str, int, int], None]
+WAIT = 0.1  # seconds between looks at what other processes have left
 
 
 @dataclass
@@ -62,26 +63,25 @@ def populate(
     report = progress or (lambda *_: None)
     timing = Timing()
     identity, shared = _shared(registry, robot, n, seed, training, shard_size, threads, timing, report)
-    added, done = 0, registry.count(identity)
-    for start, stop in registry.missing_spans(identity):
-        with registry.claim(identity, start) as mine:
-            if not mine:
-                continue
-            data = make_entries(shared, np.arange(start, stop), threads, timing)
-            began = time.perf_counter()
-            added += len(registry.put_shard(identity, start, data))
-            timing.store += time.perf_counter() - began
-        done += stop - start
-        report("simulators", min(done, n), n)
+    added = 0
+    while spans := registry.missing_spans(identity):
+        mine = [_fill(registry, identity, shared, span, threads, timing, report, n) for span in spans]
+        added += sum(mine)
+        if not any(mine):
+            time.sleep(WAIT)  # others have claimed the rest; a claim ends with its process
     return identity, added, timing
 
 
-def make_entries(shared: Shared, numbers: np.ndarray, threads: int, timing: Timing | None = None) -> ShardData:
+def make_entries(
+    shared: Shared, numbers: np.ndarray, threads: int, timing: Timing | None = None
+) -> ShardData:
     """Simulate and train the entries `numbers` (consecutive) of a population."""
     timing = timing or Timing()
     robot = shared.robot
     began = time.perf_counter()
-    values = robot.space.sample(int(numbers[0]), int(numbers[-1]) + 1, stream_seed(shared.seed, "entries") % 2**31)
+    values = robot.space.sample(
+        int(numbers[0]), int(numbers[-1]) + 1, stream_seed(shared.seed, "entries") % 2**31
+    )
     done = rollout(robot, values, shared.with_noise(numbers), threads=threads)
     states = done.states.astype(np.float32)
     timing.simulate += time.perf_counter() - began

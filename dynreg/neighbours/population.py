@@ -34,7 +34,9 @@ class Training:
     base_configurations: int = BASE_CONFIGURATIONS
     base_epochs: int = 12
 
-    def entries(self, base: MlpStack, inputs: np.ndarray, targets: np.ndarray, seed: int, threads: int) -> MlpStack:
+    def entries(
+        self, base: MlpStack, inputs: np.ndarray, targets: np.ndarray, seed: int, threads: int
+    ) -> MlpStack:
         """Models (M) warm-started from the base on rows (M, N, D), (M, N, S), as they are stored (fp16)."""
         trained = train(
             base,
@@ -115,7 +117,9 @@ def context_of(robot: Robot, run: Run) -> np.ndarray:
 
 def population_id(robot: Robot, seed: int, training: Training) -> str:
     """Content hash of what entries share; the number of entries is not part of it."""
-    return hashlib.sha256(json.dumps(population_spec(robot, seed, training), sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(
+        json.dumps(population_spec(robot, seed, training), sort_keys=True).encode()
+    ).hexdigest()
 
 
 def population_spec(robot: Robot, seed: int, training: Training) -> dict:
@@ -138,7 +142,10 @@ def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Sh
     from dynreg.models.base import train_base
 
     run = excitation(robot, seed=seed)
-    parts = [_base_rows(robot, seed, training, first, threads) for first in range(0, training.base_configurations, 8)]
+    parts = [
+        _base_rows(robot, seed, training, first, threads)
+        for first in range(0, training.base_configurations, 8)
+    ]
     states, actions, context, after = (np.concatenate(column) for column in zip(*parts, strict=True))
     normaliser = fit_normaliser(states, actions, context, after)
     inputs, targets = normaliser.inputs(states, actions, context), normaliser.targets(states, after)
@@ -153,7 +160,9 @@ def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Sh
     return Shared(robot, seed, run, normaliser, base, probes, training)
 
 
-def _base_rows(robot: Robot, seed: int, training: Training, first: int, threads: int) -> tuple[np.ndarray, ...]:
+def _base_rows(
+    robot: Robot, seed: int, training: Training, first: int, threads: int
+) -> tuple[np.ndarray, ...]:
     """States, actions, context and next states (N, .) of up to eight base configurations on one bank."""
     from dynreg.sim.engines import rollout
 
@@ -186,7 +195,9 @@ def shared_arrays(shared: Shared) -> dict[str, np.ndarray]:
 
 def shared_from(robot: Robot, record: PopulationRecord) -> Shared:
     """The shared part as the registry holds it."""
-    part = lambda prefix: {k.removeprefix(prefix): v for k, v in record.arrays.items() if k.startswith(prefix)}  # noqa: E731
+    part = lambda prefix: {
+        k.removeprefix(prefix): v for k, v in record.arrays.items() if k.startswith(prefix)
+    }  # noqa: E731
     bank = part("bank.")
     settings = dict(record.spec["training"])
     settings.pop("network")

@@ -9,10 +9,11 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.neighbours.judge import alarm, channel_errors, gain, traces
-from dynreg.neighbours.parts import Parts, names, parts
+from dynreg.replay.parts import Parts, names, parts
 from dynreg.neighbours.population import Population
-from dynreg.neighbours.replay import Replayer, errors, windows
-from dynreg.neighbours.retrieve import Retrieved, known_values, retrieve
+from dynreg.replay.windows import Replayer, errors, windows
+from dynreg.neighbours.retrieve import Retrieved, retrieve
+from dynreg.replay.known import known_values
 from dynreg.neighbours.synthesise import (
     Evidence,
     effective_samples,
@@ -25,7 +26,7 @@ from dynreg.registry import Registry
 from dynreg.results import Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised
 from dynreg.sim.config import SimConfig
 
-BUDGET = 34  # simulators that one query may replay to choose its answer
+BUDGET = 32  # simulators that one query may replay to choose its answer
 REPLAYED = 0.6  # share of the budget that replays candidates; the rest synthesises
 Progress = Callable[[str, int, int], None]
 
@@ -165,8 +166,13 @@ def _result(
     best = search.best("neighbour")
     made = search.best("synthesised")
     answer = search.best("nominal", "neighbour", "synthesised")
-    test = _test_errors(search, sorted({nominal, *k_nearest, best, answer} | ({made} if made is not None else set())))
-    ids = {i: _simulator_id(registry, population, search.candidates[i], space) for i in {nominal, best, answer, made} - {None}}
+    test = _test_errors(
+        search, sorted({nominal, *k_nearest, best, answer} | ({made} if made is not None else set()))
+    )
+    ids = {
+        i: _simulator_id(registry, population, search.candidates[i], space)
+        for i in {nominal, best, answer, made} - {None}
+    }
     rank = sorted(nearest, key=lambda i: evidence.score[i]) if search.settings.replay else nearest
     stages = _stages(search, test, ids, nominal, k_nearest, best, made, answer)
     judged = np.flatnonzero(split.test) if split.test.any() else split.chosen
@@ -199,14 +205,20 @@ def _result(
         nominal=Nominal(replay_error=float(evidence.score[nominal]), parameters=space.as_dict(space.nominal)),
         stages=stages,
         gain=gain(test, nominal, answer) if split.test.any() else None,
-        parts={part: names(recording, search.replayer.windows, getattr(split, part)) for part in ("fit", "select", "test")},
+        parts={
+            part: names(recording, search.replayer.windows, getattr(split, part))
+            for part in ("fit", "select", "test")
+        },
         channels=channel_errors(robot, search.replayer.windows, pair, judged, spread),
         traces=traces(robot, recording, search.replayer.windows, pair, judged, spread),
         fits=alarmed is None,
         alarm=alarmed,
         notes=notes + _bound_notes(synthesised),
         cost=Cost(
-            evaluations=search.found.evaluations, rollouts=len(evidence.unit), test_rollouts=len(test), seconds=seconds
+            evaluations=search.found.evaluations,
+            rollouts=len(evidence.unit),
+            test_rollouts=len(test),
+            seconds=seconds,
         ),
     )
 
@@ -284,7 +296,9 @@ def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
     at = [name for name, e in synthesised.parameters.items() if e.at_bound]
     if not at:
         return ()
-    return (f"{', '.join(at)} lies at the edge of the population's range: widen it, or look for a missing cause",)
+    return (
+        f"{', '.join(at)} lies at the edge of the population's range: widen it, or look for a missing cause",
+    )
 
 
 def _check(settings: Settings, population: Population) -> None:

@@ -59,7 +59,9 @@ def retrieve(
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
     """
     if distance not in DISTANCES:
-        raise UsageError(f"distance {distance!r}", expected=f"one of {list(DISTANCES)}", do="choose one of them")
+        raise UsageError(
+            f"distance {distance!r}", expected=f"one of {list(DISTANCES)}", do="choose one of them"
+        )
     rows = recording_rows(population, recording, episodes)
     allowed = _allowed(population, known)
     model = _own_model(population, rows, threads)
@@ -115,16 +117,6 @@ def with_defaults(robot: Robot, recording: Recording) -> Recording:
     return Recording(channels, tuple(episodes), recording.measured, recording.provenance)
 
 
-def known_values(robot: Robot, recording: Recording) -> np.ndarray:
-    """(P,) what a recording tells of the parameters marked `known` (its command rate), NaN elsewhere."""
-    values = np.full(len(robot.space), np.nan)
-    for i, setters in enumerate(robot.setters):
-        if robot.space.parameters[i].known and any(a.root == "control" and a.path == "rate" for a in setters):
-            gaps = np.concatenate([np.diff(e.time) for e in recording.episodes if len(e.time) > 1])
-            values[i] = 1.0 / np.median(gaps)
-    return values
-
-
 def _allowed(population: Population, known: np.ndarray | None) -> np.ndarray:
     """Entries within a tenth of the range of what is known, or the nearest fifth where that leaves few."""
     if known is None or np.isnan(known).all():
@@ -150,7 +142,9 @@ def _own_model(population: Population, rows: Rows, threads: int) -> MlpStack:
     return shared.training.entries(shared.base, inputs[None, some], targets[None, some], shared.seed, threads)
 
 
-def _by_embedding(population: Population, vector: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _by_embedding(
+    population: Population, vector: np.ndarray, allowed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     index = vector_index(population.vectors.shape[1], seed=population.shared.seed)
     index.add(population.vectors[allowed])
     ids, apart = index.nearest(vector[None], len(allowed))

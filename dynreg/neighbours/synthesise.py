@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.neighbours.replay import Replayer, errors
+from dynreg.replay.windows import Replayer, errors
 from dynreg.results import Estimate
 from dynreg.rng import stream
 from dynreg.sim.space import ParameterSpace
@@ -87,10 +87,10 @@ def propose(evidence: Evidence, reach: float, seed: int) -> np.ndarray:
     The exploring one goes `reach` away from the careful one, farthest where the residuals hardly change: it is
     there that the linear model knows least.
     """
-    lead, jacobian, residual, weight = linearise(evidence)
-    free = np.flatnonzero(evidence.free)
+    local = linearise(evidence)
+    lead, free = local.centre, np.flatnonzero(evidence.free)
     rng = stream(seed, "synthesise", len(evidence.unit))
-    hessian, slope = _normal_equations(jacobian, residual, weight)
+    hessian, slope = _normal_equations(local)
     scale = np.trace(hessian) / len(free) + 1e-12
     steps = [np.linalg.solve(hessian + d * scale * np.eye(len(free)), slope) for d in DAMPING]
     curvature, directions = np.linalg.eigh(hessian / scale + 0.05 * np.eye(len(free)))
@@ -107,16 +107,26 @@ def propose(evidence: Evidence, reach: float, seed: int) -> np.ndarray:
     return np.array(proposals)
 
 
-def linearise(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The local linear model of the residuals around the best replay.
+@dataclass(frozen=True)
+class Local:
+    """A linear model of the residuals around the best replay.
 
-    Returns
-    -------
     centre : (P,) unit parameters of the best replay.
     jacobian : (F, P_free) change of the residual features with each free parameter.
     residual : (F,) residual features at the centre.
     weight : (F,) weights that make squares of residuals into absolute values (iteratively reweighted).
+    doubt : (P_free, P_free) what errors of the jacobian add to its weighted square, on average.
     """
+
+    centre: np.ndarray
+    jacobian: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
+    doubt: np.ndarray
+
+
+def linearise(evidence: Evidence) -> Local:
+    """Weighted ridge regression of the residuals of all replays on their parameters, around the best one."""
     best = int(np.argmin(evidence.score))
     flat = evidence.residuals.reshape(len(evidence.unit), -1)
     flat = flat[:, ~np.isnan(flat).any(axis=0)]
@@ -129,29 +139,37 @@ def linearise(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     w = 1.0 / (apart + 0.1 * width + 1e-4)
     w *= np.exp(-np.minimum(evidence.score / evidence.score[best] - 1.0, 3.0) / 0.5)
     w[best] = 0.0
-    gram = (offset * w[:, None]).T @ offset
-    ridge = 0.02 * np.trace(gram) / len(free) + 1e-12
-    change = (offset * w[:, None]).T @ (flat - flat[best])
-    jacobian = np.linalg.solve(gram + ridge * np.eye(len(free)), change).T
+    weighted = (offset * w[:, None]).T
+    gram = weighted @ offset
+    gram += (0.02 * np.trace(gram) / len(free) + 1e-12) * np.eye(len(free))
+    influence = np.linalg.solve(gram, weighted)
+    change = flat - flat[best]
+    jacobian = (influence @ change).T
     residual = flat[best]
     weight = 1.0 / np.maximum(np.abs(residual), 0.3 * np.mean(np.abs(residual)) + 1e-9)
-    return evidence.unit[best], jacobian, residual, weight
+    # what each replay would be wrong by if it were left out (HC3, MacKinnon and White 1985): curvature of the
+    # map counts as an error of its slope
+    leverage = np.einsum("pi,ip->i", influence, offset)
+    missed = ((change - offset @ jacobian.T) ** 2 @ weight) / np.maximum(1.0 - leverage, 0.05) ** 2
+    return Local(evidence.unit[best], jacobian, residual, weight, (influence * missed) @ influence.T)
 
 
 def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[str, Estimate]:
     """90 % intervals of each parameter around `unit` (P,): Laplace approximation of the local linear model.
 
     effective : independent samples in the residuals (duration over autocorrelation time). A parameter that the
-    recording says nothing about gets its whole range. The intervals hold if the model is right.
+    recording says nothing about gets its whole range; so do parameters that can make up for each other. The
+    intervals hold if the model is right.
     """
-    _, jacobian, residual, weight = linearise(evidence)
-    hessian, _ = _normal_equations(jacobian, residual, weight)
-    size = np.mean(np.abs(residual))
-    information = hessian * effective / (len(residual) * size)
+    local = linearise(evidence)
+    hessian, _ = _normal_equations(local)
+    size = np.mean(np.abs(local.residual))
+    # an uncertain jacobian looks steeper than it is, most of all where the true one is flat
+    curvature, directions = np.linalg.eigh(hessian - local.doubt)
+    information = np.maximum(curvature, 0.0) * effective / (len(local.residual) * size)
     free = np.flatnonzero(evidence.free)
-    covariance = np.linalg.inv(information + PRIOR * np.eye(len(free)))
     sigma = np.zeros(len(unit))
-    sigma[free] = np.sqrt(np.diag(covariance))
+    sigma[free] = np.sqrt((directions**2 / (information + PRIOR)).sum(axis=1))
     value = evidence.space.from_unit(unit)
     low = evidence.space.from_unit(unit - 1.645 * sigma)
     high = evidence.space.from_unit(unit + 1.645 * sigma)
@@ -190,11 +208,9 @@ def effective_samples(residuals: np.ndarray) -> float:
     return max(count, 1.0)
 
 
-def _normal_equations(
-    jacobian: np.ndarray, residual: np.ndarray, weight: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    weighted = jacobian * weight[:, None]
-    return jacobian.T @ weighted, weighted.T @ residual
+def _normal_equations(local: Local) -> tuple[np.ndarray, np.ndarray]:
+    weighted = local.jacobian * local.weight[:, None]
+    return local.jacobian.T @ weighted, weighted.T @ local.residual
 
 
 def replay_into(

@@ -98,7 +98,7 @@ def _trace_charts(result: Neighbours) -> list[Chart]:
             f"{t.channel} [{t.unit}], episode {t.episode}",
             "time [s]",
             t.time,
-            {"nominal": t.nominal, "measured": t.measured, "answer": t.answer},
+            {"measured": t.measured, "answer": t.answer, "nominal": t.nominal},  # the last one on top
         )
         for t in result.traces
     )

@@ -87,7 +87,7 @@ def _channel_table(result: results.Neighbours) -> RenderableType:
     rows = [(c.channel, c.nominal, c.answer, c.spread, c.unit) for c in result.channels]
     part = "test" if result.parts.get("test") else "select"
     title = f"where it still errs: mean absolute error on the {part} part"
-    return table(("channel", "nominal", "answer", "spread of neighbours", "unit"), rows, title)
+    return table(("channel", "nominal", "answer", "motion (1 sigma)", "unit"), rows, title)
 
 
 def _calibration(result: results.Calibration) -> Group:
@@ -138,9 +138,17 @@ def _listing(result: results.Listing) -> RenderableType:
 
 def _entry(result: results.EntrySummary) -> RenderableType:
     head = {"id": result.id, "kind": result.kind, "name": result.name, "robot": result.robot}
-    told = {"schema", result.kind, *head}  # a recording's detail says its name again
-    detail = {key: _value(value) for key, value in result.detail.items() if key not in told}
-    return table(("", ""), [*head.items(), *detail.items()])
+    told = {"schema", "robot_name", result.kind, *head}  # a detail may say again what the head says
+    rows = [(key, value) for key, value in head.items() if value]
+    for key, value in result.detail.items():
+        if key in told or value in (None, "", [], {}):
+            continue
+        if isinstance(value, dict):
+            rows.append((key, ""))
+            rows += [(f"  {name}", _value(part)) for name, part in value.items()]
+        else:
+            rows.append((key, _value(value)))
+    return table(("", ""), rows)
 
 
 def _verification(result: results.Verification) -> Group:

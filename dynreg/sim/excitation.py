@@ -39,7 +39,9 @@ def gait(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.
     """One frequency (0.5 to 2.5 Hz) for all joints, random amplitudes and phases: what walking looks like."""
     t = np.arange(steps)[:, None] / rate
     amplitude, phase = rng.uniform(0, 1, actions), rng.uniform(0, 2 * np.pi, actions)
-    return amplitude * (np.sin(2 * np.pi * rng.uniform(0.5, 2.5) * t + phase) - np.sin(phase) * np.exp(-t / 0.2))
+    return amplitude * (
+        np.sin(2 * np.pi * rng.uniform(0.5, 2.5) * t + phase) - np.sin(phase) * np.exp(-t / 0.2)
+    )
 
 
 def chirp(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:

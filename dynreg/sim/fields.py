@@ -99,7 +99,9 @@ def _scale_link(batch, model: mujoco.MjModel, body: int, assignment: Assignment,
     geoms = np.flatnonzero(model.geom_bodyid == body)
     batch.expand("geom_pos")[:, geoms] *= ratio[:, None, None]
     long = [
-        g for g in geoms if model.geom_type[g] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
+        g
+        for g in geoms
+        if model.geom_type[g] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
     ]
     if long:
         batch.expand("geom_size")[:, long, 1] *= ratio[:, None]

@@ -139,4 +139,6 @@ def _pairs(items: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unknown(what: str, choices: list[str]) -> RobotError:
-    return RobotError(f"{what} is not in the model", expected=f"one of {choices}", do="correct robot.toml or the MJCF")
+    return RobotError(
+        f"{what} is not in the model", expected=f"one of {choices}", do="correct robot.toml or the MJCF"
+    )

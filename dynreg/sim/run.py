@@ -74,4 +74,6 @@ def motor_noise(seeds: np.ndarray, episodes: int, steps: int, actions: int) -> n
     """(B, E, T, A) standard normal draws; those of a simulator depend on its seed alone."""
     from dynreg.rng import stream
 
-    return np.stack([stream(int(s), "motor noise").standard_normal((episodes, steps, actions)) for s in seeds])
+    return np.stack(
+        [stream(int(s), "motor noise").standard_normal((episodes, steps, actions)) for s in seeds]
+    )

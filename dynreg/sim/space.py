@@ -73,7 +73,9 @@ class ParameterSpace:
         import warnings
 
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # balance needs a power of two; ranges need not be one
+            warnings.simplefilter(
+                "ignore", UserWarning
+            )  # balance needs a power of two; ranges need not be one
             return self.from_unit(sobol.random(stop - start))
 
     def with_ranges(self, ranges: dict[str, tuple[float, float]]) -> "ParameterSpace":
@@ -81,7 +83,9 @@ class ParameterSpace:
         unknown = sorted(set(ranges) - set(self.names))
         if unknown:
             raise UsageError(
-                f"unknown parameter {unknown[0]!r}", expected=f"one of {list(self.names)}", do="correct the name"
+                f"unknown parameter {unknown[0]!r}",
+                expected=f"one of {list(self.names)}",
+                do="correct the name",
             )
         changed = []
         for p in self.parameters:
@@ -104,7 +108,9 @@ class ParameterSpace:
         unknown = sorted(set(values) - set(self.names))
         if unknown:
             raise UsageError(
-                f"unknown parameter {unknown[0]!r}", expected=f"one of {list(self.names)}", do="correct the name"
+                f"unknown parameter {unknown[0]!r}",
+                expected=f"one of {list(self.names)}",
+                do="correct the name",
             )
         return np.array([float(values.get(p.name, p.nominal)) for p in self.parameters])
 

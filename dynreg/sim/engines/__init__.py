@@ -18,7 +18,9 @@ ENGINES = MappingProxyType(
 )
 
 
-def rollout(robot: Robot, values: np.ndarray, run: Run, *, engine: str | None = None, threads: int = 0) -> Rollout:
+def rollout(
+    robot: Robot, values: np.ndarray, run: Run, *, engine: str | None = None, threads: int = 0
+) -> Rollout:
     """Simulate configurations (B, P) through the episodes of `run` on an engine that the robot offers.
 
     engine : one of the robot's; its first by default.

@@ -169,7 +169,9 @@ def _observe(robot: Robot, layout: Layout, positions: np.ndarray, velocities: np
 
 
 def _check(robot: Robot, layout: Layout) -> None:
-    undriven = set(layout.position[1]) - set(layout.action_qpos) | set(layout.velocity[1]) - set(layout.action_dof)
+    undriven = set(layout.position[1]) - set(layout.action_qpos) | set(layout.velocity[1]) - set(
+        layout.action_dof
+    )
     if len(layout.base[0]) or undriven:
         raise SimulationError(
             f"robot {robot.name!r} has channels of joints that no action drives",

@@ -111,7 +111,9 @@ def _clock(robot: Robot, batch: Batch, ports: Ports, run: Run) -> tuple[np.ndarr
     return period, substeps
 
 
-def _reset(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, episodes: int, run: Run) -> None:
+def _reset(
+    robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, episodes: int, run: Run
+) -> None:
     """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states."""
     name = robot.file.reset.keyframe
     batch.reset(keyframe=model.keyframe(name).id if name else -1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
-from dynreg.neighbours.replay import Windows
+from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 
 

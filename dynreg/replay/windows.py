@@ -49,7 +49,9 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     steps = max(stop - start for _, start, stop in cuts) - 1
     if steps < 1:
         raise LogError(
-            "no episode has two rows in a row", expected="commands and the states after them", do="record longer"
+            "no episode has two rows in a row",
+            expected="commands and the states after them",
+            do="record longer",
         )
     shape = (len(cuts), steps)
     actions = np.empty((*shape, len(action)))
@@ -138,7 +140,9 @@ def _period(recording: Recording) -> float:
     period = float(np.median(gaps))
     if not period > 0:
         raise LogError(
-            "the recording has one row an episode", expected="commands and the states after them", do="record longer"
+            "the recording has one row an episode",
+            expected="commands and the states after them",
+            do="record longer",
         )
     return period
 

@@ -1,6 +1,6 @@
 """Servo benches that tests know and queries do not: simulated apart from the population, measured with noise.
 
-A hidden servo runs at a quarter of the robot's time step, on commands that no population ran, and is read by a
+A secret servo runs at a quarter of the robot's time step, on commands that no population ran, and is read by a
 noisy and quantised encoder, as the robot folder says of the real one.
 """
 
@@ -20,7 +20,7 @@ from dynreg.sim.robot import Robot, load_robot
 def values_of(seed: int, **planted: float) -> np.ndarray:
     """(P,) a configuration well inside the ranges, with some parameters given."""
     space = load_robot("servo_pendulum").space
-    drawn = space.from_unit(stream(seed, "hidden servo").uniform(0.1, 0.9, len(space)))
+    drawn = space.from_unit(stream(seed, "secret servo").uniform(0.1, 0.9, len(space)))
     return space.from_dict(space.as_dict(drawn) | planted)
 
 
@@ -36,9 +36,9 @@ def record(
     robot = finer(load_robot("servo_pendulum"))
     if alter:
         alter(robot.model)
-    run = excitation(robot, seed=seed, name="hidden", episodes=episodes, steps=steps)
+    run = excitation(robot, seed=seed, name="secret", episodes=episodes, steps=steps)
     states = rollout(robot, values[None], run).states[0]
-    rng = stream(seed, "hidden noise")
+    rng = stream(seed, "secret noise")
     for i, channel in enumerate(robot.file.channels):
         states[..., i] += channel.noise * rng.standard_normal(states.shape[:2])
         states[..., i] = channel.quantum * np.round(states[..., i] / channel.quantum)

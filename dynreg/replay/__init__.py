@@ -1,0 +1,1 @@
+"""Replay: a recording's own commands in candidate simulators."""

@@ -1,0 +1,46 @@
+"""CMA-ES by ask and tell (library `cma`), in the unit cube."""
+
+import numpy as np
+
+from dynreg.errors import UsageError
+
+
+class CmaEs:
+    """Covariance matrix adaptation (Hansen, arXiv 1604.00772) with box bounds [0, 1].
+
+    Parameters
+    ----------
+    start : (P,) where to begin. sigma : first step size in the unit cube. seed : of its random draws.
+    """
+
+    def __init__(self, start: np.ndarray, *, sigma: float = 0.3, seed: int = 0):
+        import cma
+
+        options = {"bounds": [0.0, 1.0], "seed": seed % (2**31 - 1) + 1, "verbose": -9, "tolflatfitness": 50}
+        self._search = cma.CMAEvolutionStrategy(np.clip(start, 0.0, 1.0), sigma, options)
+        self._asked: list[np.ndarray] | None = None
+
+    def ask(self) -> np.ndarray:
+        """(n, P) candidates to evaluate; raises UsageError when the last ones were not told yet."""
+        if self._asked is not None:
+            raise UsageError("ask after ask", expected="tell between two asks", do="tell the losses first")
+        self._asked = self._search.ask()
+        return np.array(self._asked)
+
+    def tell(self, losses: np.ndarray) -> None:
+        """Losses (n,) of the candidates asked for, lower is better; raises UsageError without an ask."""
+        if self._asked is None or len(losses) != len(self._asked):
+            count = 0 if self._asked is None else len(self._asked)
+            raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
+        self._search.tell(self._asked, [float(x) for x in losses])
+        self._asked = None
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the search has converged."""
+        return bool(self._search.stop())
+
+    @property
+    def best(self) -> np.ndarray:
+        """(P,) the best candidate so far."""
+        return np.array(self._search.result.xbest)
