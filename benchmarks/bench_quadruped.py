@@ -39,11 +39,11 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int) -> dic
     random = stream(hidden.seed, "random", hidden.number).permutation(len(population))[:25]
     chosen["random"] = population.entries.values[random]
     chosen["itself"] = hidden.values[None, : len(robot.space)]
-    known, every = known_values(robot, log), np.arange(len(log.episodes))
+    known = known_values(robot, log)
     for distance in RETRIEVED:
         if distance == "trajectory" and kind == "own":
             continue
-        found = retrieve(registry, population, log, every, distance=distance, known=known)
+        found = retrieve(registry, population, log, distance=distance, known=known)
         chosen[distance] = population.entries.values[found.order[:5]]
     began = time.perf_counter()
     answer = query(registry, population, log, Settings(hold_out="0", budget=budget))

@@ -64,7 +64,7 @@ class Neighbour(Result):
     entry: str
     name: str
     index: int
-    distance: float
+    distance: float | None
     replay_error: float | None = None
     parameters: dict[str, float]
 
@@ -78,9 +78,9 @@ class Synthesised(Result):
 
 
 class Nominal(Result):
-    """The robot folder's own parameter values, replayed."""
+    """The robot folder's own parameter values, replayed; no error where nothing was replayed."""
 
-    replay_error: float
+    replay_error: float | None
     parameters: dict[str, float]
 
 

@@ -221,6 +221,10 @@ class Session:
 
         return summary(self.registry, *self.registry.resolve(ref))
 
+    def recording(self, ref: str) -> "Recording":
+        """A stored recording by id, unique prefix or name: arrays by episode, and `.to_frame()`."""
+        return self.registry.recording(self.registry.resolve(ref, ("recording",))[1])
+
     def result(self, ref: str = "@last") -> results.Result:
         """A stored result: by its id, or the newest about a recording (its id or name), or `@last`."""
         from dynreg.summaries import stored_result

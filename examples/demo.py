@@ -112,7 +112,9 @@ def _registry(path: Path) -> Iterator[Path]:
 
 def _close(log: Log, found: Neighbours, page: Path) -> None:
     if log.secret and found.synthesised:
-        print("\nThe secret beside what the query found (90 % intervals, seven of them: expect a miss now and then):\n")
+        print(
+            "\nThe secret beside what the query found (90 % intervals, seven of them: expect a miss now and then):\n"
+        )
         print(f"  {'parameter':18}{'secret':>10}   found")
         for name, estimate in found.synthesised.parameters.items():
             hit = estimate.low <= log.secret[name] <= estimate.high

@@ -23,7 +23,9 @@ def main(arguments: list[str] | None = None) -> None:
         print(found)
         print(found.to_frame().to_string(index=False))
         for name, estimate in found.synthesised.parameters.items():
-            print(f"{name}: {estimate.value:.4g} in [{estimate.low:.4g}, {estimate.high:.4g}] {estimate.unit}")
+            print(
+                f"{name}: {estimate.value:.4g} in [{estimate.low:.4g}, {estimate.high:.4g}] {estimate.unit}"
+            )
         if not found.fits:
             print("alarm:", found.alarm)
 

@@ -52,10 +52,10 @@ def populate(
 
     Entry i is row i of the Sobol sequence of the robot's ranges, simulated through the shared bank with motor
     noise of its own, and a model warm-started from the base: its bytes depend on the robot, the seed and i
-    alone. A killed populate resumes; several at once share the work.
+    alone. A killed populate resumes; several at once share the work, and each returns when all of it is done.
 
     Returns the population's id, the number of entries added and where the time went.
-    Raises UsageError where n is below 1 or the population would be too small to train a base model.
+    Raises UsageError where n is below 1.
     """
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
@@ -69,6 +69,7 @@ def populate(
         added += sum(mine)
         if not any(mine):
             time.sleep(WAIT)  # others have claimed the rest; a claim ends with its process
+            report("simulators", min(registry.count(identity), n), n)
     return identity, added, timing
 
 

@@ -11,6 +11,7 @@ from dynreg.data.recording import Channel
 from dynreg.data.transitions import Transitions
 from dynreg.distance.embedding import Embedding
 from dynreg.distance.rows import Rows, bank_rows, recording_rows, thin
+from dynreg.errors import UsageError
 from dynreg.models.mlp import MlpStack
 from dynreg.models.normaliser import Normaliser, fit_normaliser
 from dynreg.models.train import train
@@ -26,13 +27,21 @@ PROBES = 128  # states on which models are compared by what they predict
 
 @dataclass(frozen=True)
 class Training:
-    """How dynamics models are trained; part of the population's identity."""
+    """How dynamics models are trained; part of the population's identity.
+
+    Raises UsageError where any of it is not positive.
+    """
 
     epochs: int = 3
     learning_rate: float = 1e-3
     batch_size: int = 40
     base_configurations: int = BASE_CONFIGURATIONS
     base_epochs: int = 12
+
+    def __post_init__(self):
+        for name, value in vars(self).items():
+            if not value > 0:
+                raise UsageError(f"training with {name} = {value}", expected="more than 0", do="raise it")
 
     def entries(
         self, base: MlpStack, inputs: np.ndarray, targets: np.ndarray, seed: int, threads: int

@@ -9,9 +9,9 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.neighbours.judge import alarm, channel_errors, gain, traces
-from dynreg.replay.parts import Parts, names, parts
+from dynreg.replay.parts import Parts, names, parts, seen
 from dynreg.neighbours.population import Population
-from dynreg.replay.windows import Replayer, errors, windows
+from dynreg.replay.windows import Replayer, Windows, errors, windows
 from dynreg.neighbours.retrieve import Retrieved, retrieve
 from dynreg.replay.known import known_values
 from dynreg.neighbours.synthesise import (
@@ -76,17 +76,20 @@ def query(
     split = parts(recording, cut, settings.hold_out)
     known = known_values(robot, recording)
     report("retrieve", 0, 1)
-    episodes = np.unique(cut.episode[split.chosen])
     found = retrieve(
         registry,
         population,
-        recording,
-        episodes,
+        seen(recording, cut, split.chosen),
         distance=settings.distance,
         known=known,
+        guess=settings.synthesise,
         threads=settings.threads,
     )
     report("retrieve", 1, 1)
+    if not settings.replay and not settings.synthesise:
+        return _unjudged(
+            population, recording, name, found, split, cut, settings, time.perf_counter() - began
+        )
     replayer = Replayer(robot, cut, settings.threads)
     search = _Search(population, found, known, split, replayer, settings, report)
     search.run()
@@ -197,7 +200,10 @@ def _result(
         recording_name=name or recording.id[:12],
         distance=search.found.distance_name,
         k=search.settings.k,
-        neighbours=tuple(_neighbour(search, i) for i in rank[: search.settings.k]),
+        neighbours=tuple(
+            _neighbour(population, search.found, search.candidates[i].entry, float(evidence.score[i]))
+            for i in rank[: search.settings.k]
+        ),
         synthesised=synthesised,
         answer=ids[answer],
         answer_kind=kind,
@@ -220,6 +226,44 @@ def _result(
             test_rollouts=len(test),
             seconds=seconds,
         ),
+    )
+
+
+def _unjudged(
+    population: Population,
+    recording: Recording,
+    name: str,
+    found: Retrieved,
+    split: Parts,
+    cut: Windows,
+    settings: Settings,
+    seconds: float,
+) -> Neighbours:
+    """The k nearest alone: nothing was simulated, so nothing is known of how well they predict."""
+    space = population.shared.robot.space
+    near = [_neighbour(population, found, int(entry), None) for entry in found.order[: settings.k]]
+    return Neighbours(
+        robot=population.shared.robot.name,
+        population=population.record.id,
+        recording=recording.id,
+        recording_name=name or recording.id[:12],
+        distance=found.distance_name,
+        k=settings.k,
+        neighbours=tuple(near),
+        synthesised=None,
+        answer=near[0].entry,
+        answer_kind="neighbour",
+        answer_parameters=near[0].parameters,
+        nominal=Nominal(replay_error=None, parameters=space.as_dict(space.nominal)),
+        stages=(),
+        gain=None,
+        parts={part: names(recording, cut, getattr(split, part)) for part in ("fit", "select", "test")},
+        channels=(),
+        traces=(),
+        fits=True,
+        alarm=None,
+        notes=("nothing was replayed: whether the nearest simulator fits is not known",),
+        cost=Cost(evaluations=found.evaluations, rollouts=0, seconds=seconds),
     )
 
 
@@ -275,19 +319,21 @@ def _simulator_id(registry: Registry, population: Population, candidate: Candida
     return registry.put_simulator(config.as_dict() | {"lineage": lineage})
 
 
-def _neighbour(search: _Search, i: int) -> Neighbour:
-    entry = search.candidates[i].entry
-    entries = search.population.entries
-    at = int(np.flatnonzero(search.found.order == entry)[0])
-    space = search.evidence.space
+def _neighbour(population: Population, found: Retrieved, entry: int, error: float | None) -> Neighbour:
+    entries = population.entries
+    at = int(np.flatnonzero(found.order == entry)[0])
     return Neighbour(
         entry=entries.ids[entry],
-        name=f"{search.population.shared.robot.name}-{int(entries.numbers[entry])}",
+        name=f"{population.shared.robot.name}-{int(entries.numbers[entry])}",
         index=int(entries.numbers[entry]),
-        distance=float(search.found.distance[at]),
-        replay_error=float(search.evidence.score[i]),
-        parameters=space.as_dict(entries.values[entry]),
+        distance=_finite(found.distance[at]),
+        replay_error=error,
+        parameters=population.shared.robot.space.as_dict(entries.values[entry]),
     )
+
+
+def _finite(distance: float) -> float | None:
+    return float(distance) if np.isfinite(distance) else None
 
 
 def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:

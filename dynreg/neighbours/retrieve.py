@@ -10,15 +10,16 @@ from dynreg.distance.one_sided import one_sided
 from dynreg.distance.rows import Rows, thin
 from dynreg.distance.trajectory import trajectory
 from dynreg.errors import LogError, UsageError
-from dynreg.index import Found, search, search_printed, vector_index
+from dynreg.index import search, vector_index
 from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack
-from dynreg.neighbours.link import cross_loss, load_graph
+from dynreg.neighbours.link import JUDGED_ON, cross_loss, load_graph
 from dynreg.neighbours.population import Population
 from dynreg.registry import Registry
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
+REACHED = 60  # entries that a search of the graph keeps
 QUERY_ROWS = 300  # rows of the recording on which every entry's model is judged
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
 DISTANCES = ("one_sided", "embedding", "cross_loss", "cross_loss_train", "trajectory")
@@ -30,7 +31,6 @@ class Retrieved:
 
     order : (M',) entry numbers, nearest first; distance : (M',) theirs.
     guess : (P,) unit parameters that a ridge map reads off the recording's embedding; None without one.
-    base_loss, best_loss : loss of the base model (1 by definition) and of the best entry on the recording.
     evaluations : distances evaluated.
     """
 
@@ -38,7 +38,6 @@ class Retrieved:
     order: np.ndarray
     distance: np.ndarray
     guess: np.ndarray | None
-    best_loss: float
     evaluations: int
 
 
@@ -46,54 +45,47 @@ def retrieve(
     registry: Registry,
     population: Population,
     recording: Recording,
-    episodes: np.ndarray,
     *,
     distance: str = "one_sided",
     known: np.ndarray | None = None,
+    guess: bool = True,
     threads: int = 0,
 ) -> Retrieved:
-    """Rank the entries of a population by their distance to some episodes (numbers) of a recording.
+    """Rank the entries of a population by their distance to a recording, all of which is read.
 
     distance : "one_sided", "embedding", "cross_loss" (Algorithm 1 on the graph, held-out own losses),
     "cross_loss_train" (the same with training own losses) or "trajectory" (needs the bank's own commands).
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
+    guess : whether to read parameters off the recording's own model too.
     """
     if distance not in DISTANCES:
         raise UsageError(
             f"distance {distance!r}", expected=f"one of {list(DISTANCES)}", do="choose one of them"
         )
-    rows = recording_rows(population, recording, episodes)
+    rows = recording_rows(population, recording)
     allowed = _allowed(population, known)
-    model = _own_model(population, rows, threads)
-    vector = population.embedding.vectors(model)[0]
-    judged = thin(len(rows.inputs), QUERY_ROWS, population.shared.seed, "query")
-    sided = one_sided(population.stack, population.shared.base, rows.inputs[judged], rows.targets[judged])
-    evaluations = len(sided)
-    if distance == "one_sided":
-        ids = allowed[np.argsort(sided[allowed], kind="stable")]
-        scores = sided[ids]
-    elif distance == "embedding":
-        ids, scores = _by_embedding(population, vector, allowed)
+    needs_model = guess or distance in ("embedding", "cross_loss", "cross_loss_train")
+    model = _own_model(population, rows, threads) if needs_model else None
+    vector = population.embedding.vectors(model)[0] if model is not None else None
+    if distance == "embedding":
+        ids, scores, evaluations = _by_embedding(population, vector, allowed)
     elif distance == "trajectory":
-        every = _by_trajectory(registry, population, recording, episodes)
-        ids = allowed[np.argsort(every[allowed], kind="stable")]
-        scores = every[ids]
+        every = _by_trajectory(registry, population, recording)
+        ids, scores, evaluations = *_sorted(allowed, every[allowed]), len(every)
+    elif distance == "one_sided":
+        ids, scores, evaluations = _by_one_sided(population, rows, allowed)
     else:
-        found = _by_cross_loss(registry, population, rows, model, distance, threads)
-        keep = np.isin(found.ids, allowed)
-        ids, scores, evaluations = found.ids[keep], found.distances[keep], found.evaluations
-        rest = np.setdiff1d(allowed, ids)
-        rest = rest[np.argsort(sided[rest], kind="stable")]
-        ids, scores = np.concatenate([ids, rest]), np.concatenate([scores, np.full(len(rest), np.nan)])
-    guess = _guess(population, vector)
-    return Retrieved(distance, ids, scores, guess, float(sided[allowed].min()), evaluations)
+        ids, scores, evaluations = _by_cross_loss(
+            registry, population, rows, model, distance, allowed, threads
+        )
+    found = _guess(population, vector) if guess else None
+    return Retrieved(distance, ids, scores, found, evaluations)
 
 
-def recording_rows(population: Population, recording: Recording, episodes: np.ndarray) -> Rows:
-    """Normalised rows of some episodes; optional inputs that the log lacks take the robot's defaults."""
+def recording_rows(population: Population, recording: Recording) -> Rows:
+    """Normalised rows of a recording; optional inputs that the log lacks take the robot's defaults."""
     robot = population.shared.robot
-    some = recording.select([recording.episodes[i].name for i in episodes])
-    filled = with_defaults(robot, some)
+    filled = with_defaults(robot, recording)
     return population.shared.recording_rows(
         transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
     )
@@ -142,19 +134,44 @@ def _own_model(population: Population, rows: Rows, threads: int) -> MlpStack:
     return shared.training.entries(shared.base, inputs[None, some], targets[None, some], shared.seed, threads)
 
 
+def _sorted(ids: np.ndarray, scores: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    order = np.argsort(scores, kind="stable")
+    return ids[order], scores[order]
+
+
+def _by_one_sided(
+    population: Population, rows: Rows, allowed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    judged = thin(len(rows.inputs), QUERY_ROWS, population.shared.seed, "query")
+    if not len(judged):
+        raise LogError("no usable rows", expected="transitions without NaN", do="record longer")
+    stack = population.stack if len(allowed) == len(population) else population.stack[allowed]
+    scores = one_sided(stack, population.shared.base, rows.inputs[judged], rows.targets[judged])
+    return *_sorted(allowed, scores), len(allowed)
+
+
 def _by_embedding(
     population: Population, vector: np.ndarray, allowed: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, int]:
     index = vector_index(population.vectors.shape[1], seed=population.shared.seed)
     index.add(population.vectors[allowed])
     ids, apart = index.nearest(vector[None], len(allowed))
-    return allowed[ids[0]], apart[0]
+    return allowed[ids[0]], apart[0], len(allowed)
 
 
 def _by_cross_loss(
-    registry: Registry, population: Population, rows: Rows, model: MlpStack, name: str, threads: int
-) -> Found:
-    """Algorithm 1 (degree-capped graph, best-first) with the recording as a new node."""
+    registry: Registry,
+    population: Population,
+    rows: Rows,
+    model: MlpStack,
+    name: str,
+    allowed: np.ndarray,
+    threads: int,
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Best-first search of the degree-capped graph, with the recording as a new node.
+
+    What the search did not reach comes after what it found, by one-sided distance and without a number.
+    """
     ref = population.record.id
     graph = load_graph(registry, ref)
     if graph is None:
@@ -166,21 +183,24 @@ def _by_cross_loss(
     entries = population.entries if population.entries.states is not None else registry.load(ref)
     own = "training" if name.endswith("train") else "held-out"
     distance = cross_loss(population.shared, entries, population.stack, own=own, threads=threads)
-    x, y = rows.held
-    held = thin(len(x), 64, population.shared.seed, "query held")
-    x, y = x[held], y[held]
-    mine = float(losses(model, x, y)[0])
-    to = distance.query(model, x, y, mine)
-    return search(graph, to, min(60, len(population)), stream(population.shared.seed, "search"), ef=60)
+    # training own losses are compared with the query's training loss, held-out ones with its held-out loss
+    x, y = rows.train if own == "training" else rows.held
+    some = thin(len(x), JUDGED_ON, population.shared.seed, "query held")
+    x, y = x[some], y[some]
+    to = distance.query(model, x, y, float(losses(model, x, y)[0]))
+    wide = min(REACHED, len(population))
+    found = search(graph, to, wide, stream(population.shared.seed, "search"), ef=wide)
+    keep = np.isin(found.ids, allowed)
+    rest, _, _ = _by_one_sided(population, rows, np.setdiff1d(allowed, found.ids))
+    scores = np.concatenate([found.distances[keep], np.full(len(rest), np.nan)])
+    return np.concatenate([found.ids[keep], rest]), scores, found.evaluations
 
 
-def _by_trajectory(
-    registry: Registry, population: Population, recording: Recording, episodes: np.ndarray
-) -> np.ndarray:
+def _by_trajectory(registry: Registry, population: Population, recording: Recording) -> np.ndarray:
     robot, shared = population.shared.robot, population.shared
     entries = population.entries
     states = entries.states if entries.states is not None else registry.load(population.record.id).states
-    some = [recording.episodes[i].values for i in episodes]
+    some = [episode.values for episode in recording.episodes]
     rows = min(len(values) for values in some)
     measured = np.stack([values[:rows, recording.columns(robot.channels)] for values in some])
     commands = np.stack([values[: rows - 1, recording.columns(robot.actions)] for values in some])

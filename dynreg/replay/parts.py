@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Recording
+from dynreg.data.recording import Episode, Recording
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
@@ -58,6 +58,24 @@ def names(recording: Recording, windows: Windows, mask: np.ndarray) -> tuple[str
         name = recording.episodes[number].name
         out.append(name if len(same) == 1 else f"{name}[{int(np.flatnonzero(same == w)[0])}]")
     return tuple(out)
+
+
+def seen(recording: Recording, windows: Windows, chosen: np.ndarray) -> Recording:
+    """The recording with the rows of the windows `chosen` (numbers) alone; windows in a row stay one episode."""
+    runs: list[tuple[int, int, int]] = []
+    for w in np.sort(chosen):
+        number, (start, stop) = int(windows.episode[w]), windows.rows[w]
+        if runs and runs[-1][0] == number and runs[-1][2] == start + 1:
+            runs[-1] = (number, runs[-1][1], int(stop))
+        else:
+            runs.append((number, int(start), int(stop)))
+    episodes = []
+    for number, start, stop in runs:
+        e = recording.episodes[number]
+        whole = sum(run[0] == number for run in runs) == 1
+        name = e.name if whole else f"{e.name}[{start}:{stop}]"
+        episodes.append(Episode(name, e.time[start:stop], e.values[start:stop], e.settings))
+    return Recording(recording.channels, tuple(episodes), recording.measured, recording.provenance)
 
 
 def _test_groups(

@@ -20,6 +20,7 @@ class Windows:
     spread : (S,) standard deviation of each measured channel: the unit of normalised errors.
     weight : (S,) weight of each channel, summing to 1.
     episode : (W,) number of the recording's episode that each window is cut from.
+    rows : (W, 2) first row and one past the last in that episode; windows in a row share the row between them.
     """
 
     run: Run
@@ -27,6 +28,7 @@ class Windows:
     spread: np.ndarray
     weight: np.ndarray
     episode: np.ndarray
+    rows: np.ndarray
     period: float
 
     def __len__(self) -> int:
@@ -35,7 +37,11 @@ class Windows:
     def take(self, windows: np.ndarray) -> "Windows":
         """Only these windows."""
         return replace(
-            self, run=self.run.take(windows), measured=self.measured[windows], episode=self.episode[windows]
+            self,
+            run=self.run.take(windows),
+            measured=self.measured[windows],
+            episode=self.episode[windows],
+            rows=self.rows[windows],
         )
 
 
@@ -45,14 +51,15 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     Raises LogError where the recording lacks the commands to replay or has no rows.
     """
     state, action = recording.columns(robot.channels), _action_columns(robot, recording)
-    cuts = [cut for number in range(len(recording.episodes)) for cut in _cuts(robot, recording, number)]
-    steps = max(stop - start for _, start, stop in cuts) - 1
-    if steps < 1:
+    startable = _startable(robot, recording)
+    cuts = [cut for number in range(len(startable)) for cut in _cuts(robot, recording, number, startable)]
+    if not cuts:
         raise LogError(
-            "no episode has two rows in a row",
+            "no episode has two measured rows in a row",
             expected="commands and the states after them",
             do="record longer",
         )
+    steps = max(stop - start for _, start, stop in cuts) - 1
     shape = (len(cuts), steps)
     actions = np.empty((*shape, len(action)))
     inputs = np.tile(robot.input_defaults, (*shape, 1))
@@ -60,20 +67,21 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     for w, (number, start, stop) in enumerate(cuts):
         values = recording.episodes[number].values[start:stop]
         last = np.minimum(np.arange(steps), stop - start - 2)
-        actions[w] = values[last][:, action]
+        actions[w] = _held(values[:, action])[last]
         measured[w, : stop - start] = values[:, state]
         for i, name in enumerate(robot.inputs):
             if name in recording.names:
                 inputs[w, :, i] = values[last, recording.names.index(name)]
     run = Run(
-        np.nan_to_num(actions),
+        actions,
         inputs=inputs,
         settings=_settings(robot, recording)[[c[0] for c in cuts]],
         initial=measured[:, 0],
         period=_period(recording),
     )
     spread, weight = _scales(robot, measured)
-    return Windows(run, measured, spread, weight, np.array([c[0] for c in cuts]), run.period)
+    numbers, rows = np.array(cuts)[:, 0], np.array(cuts)[:, 1:]
+    return Windows(run, measured, spread, weight, numbers, rows, run.period)
 
 
 @dataclass
@@ -123,16 +131,38 @@ def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:
     return recording.columns(robot.actions)
 
 
-def _cuts(robot: Robot, recording: Recording, number: int) -> list[tuple[int, int, int]]:
-    """(episode, first row, one past the last row) of the windows of one episode."""
+def _startable(robot: Robot, recording: Recording) -> list[np.ndarray]:
+    """(T,) of each episode: rows at which all is known that was ever measured; a replay can start there."""
+    state = recording.columns(robot.channels)
+    finite = [np.isfinite(e.values[:, state]) for e in recording.episodes]
+    known = np.any([f.any(axis=0) for f in finite], axis=0)
+    rows = [f[:, known].all(axis=1) for f in finite]
+    # channels that are never measured together: the engine fills in what is missing at the start
+    return rows if any(r.any() for r in rows) else [f.any(axis=1) for f in finite]
+
+
+def _cuts(
+    robot: Robot, recording: Recording, number: int, startable: list[np.ndarray]
+) -> list[tuple[int, int, int]]:
+    """(episode, first row, one past the last row) of the windows of one episode in which there is motion to see."""
     episode = recording.episodes[number]
     rows = len(episode.time)
     horizon = robot.file.replay.horizon
     length = rows if horizon is None else min(rows, int(round(horizon / _period(recording))) + 1)
-    if length < 2:
-        return []
-    starts = range(0, rows - length + 1, max(length - 1, 1))
-    return [(number, start, start + length) for start in starts]
+    weighted = recording.columns([c.name for c in robot.file.channels if c.weight > 0])
+    out = []
+    for begin in range(0, rows - length + 1, max(length - 1, 1)):
+        stop = begin + length
+        starts = begin + np.flatnonzero(startable[number][begin:stop])
+        if len(starts) and np.isfinite(episode.values[starts[0] + 1 : stop, weighted]).any():
+            out.append((number, int(starts[0]), stop))
+    return out
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """(T, A) commands with NaN replaced by the last one before it, or by zero where there was none yet."""
+    at = np.where(np.isfinite(values), np.arange(len(values))[:, None], 0)
+    return np.nan_to_num(np.take_along_axis(values, np.maximum.accumulate(at, axis=0), axis=0))
 
 
 def _period(recording: Recording) -> float:

@@ -1,0 +1,154 @@
+"""What a population holds depends on the robot, the seed and the number of each entry alone."""
+
+import shutil
+
+import numpy as np
+import pytest
+from conftest import ENTRIES, TRAINING
+
+from dynreg import session
+from dynreg.errors import UsageError
+from dynreg.neighbours import populate as module
+from dynreg.neighbours.link import robot_of
+from dynreg.neighbours.populate import make_entries, populate
+from dynreg.neighbours.population import Training, population_id, shared_from
+from dynreg.registry import Registry, verify
+from dynreg.sim.robot import load_robot
+
+POPULATION = population_id(load_robot("servo_pendulum"), 0, TRAINING)
+
+
+@pytest.fixture(scope="module")
+def shared(servos):
+    record = servos.registry.population(POPULATION)
+    return shared_from(robot_of(servos.registry, record), record)
+
+
+@pytest.fixture
+def registry(tmp_path):
+    with Registry.open(tmp_path / "registry", create=True) as opened:
+        yield opened
+
+
+def fill(registry: Registry, n: int = ENTRIES, **settings) -> int:
+    return populate(registry, load_robot("servo_pendulum"), n, training=TRAINING, **settings)[1]
+
+
+def ids(registry: Registry) -> tuple[str, ...]:
+    return registry.load(POPULATION, ()).ids
+
+
+def test_shards_threads_and_growth_leave_the_entries_as_they_are(registry, servos):
+    assert fill(registry, 8, shard_size=5, threads=1) == 8
+    first = ids(registry)
+    assert fill(registry, shard_size=7, threads=2) == ENTRIES - 8
+    assert ids(registry)[:8] == first
+    assert ids(registry) == ids(servos.registry)
+
+
+@pytest.mark.parametrize("numbers", [[0], [3, 4, 5], range(17, 24)])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_entry_does_not_depend_on_those_simulated_and_trained_with_it(shared, servos, numbers, threads):
+    data = make_entries(shared, np.array(numbers), threads)
+    expected = [ids(servos.registry)[i] for i in numbers]
+    assert list(data.entry_ids(POPULATION)) == expected
+
+
+def test_populating_again_adds_nothing(populated, tmp_path, registry_snapshot):
+    path = shutil.copytree(populated, tmp_path / "copy")
+    before = registry_snapshot(path)
+    with session.open(path) as opened:
+        for n in (ENTRIES, 8):
+            again = opened.populate("servo_pendulum", n, training=TRAINING)
+            assert again.added == 0 and again.entries == again.planned == ENTRIES and again.evaluations == 0
+    assert registry_snapshot(path) == before
+
+
+def test_a_populate_that_was_stopped_goes_on_where_it_was(registry, servos):
+    class Stopped(Exception):
+        pass
+
+    def stop(stage: str, done: int, total: int) -> None:
+        if stage == "simulators" and done >= 10:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        fill(registry, shard_size=5, progress=stop)
+    assert registry.count(POPULATION) == 10
+    report = verify(registry.path)
+    assert report.faults == () and report.leftovers == ()
+    seen = []
+    added = fill(registry, progress=lambda *told: seen.append(told))
+    assert added == ENTRIES - 10 and ids(registry) == ids(servos.registry)
+    assert [s for s in seen if s[0] == "base model"] == [], "what is shared was kept"
+    assert seen[-1] == ("simulators", ENTRIES, ENTRIES)
+
+
+def test_a_populate_waits_for_what_another_one_has_claimed(registry, monkeypatch):
+    """It takes its claim again when the other one has died, and returns only when all is there."""
+    fill(registry, 4, shard_size=4)
+    claim = registry.claim(POPULATION, 4)
+    fill_in = []
+
+    def other_dies(seconds: float) -> None:
+        fill_in.append(registry.count(POPULATION))
+        claim.__exit__(None, None, None)
+
+    monkeypatch.setattr(module.time, "sleep", other_dies)
+    robot = load_robot("servo_pendulum")
+    record = registry.population(POPULATION)
+    registry.put_population(type(record)(**(vars(record) | {"size": 12})))
+    assert claim.__enter__()
+    assert populate(registry, robot, 12, training=TRAINING)[1] == 8
+    assert registry.count(POPULATION) == 12
+    assert set(fill_in) <= {8}
+
+
+def test_other_seeds_ranges_and_training_are_other_populations():
+    robot = load_robot("servo_pendulum")
+    narrower = type(robot)(
+        robot.name, robot.folder, robot.file, robot.space.with_ranges({"tip_mass": (0.45, 0.55)}), robot.hash
+    )
+    all_ids = [
+        population_id(*told)
+        for told in ((robot, 0, TRAINING), (robot, 1, TRAINING), (robot, 0, Training()), (narrower, 0, TRAINING))
+    ]
+    assert len(set(all_ids)) == 4
+
+
+def test_entries_are_spread_over_the_ranges(servos):
+    values = servos.registry.load(POPULATION, ()).values
+    unit = load_robot("servo_pendulum").space.to_unit(values)
+    assert unit.min() >= 0 and unit.max() <= 1
+    halves = (unit < 0.5).mean(axis=0)
+    np.testing.assert_allclose(halves, 0.5, atol=0.1)
+
+
+def test_a_simulation_that_diverges_keeps_its_place_and_moves_no_other(shared, servos, monkeypatch):
+    simulate = module.rollout
+
+    def diverging(*told, **named):
+        done = simulate(*told, **named)
+        done.states[1, 3, 20:] = np.nan
+        return done
+
+    monkeypatch.setattr(module, "rollout", diverging)
+    data = make_entries(shared, np.arange(3), 1)
+    assert np.isfinite(data.states).all() and np.isfinite(data.own_loss).all()
+    np.testing.assert_array_equal(data.extra["diverged"], [0, 1, 0])
+    np.testing.assert_array_equal(data.states[1, 3, 20:], np.tile(data.states[1, 3, 19], (31, 1)))
+    made, held = data.entry_ids(POPULATION), ids(servos.registry)[:3]
+    assert (made[0], made[2]) == (held[0], held[2]) and made[1] != held[1]
+
+
+@pytest.mark.parametrize("n", [0, -3])
+def test_there_is_no_population_of_nothing(registry, n):
+    with pytest.raises(UsageError, match=f"{n} simulators"):
+        fill(registry, n)
+    assert registry.populations() == ()
+
+
+@pytest.mark.parametrize("wrong", [{"epochs": 0}, {"base_configurations": 0}, {"learning_rate": -1e-3}])
+def test_training_must_be_something(wrong):
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        Training(**wrong)

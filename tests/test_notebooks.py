@@ -1,0 +1,53 @@
+"""Notebooks run from the first cell to the last, and are stored without outputs."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import nbformat
+import pytest
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+
+
+def code(notebook: nbformat.NotebookNode) -> Iterator[nbformat.NotebookNode]:
+    return (cell for cell in notebook.cells if cell.cell_type == "code")
+
+
+def printed(notebook: nbformat.NotebookNode) -> str:
+    """What the cells wrote and answered, as text."""
+    outputs = [output for cell in code(notebook) for output in cell.outputs]
+    texts = [o.get("text") or o.get("data", {}).get("text/plain", "") for o in outputs]
+    return "\n".join(texts)
+
+
+def drawings(notebook: nbformat.NotebookNode) -> int:
+    outputs = [output for cell in code(notebook) for output in cell.outputs]
+    return sum("image/png" in output.get("data", {}) for output in outputs)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_a_notebook_is_stored_without_outputs(path: Path) -> None:
+    notebook = nbformat.read(path, 4)
+    nbformat.validate(notebook)
+    assert not [cell.id for cell in code(notebook) if cell.outputs or cell.execution_count]
+
+
+@pytest.mark.parametrize("source", ["measured", "hidden"])
+def test_the_query_notebook(source: str, tmp_path: Path, monkeypatch, request, registry_folder: Path) -> None:
+    """On the measured log and on the hidden servo, with the few simulators of the tests' registry."""
+    from nbclient import NotebookClient
+
+    if source == "measured":
+        monkeypatch.setenv("DYNREG_DATA_DIR", str(request.getfixturevalue("data_dir")))
+    else:
+        monkeypatch.setenv("DYNREG_DATA_DIR", str(tmp_path))
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
+    monkeypatch.setenv("DYNREG_NOTEBOOK_N", "64")
+    (path,) = [p for p in NOTEBOOKS if p.stem == "01_query"]
+    notebook = nbformat.read(path, 4)
+    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(path.parent)}}).execute()
+    assert drawings(notebook) == 3
+    text = printed(notebook)
+    assert "gain over the nominal model" in text and "tip_mass" in text
+    assert ("secret" in text) == (source == "hidden")
