@@ -91,7 +91,9 @@ def main() -> None:
     growth = {name: asdict(g) for name, g in growths(rows)} if len(given.sizes) > 2 else {}
     print("\ngrowth of evaluations: R2 of a + b log n, and of a + b n")
     for name, g in growth.items():
-        print(f"{name:32s} log n {g['log_r2']:.3f} (rms {g['log_residual']:.1f})   n {g['linear_r2']:.3f} (rms {g['linear_residual']:.1f})")
+        by_log = f"{g['log_r2']:.3f} (rms {g['log_residual']:.1f})"
+        by_n = f"{g['linear_r2']:.3f} (rms {g['linear_residual']:.1f})"
+        print(f"{name:32s} log n {by_log}   n {by_n}")
     hub = hubs(nodes, 5)
     print(f"\nhubness of the true 5 nearest: {hub}")
     (HERE / "results").mkdir(exist_ok=True)

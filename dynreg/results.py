@@ -31,7 +31,9 @@ class Result(BaseModel):
         return pd.DataFrame(self.rows())
 
     def _repr_html_(self) -> str:
-        return f"<p>{html.escape(str(self))}</p>" + self.to_frame().to_html(index=False, float_format="%.4g")
+        table = self.to_frame().to_html(index=False, float_format="%.4g")
+        said = type(self).__str__ is not BaseModel.__str__  # a sentence of its own, not pydantic's field by field
+        return f"<p>{html.escape(str(self))}</p>{table}" if said else table
 
 
 class Estimate(Result):
@@ -167,6 +169,8 @@ class Neighbours(Result):
 
     def __str__(self) -> str:
         gain = f", error {self.gain.value:.0%} below nominal" if self.gain else ""
+        if self.gain and self.gain.low is not None and self.gain.high is not None:
+            gain += f" (90% interval {self.gain.low:.0%} to {self.gain.high:.0%})"
         return f"{self.recording_name}: use {self.answer_kind} simulator {self.answer[:12]}{gain}"
 
 

@@ -28,7 +28,7 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
     Raises RegistryError where there is none (with create=False) or the place cannot be used.
     """
     where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
-    return Session(Registry.open(where, create=create and not where.exists()))
+    return Session(Registry.open(where, create=create))
 
 
 class Session:
@@ -163,7 +163,7 @@ class Session:
 
         identity, loaded = self._recording(recording, robot, log_map)
         ready = self._population(
-            population, identity, states=distance in ("cross_loss", "cross_loss_train", "trajectory")
+            population, identity, states=distance == "trajectory" or distance.startswith("cross_loss")
         )
         settings = Settings(
             k=k,
@@ -300,7 +300,8 @@ class Session:
             record = self._only_population(info.robot_hash, records)
         if record.robot_hash != info.robot_hash:
             raise UsageError(
-                f"the recording is of robot {self.registry.robots()[info.robot_hash]!r}, the population of {record.name!r}",
+                f"the recording is of robot {self.registry.robots()[info.robot_hash]!r}, "
+                f"the population of {record.name!r}",
                 expected="a population of the same robot folder",
                 do="populate that robot, or ingest the log for this one",
             )

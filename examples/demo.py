@@ -8,6 +8,7 @@ import argparse
 import os
 import shlex
 import sys
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import hidden_servo
 
 from dynreg import session
 from dynreg.cli.main import main as dynreg
+from dynreg.cli.output import WIDTH
 from dynreg.report.words import interval, number, verdict
 from dynreg.results import Neighbours
 
@@ -112,15 +114,13 @@ def _registry(path: Path) -> Iterator[Path]:
 
 def _close(log: Log, found: Neighbours, page: Path) -> None:
     if log.secret and found.synthesised:
-        print(
-            "\nThe secret beside what the query found (90 % intervals, seven of them: expect a miss now and then):\n"
-        )
+        print("\nThe secret beside what the query found. Of ten 90 % intervals one may miss:\n")
         print(f"  {'parameter':18}{'secret':>10}   found")
         for name, estimate in found.synthesised.parameters.items():
             hit = estimate.low <= log.secret[name] <= estimate.high
             told = f"{interval(estimate)} {estimate.unit}"
             print(f"  {name:18}{number(log.secret[name]):>10}   {told}{'' if hit else '   <- missed'}")
-    print(f"\n{verdict(found)}")
+    print("\n" + textwrap.fill(verdict(found), WIDTH))
     print(f"Look at {page} in a browser.")
 
 

@@ -33,8 +33,8 @@ def test_a_notebook_is_stored_without_outputs(path: Path) -> None:
 
 
 @pytest.mark.parametrize("source", ["measured", "hidden"])
-def test_the_query_notebook(source: str, tmp_path: Path, monkeypatch, request, registry_folder: Path) -> None:
-    """On the measured log and on the hidden servo, with the few simulators of the tests' registry."""
+def test_the_query_notebook(source: str, tmp_path: Path, monkeypatch, request) -> None:
+    """On the measured log and on the hidden servo, with few simulators."""
     from nbclient import NotebookClient
 
     if source == "measured":

@@ -73,6 +73,28 @@ def populate(
     return identity, added, timing
 
 
+def _fill(
+    registry: Registry,
+    identity: str,
+    shared: Shared,
+    span: tuple[int, int],
+    threads: int,
+    timing: Timing,
+    report: Progress,
+    n: int,
+) -> int:
+    """Compute and store one span of entries unless another process has it; the number of entries added."""
+    with registry.claim(identity, span[0]) as mine:
+        if not mine:
+            return 0
+        data = make_entries(shared, np.arange(*span), threads, timing)
+        began = time.perf_counter()
+        added = len(registry.put_shard(identity, span[0], data))
+        timing.store += time.perf_counter() - began
+    report("simulators", min(registry.count(identity), n), n)
+    return added
+
+
 def make_entries(
     shared: Shared, numbers: np.ndarray, threads: int, timing: Timing | None = None
 ) -> ShardData:

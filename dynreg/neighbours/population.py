@@ -204,9 +204,10 @@ def shared_arrays(shared: Shared) -> dict[str, np.ndarray]:
 
 def shared_from(robot: Robot, record: PopulationRecord) -> Shared:
     """The shared part as the registry holds it."""
-    part = lambda prefix: {
-        k.removeprefix(prefix): v for k, v in record.arrays.items() if k.startswith(prefix)
-    }  # noqa: E731
+
+    def part(prefix: str) -> dict[str, np.ndarray]:
+        return {k.removeprefix(prefix): v for k, v in record.arrays.items() if k.startswith(prefix)}
+
     bank = part("bank.")
     settings = dict(record.spec["training"])
     settings.pop("network")

@@ -9,11 +9,8 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.neighbours.judge import alarm, channel_errors, gain, traces
-from dynreg.replay.parts import Parts, names, parts, seen
 from dynreg.neighbours.population import Population
-from dynreg.replay.windows import Replayer, Windows, errors, windows
 from dynreg.neighbours.retrieve import Retrieved, retrieve
-from dynreg.replay.known import known_values
 from dynreg.neighbours.synthesise import (
     Evidence,
     effective_samples,
@@ -23,6 +20,9 @@ from dynreg.neighbours.synthesise import (
     replay_into,
 )
 from dynreg.registry import Registry
+from dynreg.replay.known import known_values
+from dynreg.replay.parts import Parts, names, parts, seen
+from dynreg.replay.windows import Replayer, Windows, errors, windows
 from dynreg.results import Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised
 from dynreg.sim.config import SimConfig
 

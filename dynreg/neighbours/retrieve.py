@@ -10,7 +10,7 @@ from dynreg.distance.one_sided import one_sided
 from dynreg.distance.rows import Rows, thin
 from dynreg.distance.trajectory import trajectory
 from dynreg.errors import LogError, UsageError
-from dynreg.index import search, vector_index
+from dynreg.index import search, search_printed, vector_index
 from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack
 from dynreg.neighbours.link import JUDGED_ON, cross_loss, load_graph
@@ -22,7 +22,7 @@ from dynreg.sim.robot import Robot
 REACHED = 60  # entries that a search of the graph keeps
 QUERY_ROWS = 300  # rows of the recording on which every entry's model is judged
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
-DISTANCES = ("one_sided", "embedding", "cross_loss", "cross_loss_train", "trajectory")
+DISTANCES = ("one_sided", "embedding", "cross_loss", "cross_loss_train", "cross_loss_printed", "trajectory")
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,9 @@ def retrieve(
 ) -> Retrieved:
     """Rank the entries of a population by their distance to a recording, all of which is read.
 
-    distance : "one_sided", "embedding", "cross_loss" (Algorithm 1 on the graph, held-out own losses),
-    "cross_loss_train" (the same with training own losses) or "trajectory" (needs the bank's own commands).
+    distance : "one_sided", "embedding", "cross_loss" (the paper's, best-first on the graph, held-out own losses),
+    "cross_loss_train" (with training own losses), "cross_loss_printed" (the paper's Algorithm 1 as printed, k = 5,
+    4 restarts) or "trajectory" (needs the bank's own commands).
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
     guess : whether to read parameters off the recording's own model too.
     """
@@ -64,7 +65,7 @@ def retrieve(
         )
     rows = recording_rows(population, recording)
     allowed = _allowed(population, known)
-    needs_model = guess or distance in ("embedding", "cross_loss", "cross_loss_train")
+    needs_model = guess or distance == "embedding" or distance.startswith("cross_loss")
     model = _own_model(population, rows, threads) if needs_model else None
     vector = population.embedding.vectors(model)[0] if model is not None else None
     if distance == "embedding":
@@ -189,7 +190,9 @@ def _by_cross_loss(
     x, y = x[some], y[some]
     to = distance.query(model, x, y, float(losses(model, x, y)[0]))
     wide = min(REACHED, len(population))
-    found = search(graph, to, wide, stream(population.shared.seed, "search"), ef=wide)
+    rng = stream(population.shared.seed, "search")
+    printed = name == "cross_loss_printed"
+    found = search_printed(graph, to, 5, rng, restarts=4) if printed else search(graph, to, wide, rng, ef=wide)
     keep = np.isin(found.ids, allowed)
     rest, _, _ = _by_one_sided(population, rows, np.setdiff1d(allowed, found.ids))
     scores = np.concatenate([found.distances[keep], np.full(len(rest), np.nan)])

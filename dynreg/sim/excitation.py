@@ -69,7 +69,8 @@ def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0
 
     Offsets are scaled to `amplitude` times the room between the reset pose and the action's limits. A "drop"
     holds a random pose and then switches the drives off for the last half. Settings run through their `values`,
-    joints of a robot without a floating base start anywhere, optional inputs are drawn once an episode between their low and high.
+    joints of a robot without a floating base start anywhere, optional inputs are drawn once an episode between
+    their low and high.
     """
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
