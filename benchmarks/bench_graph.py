@@ -18,8 +18,9 @@ from bench_index import averaged, growths, hubs
 import dynreg
 from dynreg.index.measure import METHODS, by_graph, by_landmarks, measure_graph
 from dynreg.models.mlp import MlpStack, stack_of
-from dynreg.neighbours.link import cross_loss, load_population
+from dynreg.neighbours.link import load_population
 from dynreg.neighbours.populate import make_entries
+from dynreg.neighbours.population import cross_loss
 from dynreg.registry import PopulationArrays
 
 HERE = Path(__file__).parent
@@ -85,9 +86,13 @@ def main() -> None:
         for seed in range(given.seeds)
     ]
     rows = averaged(runs)
-    print(f"\n{'method':22s} {'n':>5s} {'recall@5':>9s} {'quality':>8s} {'evaluations':>12s} {'insertion':>10s}")
+    print(
+        f"\n{'method':22s} {'n':>5s} {'recall@5':>9s} {'quality':>8s} {'evaluations':>12s} {'insertion':>10s}"
+    )
     for r in rows:
-        print(f"{r.method:22s} {r.n:5d} {r.recall:9.3f} {r.quality:8.3f} {r.evaluations:12.1f} {r.insertion:10.1f}")
+        print(
+            f"{r.method:22s} {r.n:5d} {r.recall:9.3f} {r.quality:8.3f} {r.evaluations:12.1f} {r.insertion:10.1f}"
+        )
     growth = {name: asdict(g) for name, g in growths(rows)} if len(given.sizes) > 2 else {}
     print("\ngrowth of evaluations: R2 of a + b log n, and of a + b n")
     for name, g in growth.items():

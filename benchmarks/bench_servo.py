@@ -41,8 +41,14 @@ def main() -> None:
         rows = {}
         for stage in found.stages:
             train = _train(found, stage) * spread
-            rows[stage.stage] = {"train": train, "held_out": stage.test * spread, "simulations": stage.simulations}
-        references = [_reference(reg, recording, seed, given.cma_budget, spread) for seed in range(given.seeds)]
+            rows[stage.stage] = {
+                "train": train,
+                "held_out": stage.test * spread,
+                "simulations": stage.simulations,
+            }
+        references = [
+            _reference(reg, recording, seed, given.cma_budget, spread) for seed in range(given.seeds)
+        ]
     cost = min(r["simulations"] for r in references)
     held = min(references, key=lambda r: r["train"])["held_out"]
     for seed, r in enumerate(references):

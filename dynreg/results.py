@@ -32,7 +32,9 @@ class Result(BaseModel):
 
     def _repr_html_(self) -> str:
         table = self.to_frame().to_html(index=False, float_format="%.4g")
-        said = type(self).__str__ is not BaseModel.__str__  # a sentence of its own, not pydantic's field by field
+        said = (
+            type(self).__str__ is not BaseModel.__str__
+        )  # a sentence of its own, not pydantic's field by field
         return f"<p>{html.escape(str(self))}</p>{table}" if said else table
 
 
@@ -228,7 +230,10 @@ class Listing(Result):
     items: tuple[EntrySummary, ...]
 
     def rows(self) -> list[dict[str, Any]]:
-        return [{"id": i.id[:12], "kind": i.kind, "name": i.name, "robot": i.robot, **i.detail} for i in self.items]
+        return [
+            {"id": i.id[:12], "kind": i.kind, "name": i.name, "robot": i.robot, **i.detail}
+            for i in self.items
+        ]
 
 
 class Verification(Result):

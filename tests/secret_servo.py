@@ -11,10 +11,14 @@ import mujoco
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.neighbours.population import Training
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
+
+TRAINING = Training(epochs=1, base_configurations=16, base_epochs=3)  # of the population that is asked
+ENTRIES = 24
 
 
 def values_of(seed: int, **planted: float) -> np.ndarray:

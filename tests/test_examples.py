@@ -75,7 +75,9 @@ def test_the_demo_from_an_empty_folder_to_the_page(examples, tmp_path: Path, mon
     with dynreg.open("demo/registry", create=False) as registry:
         found = registry.result("@last")
     assert found.recording_name == "hidden" and found.gain.value > 0.5
-    assert found.answer[:12] in out.split("Look at")[0].splitlines()[-1]
+    closing = " ".join(out.rpartition("$ dynreg report")[2].split())
+    assert f"use the synthesised simulator {found.answer[:12]}" in closing
+    assert closing.endswith("Look at demo/report.html in a browser.")
     assert all(f"\n  {name} " in out for name in found.answer_parameters)
     assert (tmp_path / "demo" / "report.html").stat().st_size > 10_000
     assert not Path("elsewhere").exists()

@@ -32,18 +32,24 @@ def test_a_notebook_is_stored_without_outputs(path: Path) -> None:
     assert not [cell.id for cell in code(notebook) if cell.outputs or cell.execution_count]
 
 
-@pytest.mark.parametrize("source", ["measured", "hidden"])
-def test_the_query_notebook(source: str, tmp_path: Path, monkeypatch, request) -> None:
-    """On the measured log and on the hidden servo, with few simulators."""
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the notebook's registry is, once populated for both logs."""
+    return tmp_path_factory.mktemp("notebook")
+
+
+@pytest.mark.parametrize("source", ["hidden", "measured"])
+def test_the_query_notebook(
+    source: str, place: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """On the hidden servo and on the measured log, with few simulators."""
     from nbclient import NotebookClient
 
-    if source == "measured":
-        monkeypatch.setenv("DYNREG_DATA_DIR", str(request.getfixturevalue("data_dir")))
-    else:
-        monkeypatch.setenv("DYNREG_DATA_DIR", str(tmp_path))
-    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
+    data = request.getfixturevalue("data_dir") if source == "measured" else place
+    monkeypatch.setenv("DYNREG_DATA_DIR", str(data.resolve()))
+    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(place / "registry"))
     monkeypatch.setenv("DYNREG_NOTEBOOK_N", "64")
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # the kernel draws into the notebook
     (path,) = [p for p in NOTEBOOKS if p.stem == "01_query"]
     notebook = nbformat.read(path, 4)
     NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(path.parent)}}).execute()

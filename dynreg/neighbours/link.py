@@ -2,16 +2,12 @@
 
 import numpy as np
 
-from dynreg.distance.cross_loss import CrossLoss
 from dynreg.distance.embedding import Embedding, fit_embedding
-from dynreg.distance.rows import thin
 from dynreg.index import Counted, Graph, build
 from dynreg.models.mlp import MlpStack
-from dynreg.neighbours.population import Population, Shared, shared_from
-from dynreg.registry import PopulationArrays, Registry
+from dynreg.neighbours.population import Population, cross_loss, shared_from
+from dynreg.registry import Registry
 from dynreg.sim.robot import Robot, load_robot
-
-JUDGED_ON = 64  # held-out rows of each entry on which cross-losses are measured
 
 
 def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int, int]:
@@ -31,19 +27,6 @@ def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int,
     arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}
     registry.put_index(population, "embedding", arrays)
     return len(entries), distance.evaluations
-
-
-def cross_loss(
-    shared: Shared, entries: PopulationArrays, stack: MlpStack, *, own: str = "held-out", threads: int = 0
-) -> CrossLoss:
-    """The paper's distance between a population's entries on up to 64 held-out rows of each.
-
-    own : "held-out" own losses on those rows, or "training" ones.
-    """
-    inputs, targets = shared.rows(entries.states).held
-    some = thin(inputs.shape[1], JUDGED_ON, shared.seed, "judged")
-    losses = entries.train_loss if own == "training" else None
-    return CrossLoss(stack, inputs[:, some], targets[:, some], losses, threads=threads or None)
 
 
 def load_population(registry: Registry, ref: str, *, states: bool = False) -> Population:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dynreg.data.recording import Channel
 from dynreg.data.transitions import Transitions
+from dynreg.distance.cross_loss import CrossLoss
 from dynreg.distance.embedding import Embedding
 from dynreg.distance.rows import Rows, bank_rows, recording_rows, thin
 from dynreg.errors import UsageError
@@ -22,6 +23,7 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, motor_noise
 
 BASE_CONFIGURATIONS = 96  # pooled into the base model; drawn apart from the entries
+JUDGED_ON = 64  # held-out rows of each entry on which cross-losses are measured
 PROBES = 128  # states on which models are compared by what they predict
 
 
@@ -114,6 +116,29 @@ class Population:
     def unit(self) -> np.ndarray:
         """(M, P) parameters of the entries in [0, 1]."""
         return self.shared.robot.space.to_unit(self.entries.values)
+
+    @cached_property
+    def cross_loss(self) -> CrossLoss:
+        """The paper's distance with held-out own losses; needs the entries' states."""
+        return cross_loss(self.shared, self.entries, self.stack)
+
+    @cached_property
+    def cross_loss_train(self) -> CrossLoss:
+        """The same with training own losses."""
+        return cross_loss(self.shared, self.entries, self.stack, own="training")
+
+
+def cross_loss(
+    shared: Shared, entries: PopulationArrays, stack: MlpStack, *, own: str = "held-out", threads: int = 0
+) -> CrossLoss:
+    """The paper's distance between a population's entries on up to 64 held-out rows of each.
+
+    own : "held-out" own losses on those rows, or "training" ones.
+    """
+    inputs, targets = shared.rows(entries.states).held
+    some = thin(inputs.shape[1], JUDGED_ON, shared.seed, "judged")
+    losses = entries.train_loss if own == "training" else None
+    return CrossLoss(stack, inputs[:, some], targets[:, some], losses, threads=threads or None)
 
 
 def context_of(robot: Robot, run: Run) -> np.ndarray:

@@ -13,8 +13,8 @@ from dynreg.errors import LogError, UsageError
 from dynreg.index import search, search_printed, vector_index
 from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack
-from dynreg.neighbours.link import JUDGED_ON, cross_loss, load_graph
-from dynreg.neighbours.population import Population
+from dynreg.neighbours.link import load_graph
+from dynreg.neighbours.population import JUDGED_ON, Population
 from dynreg.registry import Registry
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
@@ -76,9 +76,7 @@ def retrieve(
     elif distance == "one_sided":
         ids, scores, evaluations = _by_one_sided(population, rows, allowed)
     else:
-        ids, scores, evaluations = _by_cross_loss(
-            registry, population, rows, model, distance, allowed, threads
-        )
+        ids, scores, evaluations = _by_cross_loss(registry, population, rows, model, distance, allowed)
     found = _guess(population, vector) if guess else None
     return Retrieved(distance, ids, scores, found, evaluations)
 
@@ -167,7 +165,6 @@ def _by_cross_loss(
     model: MlpStack,
     name: str,
     allowed: np.ndarray,
-    threads: int,
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Best-first search of the degree-capped graph, with the recording as a new node.
 
@@ -181,18 +178,19 @@ def _by_cross_loss(
             expected="a graph over its entries",
             do="run `dynreg populate` again without --no-link, or use --distance one_sided",
         )
-    entries = population.entries if population.entries.states is not None else registry.load(ref)
-    own = "training" if name.endswith("train") else "held-out"
-    distance = cross_loss(population.shared, entries, population.stack, own=own, threads=threads)
+    training = name.endswith("train")
+    distance = population.cross_loss_train if training else population.cross_loss
     # training own losses are compared with the query's training loss, held-out ones with its held-out loss
-    x, y = rows.train if own == "training" else rows.held
+    x, y = rows.train if training else rows.held
     some = thin(len(x), JUDGED_ON, population.shared.seed, "query held")
     x, y = x[some], y[some]
     to = distance.query(model, x, y, float(losses(model, x, y)[0]))
     wide = min(REACHED, len(population))
     rng = stream(population.shared.seed, "search")
     printed = name == "cross_loss_printed"
-    found = search_printed(graph, to, 5, rng, restarts=4) if printed else search(graph, to, wide, rng, ef=wide)
+    found = (
+        search_printed(graph, to, 5, rng, restarts=4) if printed else search(graph, to, wide, rng, ef=wide)
+    )
     keep = np.isin(found.ids, allowed)
     rest, _, _ = _by_one_sided(population, rows, np.setdiff1d(allowed, found.ids))
     scores = np.concatenate([found.distances[keep], np.full(len(rest), np.nan)])

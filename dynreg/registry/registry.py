@@ -175,7 +175,9 @@ class Registry:
         """Ids of all simulators (sorted), or of all results in the order in which they came."""
         table = {"simulator": tables.simulators, "result": tables.results}[kind]
         with self.directory.catalog.read() as connection:
-            return tuple(connection.execute(select(table.c.id).order_by(table.c.get("ordinal", table.c.id))).scalars())
+            return tuple(
+                connection.execute(select(table.c.id).order_by(table.c.get("ordinal", table.c.id))).scalars()
+            )
 
     def content_hash(self) -> str:
         """Hash over all entries and recordings: equal for two registries that hold the same ones."""

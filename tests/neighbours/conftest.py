@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import secret_servo
+from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
 from dynreg.data.recording import Recording
-from dynreg.neighbours.population import Training
 from dynreg.results import Neighbours
 from dynreg.session import Session
 
-TRAINING = Training(epochs=1, base_configurations=16, base_epochs=3)
-ENTRIES = 24
 SECRETS = 6
 
 

@@ -1,0 +1,169 @@
+"""A recording is replayed from its measured states, and a replay of the truth has no error."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import secret_servo
+
+from dynreg.data.recording import Episode, Recording
+from dynreg.errors import LogError
+from dynreg.replay.windows import Replayer, errors, windows
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import Robot, load_robot
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("servo_pendulum")
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return secret_servo.record(secret_servo.values_of(1), 1, episodes=5, steps=60)
+
+
+def with_horizon(robot: Robot, seconds: float) -> Robot:
+    table = robot.file.replay.model_copy(update={"horizon": seconds})
+    return replace(robot, file=robot.file.model_copy(update={"replay": table}))
+
+
+def edited(recording: Recording, edit) -> Recording:
+    """The recording with `edit(number, values)` done to a copy of each episode's values."""
+    episodes = []
+    for number, e in enumerate(recording.episodes):
+        values = e.values.copy()
+        edit(number, values)
+        episodes.append(Episode(e.name, e.time, values, e.settings))
+    return Recording(recording.channels, tuple(episodes), recording.measured)
+
+
+def columns(recording: Recording, *names: str) -> list[int]:
+    return recording.columns(names).tolist()
+
+
+def exact(robot: Robot, values: np.ndarray) -> Recording:
+    """A recording without noise on the robot's own time step."""
+    run = excitation(robot, seed=3, name="exact", episodes=4, steps=40)
+    states = rollout(robot, values[None], run).states[0]
+    held = lambda a: np.concatenate([a, a[:, -1:]], axis=1)  # noqa: E731
+    table = np.concatenate([states, held(run.actions), held(run.inputs)], axis=-1)
+    like = secret_servo.record(values, 3, episodes=4, steps=40)
+    episodes = [Episode(e.name, e.time, table[i], e.settings) for i, e in enumerate(like.episodes)]
+    return Recording(like.channels, tuple(episodes))
+
+
+def test_a_replay_of_the_truth_has_no_error_and_one_of_another_servo_has(robot):
+    values = np.stack([secret_servo.values_of(seed) for seed in (1, 2)])
+    cut = windows(robot, exact(robot, values[0]))
+    replayer = Replayer(robot, cut)
+    found = errors(replayer.residuals(values, np.arange(len(cut))))
+    assert found[0].max() < 1e-9 and found[1].min() > 1e-3
+    assert replayer.rollouts == 2
+
+
+def test_windows_cover_the_episodes_and_start_from_what_was_measured(robot, recording):
+    cut = windows(with_horizon(robot, 0.2), recording)
+    assert len(cut) == 5 * 3 and cut.run.steps == 20 and cut.period == pytest.approx(0.01)
+    state, target = columns(recording, *robot.channels), columns(recording, "arm/target")
+    for w in range(len(cut)):
+        values = recording.episodes[cut.episode[w]].values[slice(*cut.rows[w])]
+        np.testing.assert_array_equal(cut.measured[w], values[:, state])
+        np.testing.assert_array_equal(cut.run.initial[w], values[0, state])
+        np.testing.assert_array_equal(cut.run.actions[w], values[:-1, target])
+        assert cut.run.settings[w, 0] == recording.episodes[cut.episode[w]].settings["kp"]
+    few = cut.take(np.array([4, 7]))
+    np.testing.assert_array_equal(few.measured, cut.measured[[4, 7]])
+    np.testing.assert_array_equal(few.rows, cut.rows[[4, 7]])
+
+
+def test_episodes_of_different_length_are_padded_with_nothing(robot, recording):
+    e = recording.episodes[2]
+    short = Episode(e.name, e.time[:31], e.values[:31], e.settings)
+    mixed = Recording(recording.channels, (*recording.episodes[:2], short))
+    cut = windows(robot, mixed)
+    assert np.isnan(cut.measured[2, 31:]).all() and np.isfinite(cut.measured[2, :31]).all()
+    value = secret_servo.values_of(2)[None]
+    padded = Replayer(robot, cut).states(value, np.array([2]))
+    alone = Replayer(robot, windows(robot, Recording(recording.channels, (short,)))).states(value, np.array([0]))
+    np.testing.assert_array_equal(padded[:, :, :31], alone)
+
+
+def test_weights_are_shares_and_spreads_never_below_the_noise(robot, recording):
+    cut = windows(robot, recording)
+    np.testing.assert_allclose(cut.weight, [1.0, 0.0])
+    still = edited(recording, lambda _, v: v.__setitem__((slice(None), columns(recording, *robot.channels)), 0.3))
+    np.testing.assert_allclose(windows(robot, still).spread, [0.001534, 0.024])
+
+
+def test_a_simulation_that_diverged_counts_as_ten_times_the_motion(robot, recording, monkeypatch):
+    replayer = Replayer(robot, windows(robot, recording))
+    monkeypatch.setattr(Replayer, "states", lambda self, v, chosen: np.full((len(v), len(chosen), 61, 2), np.nan))
+    np.testing.assert_array_equal(errors(replayer.residuals(robot.space.nominal[None], np.arange(5))), 10.0)
+
+
+def test_rows_that_were_not_measured_count_for_nothing(robot, recording):
+    state = columns(recording, *robot.channels)
+
+    def lose(number, values):
+        if number == 1:
+            values[30:, state] = np.nan
+
+    value = secret_servo.values_of(2)[None]
+    lost = Replayer(robot, windows(robot, edited(recording, lose))).residuals(value, np.arange(5))
+    assert np.isnan(lost[:, 1, 29:]).all() and np.isfinite(errors(lost)).all()
+
+
+def test_a_window_begins_where_its_state_was_measured(robot, recording):
+    state = columns(recording, *robot.channels)
+
+    def lose(number, values):
+        values[: 7 * number, state] = np.nan
+
+    cut = windows(robot, edited(recording, lose))
+    np.testing.assert_array_equal(cut.rows[:, 0], [0, 7, 14, 21, 28])
+    assert np.isfinite(cut.run.initial).all()
+
+
+def test_a_window_in_which_nothing_was_measured_is_left_out(robot, recording):
+    state = columns(recording, *robot.channels)
+
+    def lose(number, values):
+        if number == 3:
+            values[1:, state] = np.nan
+
+    cut = windows(robot, edited(recording, lose))
+    assert cut.episode.tolist() == [0, 1, 2, 4]
+
+
+def test_a_command_that_was_not_logged_is_the_last_one_held(robot, recording):
+    target = columns(recording, "arm/target")[0]
+
+    def lose(number, values):
+        values[10:13, target] = np.nan
+
+    cut = windows(robot, edited(recording, lose))
+    full = windows(robot, recording).run.actions
+    np.testing.assert_array_equal(cut.run.actions[:, 9:13], np.tile(full[:, 9:10], (1, 4, 1)))
+    np.testing.assert_array_equal(cut.run.actions[:, 13:], full[:, 13:])
+
+
+def test_recordings_that_cannot_be_replayed_say_why(robot, recording):
+    drop = lambda name: Recording(  # noqa: E731
+        tuple(c for c in recording.channels if c.name != name),
+        tuple(
+            Episode(e.name, e.time, np.delete(e.values, columns(recording, name), axis=1), e.settings)
+            for e in recording.episodes
+        ),
+    )
+    with pytest.raises(LogError, match="the recording has no commands"):
+        windows(robot, drop("arm/target"))
+    with pytest.raises(LogError, match="arm/velocity"):
+        windows(robot, drop("arm/velocity"))
+    rows = tuple(Episode(e.name, e.time[:1], e.values[:1], e.settings) for e in recording.episodes)
+    with pytest.raises(LogError, match="rows? "):
+        windows(robot, Recording(recording.channels, rows))
+    position = columns(recording, "arm/position")
+    with pytest.raises(LogError, match="measured"):
+        windows(robot, edited(recording, lambda _, v: v.__setitem__((slice(None), position), np.nan)))
