@@ -4,7 +4,15 @@ import os
 from pathlib import Path
 
 KINDS = ("population", "recording", "simulator", "result", "robot")
-DISTANCES = ("auto", "one_sided", "embedding", "cross_loss", "cross_loss_train", "trajectory")
+DISTANCES = (
+    "auto",
+    "one_sided",
+    "embedding",
+    "cross_loss",
+    "cross_loss_train",
+    "cross_loss_printed",
+    "trajectory",
+)
 METHODS = ("cmaes",)
 
 

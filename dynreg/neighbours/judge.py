@@ -104,7 +104,8 @@ def alarm(search: "_Search", answer: int) -> tuple[str | None, tuple[str, ...]]:
         return None, (note,)
     sentence = (
         f"no simulator in this family is close to the robot: the best one's error is {ratio:.1f} times what "
-        f"separates neighbours (alarm above {TOO_FAR:g}); something is missing from the model: run `dynreg diagnose`"
+        f"separates neighbours (alarm above {TOO_FAR:g}); something is missing from the model, or its "
+        f"ranges are too narrow: widen them, or extend the model where the listed channels err most"
     )
     return sentence, (note,)
 

@@ -166,7 +166,9 @@ def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[st
     size = np.mean(np.abs(local.residual))
     # an uncertain jacobian looks steeper than it is, most of all where the true one is flat
     curvature, directions = np.linalg.eigh(hessian - local.doubt)
-    information = np.maximum(curvature, 0.0) * effective / (len(local.residual) * size)
+    # least absolute residuals with Gaussian noise of s: covariance (pi / 2) s^2 (J^T J)^-1, s = sqrt(pi / 2) size
+    share = effective / (len(local.residual) * np.mean(local.weight))
+    information = np.maximum(curvature, 0.0) * share / (0.5 * np.pi * size) ** 2
     free = np.flatnonzero(evidence.free)
     sigma = np.zeros(len(unit))
     sigma[free] = np.sqrt((directions**2 / (information + PRIOR)).sum(axis=1))

@@ -1,0 +1,109 @@
+"""Every distance ranks the entries whose dynamics are the recording's first."""
+
+import numpy as np
+import pytest
+import secret_servo
+from secret_servo import ENTRIES
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.errors import UsageError
+from dynreg.neighbours.link import load_graph, load_population
+from dynreg.neighbours.retrieve import DISTANCES, retrieve, with_defaults
+from dynreg.replay.known import known_values
+from dynreg.sim.engines import rollout
+
+
+@pytest.fixture(scope="module")
+def population(servos):
+    (record,) = servos.registry.populations()
+    return load_population(servos.registry, record.id, states=True)
+
+
+@pytest.fixture(scope="module")
+def robot(population):
+    return population.shared.robot
+
+
+def ran_the_bank(population, entry: int, noise: float = 0.0) -> Recording:
+    """What an entry's own simulator recorded under the population's commands."""
+    robot, run = population.shared.robot, population.shared.run
+    states = population.entries.states[entry].astype(float)
+    states = states + noise * np.random.default_rng(entry).normal(size=states.shape)
+    held = lambda a: np.concatenate([a, a[:, -1:]], axis=1)  # noqa: E731
+    table = np.concatenate([states, held(run.actions), held(run.inputs)], axis=-1)
+    names = (*robot.channels, *robot.actions, *robot.inputs)
+    time = np.arange(run.steps + 1) / robot.rate
+    episodes = [Episode(f"e{i}", time, table[i], {"kp": run.settings[i, 0]}) for i in range(run.episodes)]
+    return Recording(tuple(Channel(n, "1") for n in names), tuple(episodes), measured=False)
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+@pytest.mark.parametrize("entry", [4, 17])
+def test_an_entry_s_own_run_finds_the_entry(servos, population, distance, entry):
+    found = retrieve(servos.registry, population, ran_the_bank(population, entry, 0.001), distance=distance)
+    at = int(np.flatnonzero(found.order == entry)[0])
+    # the printed algorithm returns what its greedy walks met; the training losses are the weaker reading
+    assert at == 0 if distance in ("one_sided", "embedding", "trajectory") else at < 5
+    assert sorted(found.order) == list(range(ENTRIES)), "all are ranked, each once"
+    known = found.distance[np.isfinite(found.distance)]
+    assert (np.diff(known) >= 0).all() and len(known) >= 1
+
+
+@pytest.mark.parametrize("distance", [d for d in DISTANCES if d != "trajectory"])
+def test_near_entries_move_like_the_robot(servos, population, distance):
+    """Over secret servos: the five nearest, on commands that the recording did not show."""
+    shares = []
+    for seed in (70, 71, 72):
+        values = secret_servo.values_of(seed)
+        recording = secret_servo.record(values, seed)
+        found = retrieve(servos.registry, population, recording, distance=distance, guess=False)
+        states = rollout(population.shared.robot, values[None], population.shared.run).states[0]
+        apart = np.abs(population.entries.states - states)[..., 0].mean(axis=(1, 2))
+        shares.append(apart[found.order[:5]].mean() / apart.mean())
+    assert np.mean(shares) < 0.9
+
+
+def test_trajectory_needs_the_population_s_own_commands(servos, population):
+    recording = secret_servo.record(population.shared.robot.space.nominal, 1)
+    with pytest.raises(UsageError, match="commands that the population did not"):
+        retrieve(servos.registry, population, recording, distance="trajectory")
+
+
+def test_entries_far_from_what_is_known_are_left_out(servos, population, robot):
+    known = np.full(len(robot.space), np.nan)
+    known[0] = robot.space.bounds[0, 1]
+    recording = ran_the_bank(population, 4)
+    found = retrieve(servos.registry, population, recording, known=known)
+    left = np.setdiff1d(np.arange(ENTRIES), found.order)
+    assert len(found.order) == 20 and population.unit[left, 0].max() <= population.unit[found.order, 0].min()
+
+
+def test_a_recording_tells_nothing_of_parameters_that_are_not_marked_known(robot, population):
+    assert np.isnan(known_values(robot, ran_the_bank(population, 0))).all()
+
+
+def test_defaults_stand_where_inputs_and_settings_are_missing(robot, population):
+    recording = ran_the_bank(population, 0)
+    keep = recording.columns([*robot.channels, *robot.actions, "supply"])
+    values = recording.episodes[0].values[:, keep].copy()
+    values[3, -1] = np.nan
+    bare = Recording(
+        tuple(recording.channels[i] for i in keep), (Episode("e", recording.episodes[0].time, values),)
+    )
+    filled = with_defaults(robot, bare)
+    (episode,) = filled.episodes
+    assert episode.settings == {"kp": 400.0}
+    column = {c.name: i for i, c in enumerate(filled.channels)}
+    assert episode.values[3, column["supply"]] == 7.4 and (episode.values[:, column["arm/enabled"]] == 1).all()
+    np.testing.assert_array_equal(episode.values[:3, column["supply"]], values[:3, -1])
+
+
+def test_the_graph_holds_all_entries_until_the_population_grows(servos, population):
+    graph = load_graph(servos.registry, population.record.id)
+    assert len(graph) == ENTRIES
+
+
+def test_an_embedding_that_the_index_lacks_is_computed_again(servos, population, monkeypatch):
+    monkeypatch.setattr(type(servos.registry), "index", lambda self, ref, key: None)
+    again = load_population(servos.registry, population.record.id)
+    np.testing.assert_allclose(again.vectors, population.vectors, rtol=1e-6, atol=1e-8)
