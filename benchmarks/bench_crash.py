@@ -30,6 +30,7 @@ from dynreg.sim.robot import load_robot
 
 HERE = Path(__file__).parent
 ROBOT, SEED = "servo_pendulum", 0
+WORK = "simulate, train, store"  # what a populate does before it first tells of progress
 TRAINING = Training(epochs=1, base_configurations=8, base_epochs=2)
 PRELOADED = [
     "torch",
@@ -67,8 +68,10 @@ class Endured:
     answers: int = 0
 
 
-def endure_kills(folder: Path, kills: int, shard_size: int = 10, entries: int = 120) -> tuple[list[Kill], Endured]:
-    """Grow a registry shard by shard under kills, then to at least `entries`; compare with an undisturbed one."""
+def endure_kills(
+    folder: Path, kills: int, shard_size: int = 10, entries: int = 120
+) -> tuple[list[Kill], Endured]:
+    """Grow a registry shard by shard under SIGKILLs, then to at least `entries`; compare with an undisturbed one."""
     processes, rng = _processes(), stream(SEED, "crash")
     path = folder / "killed"
     died: list[Kill] = []
@@ -76,6 +79,7 @@ def endure_kills(folder: Path, kills: int, shard_size: int = 10, entries: int = 
     while len(died) < kills:
         held = _entries(path)
         worker, told = _start(processes, _populate, path, held + shard_size, shard_size)
+        told.recv()
         moment = float(rng.uniform(0.0, length if held else 2 * length))
         worker.join(moment)
         if worker.exitcode is None:
@@ -130,6 +134,7 @@ def _start(processes: mp.context.BaseContext, work, *given) -> tuple[mp.process.
 
 def _populate(tell: Connection, path: Path, entries: int, shard_size: int) -> None:
     with dynreg.open(path) as reg:
+        tell.send("opened")
         report = reg.populate(
             ROBOT,
             entries,
@@ -157,7 +162,7 @@ def _ask(tell: Connection, path: Path) -> None:
 
 def _last(told: Connection) -> str:
     """The last thing that a process told."""
-    last = "start"
+    last = WORK
     try:
         while told.poll():
             last = told.recv()
@@ -170,8 +175,9 @@ def _seconds_of_a_step(processes: mp.context.BaseContext, path: Path, shard_size
     """How long an undisturbed populate takes for one more shard, with its links."""
     began = 0.0
     for step in (1, 2):
+        worker, told = _start(processes, _populate, path, step * shard_size, shard_size)
+        told.recv()
         began = time.perf_counter()
-        worker, _ = _start(processes, _populate, path, step * shard_size, shard_size)
         worker.join()
     return time.perf_counter() - began
 
@@ -203,25 +209,34 @@ def _recording() -> Recording:
     table = np.concatenate([states, held(commands.actions), held(commands.inputs)], axis=-1)
     names = (*robot.channels, *robot.actions, *robot.inputs)
     time = np.arange(commands.steps + 1) / robot.rate
-    episodes = [Episode(f"run{e}", time, table[e], {"kp": commands.settings[e, 0]}) for e in range(len(table))]
+    episodes = [
+        Episode(f"run{e}", time, table[e], {"kp": commands.settings[e, 0]}) for e in range(len(table))
+    ]
     return Recording(tuple(Channel(name, "1") for name in names), tuple(episodes), measured=False)
 
 
 def main() -> None:
     """Print the tables and write benchmarks/results/crash.json."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kills", type=int, default=25)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         died, after = endure_kills(Path(folder), given.kills)
         company = endure_company(Path(folder))
-    print(f"{'kill':>4s} {'after [s]':>10s} {'while':12s} {'entries':>8s} {'clean':>6s} {'left':>5s}")
+    print(f"{'kill':>4s} {'after [s]':>10s} {'while':22s} {'entries':>8s} {'clean':>6s} {'left':>5s}")
     for i, kill in enumerate(died, 1):
-        print(f"{i:4d} {kill.after:10.3f} {kill.stage:12s} {kill.entries:8d} {kill.clean!s:>6s} {kill.left:5d}")
+        print(
+            f"{i:4d} {kill.after:10.3f} {kill.stage:22s} {kill.entries:8d} {kill.clean!s:>6s} {kill.left:5d}"
+        )
     told = {
         "kills": len(died),
         "clean after each": all(kill.clean for kill in died),
-        "stages": {str(s): int(n) for s, n in zip(*np.unique([k.stage for k in died], return_counts=True), strict=True)},
+        "stages": {
+            str(s): int(n)
+            for s, n in zip(*np.unique([k.stage for k in died], return_counts=True), strict=True)
+        },
         "entries": after.entries,
         "clean at the end": after.clean,
         "same content as undisturbed": after.same,
@@ -230,7 +245,9 @@ def main() -> None:
     for name, value in told.items():
         print(f"{name:30s} {value}")
     (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "crash.json").write_text(json.dumps(told | {"died": [asdict(k) for k in died]}, indent=1) + "\n")
+    (HERE / "results" / "crash.json").write_text(
+        json.dumps(told | {"died": [asdict(k) for k in died]}, indent=1) + "\n"
+    )
 
 
 if __name__ == "__main__":

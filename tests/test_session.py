@@ -36,7 +36,9 @@ def empty(tmp_path: Path):
 def test_a_recording_has_many_names(opened: Session):
     (identity,) = [item.id for item in opened.list("recording").items]
     asked = [opened.query(ref, **BENCH) for ref in ("bench", "@last", identity, identity[:8])]
-    assert {(a.recording, a.recording_name, a.answer) for a in asked} == {(identity, "bench", asked[0].answer)}
+    assert {(a.recording, a.recording_name, a.answer) for a in asked} == {
+        (identity, "bench", asked[0].answer)
+    }
 
 
 def test_a_log_can_be_asked_about_without_being_ingested_first(opened: Session, tmp_path: Path):
@@ -136,7 +138,9 @@ def test_a_population_that_was_planned_and_not_computed_is_no_population(opened:
         empty.query(known)
 
 
-def test_simulators_of_another_robot_do_not_answer(registry_folder: Path, tmp_path: Path, recording: Recording):
+def test_simulators_of_another_robot_do_not_answer(
+    registry_folder: Path, tmp_path: Path, recording: Recording
+):
     robot = secret_servo.load_robot("servo_pendulum")
     heavier = shutil.copytree(robot.folder, tmp_path / "heavier")
     table = heavier / "robot.toml"

@@ -35,5 +35,7 @@ def test_shorter_runs_and_rows_that_were_not_measured_are_compared_where_they_ca
 
 def test_other_commands_are_refused(bank):
     states, actions = bank
-    with pytest.raises(UsageError, match="episode 1 of the recording ran commands that the population did not"):
+    with pytest.raises(
+        UsageError, match="episode 1 of the recording ran commands that the population did not"
+    ):
         trajectory(states, actions, states[0, :2], np.stack([actions[0], actions[1] + 0.1]), np.ones(2))

@@ -55,7 +55,9 @@ def test_channels_and_traces_tell_of_the_held_out_part(asked):
         column = one.recording.columns(["arm/position"])[0]
         for trace in answer.traces:
             rows = np.rint(np.array(trace.time) * 100).astype(int)
-            np.testing.assert_allclose(trace.measured, recorded[trace.episode].values[rows, column], atol=1e-5)
+            np.testing.assert_allclose(
+                trace.measured, recorded[trace.episode].values[rows, column], atol=1e-5
+            )
             assert np.abs(np.subtract(trace.answer, trace.measured)).mean() < 0.05
 
 

@@ -111,7 +111,12 @@ def test_other_seeds_ranges_and_training_are_other_populations():
     )
     all_ids = [
         population_id(*told)
-        for told in ((robot, 0, TRAINING), (robot, 1, TRAINING), (robot, 0, Training()), (narrower, 0, TRAINING))
+        for told in (
+            (robot, 0, TRAINING),
+            (robot, 1, TRAINING),
+            (robot, 0, Training()),
+            (narrower, 0, TRAINING),
+        )
     ]
     assert len(set(all_ids)) == 4
 

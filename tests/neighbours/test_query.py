@@ -46,7 +46,9 @@ def test_the_answer_predicts_the_test_part_far_better_than_the_nominal_simulator
         assert one.answer.gain.value == pytest.approx(1 - stages["answer"] / stages["nominal"])
 
 
-@pytest.mark.parametrize("planted", [{"zero_offset": 0.055}, {"zero_offset": -0.06, "coulomb_friction": 0.06}])
+@pytest.mark.parametrize(
+    "planted", [{"zero_offset": 0.055}, {"zero_offset": -0.06, "coulomb_friction": 0.06}]
+)
 def test_a_planted_parameter_is_recovered_within_its_interval(servos, planted):
     values = secret_servo.values_of(60, **planted)
     made = servos.query(servos.ingest(secret_servo.record(values, 60), "servo_pendulum")).synthesised
@@ -61,7 +63,10 @@ def test_a_planted_parameter_is_recovered_within_its_interval(servos, planted):
 def test_most_intervals_hold_the_truth(asked):
     """90 % intervals of 7 parameters of 6 servos; 42 draws at 90 % give fewer than 31 once in 1000."""
     held = [
-        [e.low <= value <= e.high for e, value in zip(a.answer.synthesised.parameters.values(), a.values, strict=True)]
+        [
+            e.low <= value <= e.high
+            for e, value in zip(a.answer.synthesised.parameters.values(), a.values, strict=True)
+        ]
         for a in asked
     ]
     assert np.sum(held) >= 31
@@ -116,7 +121,8 @@ def test_what_the_test_part_says_changes_nothing_but_its_own_figures(servos):
     other = secret_servo.record(secret_servo.values_of(52), 51, episodes=6, steps=50)
     mixed = Recording(recording.channels, (*recording.episodes[:5], other.episodes[5]))
     one, two = (
-        servos.query(servos.ingest(r, "servo_pendulum"), hold_out="run5", budget=12) for r in (recording, mixed)
+        servos.query(servos.ingest(r, "servo_pendulum"), hold_out="run5", budget=12)
+        for r in (recording, mixed)
     )
     assert one.stages[-1].test != two.stages[-1].test
     assert [n.entry for n in one.neighbours] == [n.entry for n in two.neighbours]

@@ -94,7 +94,9 @@ def test_defaults_stand_where_inputs_and_settings_are_missing(robot, population)
     (episode,) = filled.episodes
     assert episode.settings == {"kp": 400.0}
     column = {c.name: i for i, c in enumerate(filled.channels)}
-    assert episode.values[3, column["supply"]] == 7.4 and (episode.values[:, column["arm/enabled"]] == 1).all()
+    assert (
+        episode.values[3, column["supply"]] == 7.4 and (episode.values[:, column["arm/enabled"]] == 1).all()
+    )
     np.testing.assert_array_equal(episode.values[:3, column["supply"]], values[:3, -1])
 
 

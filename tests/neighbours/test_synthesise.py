@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from dynreg.neighbours.synthesise import effective_samples, empty_evidence, estimates, linearise, propose, refine
+from dynreg.neighbours.synthesise import (
+    effective_samples,
+    empty_evidence,
+    estimates,
+    linearise,
+    propose,
+    refine,
+)
 from dynreg.rng import stream
 from dynreg.sim.space import Parameter, ParameterSpace
 
@@ -92,7 +99,9 @@ def test_a_linear_map_is_recovered_without_doubt(space):
     local = linearise(evidence)
     slopes = plant.slopes[:, :3].reshape(4, -1).T
     np.testing.assert_allclose(local.jacobian, slopes, atol=0.1 * np.abs(slopes).max())
-    assert np.trace(local.doubt) < 0.01 * np.trace(local.jacobian.T @ (local.jacobian * local.weight[:, None]))
+    assert np.trace(local.doubt) < 0.01 * np.trace(
+        local.jacobian.T @ (local.jacobian * local.weight[:, None])
+    )
 
 
 @pytest.mark.parametrize("curvature", [0.0, 0.5])

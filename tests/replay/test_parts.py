@@ -102,7 +102,9 @@ def test_what_is_seen_are_the_rows_of_the_chosen_windows(counts, data):
     chosen = np.array(sorted(data.draw(st.sets(st.integers(0, size - 1), min_size=1))))
     rows = {(int(windows.episode[w]), r) for w in chosen for r in range(*windows.rows[w])}
     visible = seen(recording, windows, chosen)
-    found = {(int(v), round(t * 10)) for e in visible.episodes for v, t in zip(e.values[:, 0], e.time, strict=True)}
+    found = {
+        (int(v), round(t * 10)) for e in visible.episodes for v, t in zip(e.values[:, 0], e.time, strict=True)
+    }
     assert found == rows
     # windows in a row stay together: no transition between them is lost
     steps = sum(len(e.time) - 1 for e in visible.episodes)

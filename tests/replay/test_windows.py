@@ -86,20 +86,26 @@ def test_episodes_of_different_length_are_padded_with_nothing(robot, recording):
     assert np.isnan(cut.measured[2, 31:]).all() and np.isfinite(cut.measured[2, :31]).all()
     value = secret_servo.values_of(2)[None]
     padded = Replayer(robot, cut).states(value, np.array([2]))
-    alone = Replayer(robot, windows(robot, Recording(recording.channels, (short,)))).states(value, np.array([0]))
+    alone = Replayer(robot, windows(robot, Recording(recording.channels, (short,)))).states(
+        value, np.array([0])
+    )
     np.testing.assert_allclose(padded[:, :, :31], alone, atol=1e-9)
 
 
 def test_weights_are_shares_and_spreads_never_below_the_noise(robot, recording):
     cut = windows(robot, recording)
     np.testing.assert_allclose(cut.weight, [1.0, 0.0])
-    still = edited(recording, lambda _, v: v.__setitem__((slice(None), columns(recording, *robot.channels)), 0.3))
+    still = edited(
+        recording, lambda _, v: v.__setitem__((slice(None), columns(recording, *robot.channels)), 0.3)
+    )
     np.testing.assert_allclose(windows(robot, still).spread, [0.001534, 0.024])
 
 
 def test_a_simulation_that_diverged_counts_as_ten_times_the_motion(robot, recording, monkeypatch):
     replayer = Replayer(robot, windows(robot, recording))
-    monkeypatch.setattr(Replayer, "states", lambda self, v, chosen: np.full((len(v), len(chosen), 61, 2), np.nan))
+    monkeypatch.setattr(
+        Replayer, "states", lambda self, v, chosen: np.full((len(v), len(chosen), 61, 2), np.nan)
+    )
     np.testing.assert_array_equal(errors(replayer.residuals(robot.space.nominal[None], np.arange(5))), 10.0)
 
 
