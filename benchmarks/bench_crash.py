@@ -230,13 +230,11 @@ def main() -> None:
         print(
             f"{i:4d} {kill.after:10.3f} {kill.stage:22s} {kill.entries:8d} {kill.clean!s:>6s} {kill.left:5d}"
         )
+    stages, counts = np.unique([kill.stage for kill in died], return_counts=True)
     told = {
         "kills": len(died),
         "clean after each": all(kill.clean for kill in died),
-        "stages": {
-            str(s): int(n)
-            for s, n in zip(*np.unique([k.stage for k in died], return_counts=True), strict=True)
-        },
+        "stages": dict(zip(stages.tolist(), counts.tolist(), strict=True)),
         "entries": after.entries,
         "clean at the end": after.clean,
         "same content as undisturbed": after.same,
@@ -245,9 +243,8 @@ def main() -> None:
     for name, value in told.items():
         print(f"{name:30s} {value}")
     (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "crash.json").write_text(
-        json.dumps(told | {"died": [asdict(k) for k in died]}, indent=1) + "\n"
-    )
+    told["died"] = [asdict(kill) for kill in died]
+    (HERE / "results" / "crash.json").write_text(json.dumps(told, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -109,14 +109,14 @@ def with_defaults(robot: Robot, recording: Recording) -> Recording:
 
 
 def _allowed(population: Population, known: np.ndarray | None) -> np.ndarray:
-    """Entries within a tenth of the range of what is known, or the nearest fifth where that leaves few."""
+    """Entries within a fifth of the range of what is known, or the nearest fifth where that leaves few."""
     if known is None or np.isnan(known).all():
         return np.arange(len(population))
     space = population.shared.robot.space
     at = np.flatnonzero(~np.isnan(known))
     target = space.to_unit(np.where(np.isnan(known), space.nominal, known))[at]
     apart = np.abs(population.unit[:, at] - target).max(axis=1)
-    near = np.flatnonzero(apart <= 0.1)
+    near = np.flatnonzero(apart <= 0.2)
     if len(near) >= max(20, len(population) // 5):
         return near
     return np.sort(np.argsort(apart, kind="stable")[: max(20, len(population) // 5)])
