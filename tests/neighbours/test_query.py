@@ -1,16 +1,22 @@
 """From a recording of a secret servo to the simulator that predicts it best."""
 
 import json
+import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import secret_servo
+from secret_servo import ENTRIES, TRAINING
 
+from dynreg import session
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError, UsageError
-from dynreg.neighbours.query import BUDGET
+from dynreg.neighbours.link import load_population
+from dynreg.neighbours.query import BUDGET, Settings, query
 from dynreg.replay.windows import Replayer
 from dynreg.results import Neighbours
+from dynreg.sim.robot import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -226,3 +232,47 @@ def test_too_few_rows_are_refused(servos):
 def test_what_cannot_be_asked_is_refused(servos, short, asked_for, words):
     with pytest.raises(UsageError, match=words):
         servos.query(short, **asked_for)
+
+
+def test_of_a_long_run_only_the_chosen_windows_are_seen(servos):
+    """One run cut into windows: what lies in the held-out ones does not reach the choice."""
+    (record,) = servos.registry.populations()
+    population = load_population(servos.registry, record.id)
+    robot = population.shared.robot
+    horizon = robot.file.replay.model_copy(update={"horizon": 0.2})
+    robot = replace(robot, file=robot.file.model_copy(update={"replay": horizon}))
+    population = replace(population, shared=replace(population.shared, robot=robot))
+    recording = secret_servo.record(secret_servo.values_of(55), 55, episodes=1, steps=200)
+    settings = Settings(budget=10, synthesise=False)
+    first = query(servos.registry, population, recording, settings)
+    (run,) = recording.episodes
+    values = run.values.copy()
+    for name in first.parts["test"]:
+        window = int(name.removeprefix("run0[").removesuffix("]"))
+        values[20 * window + 1 : 20 * window + 20, :2] *= -1
+    changed = Recording(recording.channels, (Episode(run.name, run.time, values, run.settings),))
+    second = query(servos.registry, population, changed, settings)
+    assert len(first.parts["test"]) == 2 and second.parts == first.parts
+    assert [n.distance for n in second.neighbours] == [n.distance for n in first.neighbours]
+    assert second.stages[-1].test > first.stages[-1].test
+
+
+def test_what_the_log_tells_of_the_robot_is_not_searched(tmp_path):
+    """A robot whose command rate is a parameter marked known: the answer has the recording's rate."""
+    folder = shutil.copytree(load_robot("servo_pendulum").folder, tmp_path / "rated")
+    with (folder / "robot.toml").open("a") as table:
+        table.write(
+            '\n[[parameters]]\nname = "command_rate"\nunit = "Hz"\nnominal = 100.0\nlow = 60.0\nhigh = 140.0\n'
+            'known = true\nsets = ["control.rate ="]\n'
+        )
+    with session.open(tmp_path / "registry") as rated:
+        rated.populate(folder, ENTRIES, training=TRAINING, link=False)
+        recording = secret_servo.record(secret_servo.values_of(56), 56, episodes=5, steps=60)
+        slower = tuple(Episode(e.name, e.time * 1.25, e.values, e.settings) for e in recording.episodes)
+        known = rated.ingest(Recording(recording.channels, slower), folder)
+        answer = rated.query(known, budget=24)
+    found = answer.synthesised.parameters["command_rate"]
+    assert answer.answer_parameters["command_rate"] == pytest.approx(80.0)
+    assert found.low == found.high == pytest.approx(80.0) and not found.at_bound
+    rates = [n.parameters["command_rate"] for n in answer.neighbours]
+    assert len(set(rates)) == 5, "the entries themselves are as they were registered"
