@@ -98,12 +98,12 @@ def alarm(search: "_Search", answer: int) -> tuple[str | None, tuple[str, ...]]:
     mine = float(search.evidence.fit[answer])
     ratio = mine / max(usual, 1e-12)
     note = (
-        f"the answer's error is {ratio:.1f} times what separates neighbouring simulators under these commands"
+        f"the answer's error is {ratio:.2g} times what separates neighbouring simulators under these commands"
     )
     if ratio <= TOO_FAR:
         return None, (note,)
     sentence = (
-        f"no simulator in this family is close to the robot: the best one's error is {ratio:.1f} times what "
+        f"no simulator in this family is close to the robot: the best one's error is {ratio:.2g} times what "
         f"separates neighbours (alarm above {TOO_FAR:g}); something is missing from the model, or its "
         f"ranges are too narrow: widen them, or extend the model where the listed channels err most"
     )
