@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dynreg import results
-from dynreg.errors import DynregError, LogError, NoMatchError, UsageError
+from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
 from dynreg.registry import Registry
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class Session:
         recording: "str | Path | results.RecordingSummary",
         *,
         k: int = 5,
-        distance: str = "one_sided",
+        distance: str = "auto",
         population: str | None = None,
         replay: bool = True,
         synthesise: bool = True,
@@ -167,7 +167,7 @@ class Session:
         )
         settings = Settings(
             k=k,
-            distance="one_sided" if distance == "auto" else distance,
+            distance=distance,
             replay=replay,
             synthesise=synthesise,
             hold_out=hold_out,
@@ -372,6 +372,6 @@ def read_log(
         for path in sorted((robot.folder / "maps").glob("*.toml")):
             try:
                 return read_recording(paths, spec, read_map(path))
-            except LogError:
+            except (LogError, MapError):
                 continue
         raise first from None

@@ -84,7 +84,8 @@ def check(
 
     problems = tuple(check_robot(folder))
     result = RobotCheck(robot=folder, sound=not problems, problems=problems)
-    call.emit(result, "\n".join(problems) or f"{folder}: sound", f"dynreg populate {folder} -n 1000")
+    hint = None if problems else f"dynreg populate {folder} -n 1000"
+    call.emit(result, "\n".join(problems) or f"{folder}: sound", hint)
     if problems:
         raise _refused(folder, problems)
 

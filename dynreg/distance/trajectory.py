@@ -24,7 +24,7 @@ def trajectory(
     for episode in range(len(commands)):
         apart = np.abs(actions[:, :steps] - commands[episode, :steps]).max(axis=(1, 2))
         match = int(np.argmin(apart))
-        if apart[match] > 1e-3 * max(np.ptp(actions), 1e-12):
+        if not apart[match] <= 1e-3 * max(np.ptp(actions), 1e-12):  # NaN is no match either
             raise UsageError(
                 f"episode {episode} of the recording ran commands that the population did not",
                 expected="the population's own command bank on the robot",

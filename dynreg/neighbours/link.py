@@ -36,7 +36,7 @@ def load_population(registry: Registry, ref: str, *, states: bool = False) -> Po
     entries = registry.load(ref, ("states", "weights") if states else ("weights",))
     stack = MlpStack.from_arrays(entries.weights)
     arrays = registry.index(ref, "embedding")
-    if arrays is None:
+    if arrays is None or len(arrays["vectors"]) != len(entries):  # linked while others added entries
         embedding = fit_embedding(stack, shared.base, shared.probes)
         vectors = embedding.vectors(stack)
     else:

@@ -45,7 +45,7 @@ class Settings:
     """What a query may be told; see `Session.query`."""
 
     k: int = 5
-    distance: str = "one_sided"
+    distance: str = "auto"
     replay: bool = True
     synthesise: bool = True
     hold_out: str | None = None

@@ -46,25 +46,31 @@ def retrieve(
     population: Population,
     recording: Recording,
     *,
-    distance: str = "one_sided",
+    distance: str = "auto",
     known: np.ndarray | None = None,
     guess: bool = True,
     threads: int = 0,
 ) -> Retrieved:
     """Rank the entries of a population by their distance to a recording, all of which is read.
 
-    distance : "one_sided", "embedding", "cross_loss" (the paper's, best-first on the graph, held-out own losses),
+    distance : "auto" (one_sided; embedding where no entry predicts better than the base model, so that one-step
+    errors say nothing, as on servos with unmodelled friction), "one_sided", "embedding", "cross_loss" (the
+    paper's, best-first on the graph, held-out own losses),
     "cross_loss_train" (with training own losses), "cross_loss_printed" (the paper's Algorithm 1 as printed, k = 5,
     4 restarts) or "trajectory" (needs the bank's own commands).
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
     guess : whether to read parameters off the recording's own model too.
     """
-    if distance not in DISTANCES:
+    if distance not in ("auto", *DISTANCES):
         raise UsageError(
-            f"distance {distance!r}", expected=f"one of {list(DISTANCES)}", do="choose one of them"
+            f"distance {distance!r}", expected=f"one of {['auto', *DISTANCES]}", do="choose one of them"
         )
     rows = recording_rows(population, recording)
     allowed = _allowed(population, known)
+    sided = None
+    if distance == "auto":
+        sided = _by_one_sided(population, rows, allowed)
+        distance = "one_sided" if sided[1][0] < 1.0 else "embedding"
     needs_model = guess or distance == "embedding" or distance.startswith("cross_loss")
     model = _own_model(population, rows, threads) if needs_model else None
     vector = population.embedding.vectors(model)[0] if model is not None else None
@@ -74,7 +80,7 @@ def retrieve(
         every = _by_trajectory(registry, population, recording)
         ids, scores, evaluations = *_sorted(allowed, every[allowed]), len(every)
     elif distance == "one_sided":
-        ids, scores, evaluations = _by_one_sided(population, rows, allowed)
+        ids, scores, evaluations = sided or _by_one_sided(population, rows, allowed)
     else:
         ids, scores, evaluations = _by_cross_loss(registry, population, rows, model, distance, allowed)
     found = _guess(population, vector) if guess else None
