@@ -1,6 +1,6 @@
 """Recall and cost of the index against brute force, on made-up entries or on stored distance matrices.
 
-    python benchmarks/bench_index.py --synthetic
+    python benchmarks/bench_index.py
     python benchmarks/bench_index.py --nodes nodes.npy --queries queries.npy    # (n, n) and (Q, n)
 
 Prints each method at each size, averaged over seeds, how its cost grows with n, and the hubness.
@@ -40,7 +40,7 @@ COLUMNS = ("recall", "quality", "evaluations", "insertion")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--synthetic", action="store_true", help="made-up entries")
+    parser.add_argument("--synthetic", action="store_true", help="made-up entries (the default)")
     parser.add_argument("--nodes", type=Path, help="distances between nodes, (n, n) .npy")
     parser.add_argument("--queries", type=Path, help="distances from queries to nodes, (Q, n) .npy")
     parser.add_argument("--sizes", type=int, nargs="+", default=[250, 500, 1000, 2000])
@@ -48,8 +48,9 @@ def main() -> None:
     parser.add_argument("-k", type=int, default=5)
     parser.add_argument("--json", action="store_true", help="one JSON document instead of tables")
     options = parser.parse_args()
-    if not options.synthetic and not (options.nodes and options.queries):
-        parser.error("give --synthetic, or both --nodes and --queries")
+    if bool(options.nodes) != bool(options.queries):
+        parser.error("give both --nodes and --queries, or neither for made-up entries")
+    options.synthetic = options.synthetic or not options.nodes
     sizes, runs, tables = options.sizes, [], []
     for seed in range(options.seeds):
         nodes, queries = _load(options, max(sizes), seed)

@@ -74,7 +74,12 @@ def calibrate(
         nominal_train_error=float(train_errors[0]),
         nominal_test_error=None if test[0] is None else float(test[0]),
         history=tuple(CalibrationStep(simulations=n, error=e) for n, e in history),
-        cost=Cost(evaluations=0, rollouts=rollouts, test_rollouts=2 * bool(split.test.any()), seconds=time.perf_counter() - began),
+        cost=Cost(
+            evaluations=0,
+            rollouts=rollouts,
+            test_rollouts=2 * bool(split.test.any()),
+            seconds=time.perf_counter() - began,
+        ),
     )
 
 

@@ -19,9 +19,14 @@ POINTS = 300  # of each trace
 TOO_FAR = 3.0  # times the error that the neighbours' own simulators leave
 
 
-def gain(test: dict[int, np.ndarray], nominal: int, answer: int) -> Gain:
-    """1 - error(answer) / error(nominal) on the test windows, with a 90 % bootstrap interval over windows."""
+def gain(test: dict[int, np.ndarray], nominal: int, answer: int) -> Gain | None:
+    """1 - error(answer) / error(nominal) on the test windows, with a 90 % bootstrap interval over windows.
+
+    None where the nominal simulator makes no error that could be reduced.
+    """
     before, after = test[nominal], test[answer]
+    if not before.mean() > 0:
+        return None
     value = 1.0 - after.mean() / before.mean()
     if len(before) < 3:
         return Gain(value=float(value), low=None, high=None)

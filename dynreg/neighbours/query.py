@@ -83,6 +83,7 @@ def query(
         distance=settings.distance,
         known=known,
         guess=settings.synthesise,
+        at_least=settings.k,
         threads=settings.threads,
     )
     report("retrieve", 1, 1)
@@ -180,7 +181,6 @@ def _result(
     stages = _stages(search, test, ids, nominal, k_nearest, best, made, answer)
     judged = np.flatnonzero(split.test) if split.test.any() else split.chosen
     pair = search.replayer.states(space.from_unit(evidence.unit[[nominal, answer]]), judged)
-    search.replayer.rollouts -= 2
     alarmed, notes = alarm(search, answer)
     spread = search.replayer.windows.spread
     kind = search.candidates[answer].kind
@@ -343,7 +343,8 @@ def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
     if not at:
         return ()
     return (
-        f"{', '.join(at)} lies at the edge of the population's range: widen it, or look for a missing cause",
+        f"{', '.join(at)} {'lies' if len(at) == 1 else 'lie'} at the edge of the population's range: "
+        "widen it, or look for a missing cause",
     )
 
 

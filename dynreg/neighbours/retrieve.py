@@ -49,6 +49,7 @@ def retrieve(
     distance: str = "auto",
     known: np.ndarray | None = None,
     guess: bool = True,
+    at_least: int = 1,
     threads: int = 0,
 ) -> Retrieved:
     """Rank the entries of a population by their distance to a recording, all of which is read.
@@ -59,14 +60,14 @@ def retrieve(
     "cross_loss_train" (with training own losses), "cross_loss_printed" (the paper's Algorithm 1 as printed, k = 5,
     4 restarts) or "trajectory" (needs the bank's own commands).
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
-    guess : whether to read parameters off the recording's own model too.
+    guess : whether to read parameters off the recording's own model too. at_least : entries wanted.
     """
     if distance not in ("auto", *DISTANCES):
         raise UsageError(
             f"distance {distance!r}", expected=f"one of {['auto', *DISTANCES]}", do="choose one of them"
         )
     rows = recording_rows(population, recording)
-    allowed = _allowed(population, known)
+    allowed = _allowed(population, known, at_least)
     sided = None
     if distance == "auto":
         sided = _by_one_sided(population, rows, allowed)
@@ -114,7 +115,7 @@ def with_defaults(robot: Robot, recording: Recording) -> Recording:
     return Recording(channels, tuple(episodes), recording.measured, recording.provenance)
 
 
-def _allowed(population: Population, known: np.ndarray | None) -> np.ndarray:
+def _allowed(population: Population, known: np.ndarray | None, at_least: int) -> np.ndarray:
     """Entries within a fifth of the range of what is known, or the nearest fifth where that leaves few."""
     if known is None or np.isnan(known).all():
         return np.arange(len(population))
@@ -122,10 +123,8 @@ def _allowed(population: Population, known: np.ndarray | None) -> np.ndarray:
     at = np.flatnonzero(~np.isnan(known))
     target = space.to_unit(np.where(np.isnan(known), space.nominal, known))[at]
     apart = np.abs(population.unit[:, at] - target).max(axis=1)
-    near = np.flatnonzero(apart <= 0.2)
-    if len(near) >= max(20, len(population) // 5):
-        return near
-    return np.sort(np.argsort(apart, kind="stable")[: max(20, len(population) // 5)])
+    near, fewest = np.flatnonzero(apart <= 0.2), max(20, len(population) // 5, at_least)
+    return near if len(near) >= fewest else np.sort(np.argsort(apart, kind="stable")[:fewest])
 
 
 def _own_model(population: Population, rows: Rows, threads: int) -> MlpStack:

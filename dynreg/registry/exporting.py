@@ -18,7 +18,7 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
     """Copy what `refs` name, with all it needs, to a new registry at `destination`; returns the ids.
 
     A population brings its robot, its arrays and all its entries; an entry brings the population's arrays
-    and itself alone; a result brings its recording. Ids stay as they are.
+    and itself alone; a simulator brings its robot, a result its recording. Ids stay as they are.
 
     Raises
     ------
@@ -74,7 +74,9 @@ def _copy_recording(registry: Registry, copy: Registry, recording_id: str) -> No
 
 
 def _copy_simulator(registry: Registry, copy: Registry, simulator_id: str) -> None:
-    copy.put_simulator(registry.simulator(simulator_id))
+    config = registry.simulator(simulator_id)
+    _copy_robot(registry, copy, config["robot"])
+    copy.put_simulator(config)
 
 
 def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:

@@ -93,10 +93,13 @@ def _test_groups(
         count = 0 if share == 0 else max(1, round(share * len(numbers)))
         return np.sort(stream(seed, "hold out").permutation(numbers)[:count])
     chosen = [i for i, episode in enumerate(recording.episodes) if _matches(episode, hold_out)]
-    if not chosen:
+    asked = [] if "=" in hold_out else [name.strip() for name in hold_out.split(",")]
+    if not chosen or not {e.name for e in recording.episodes}.issuperset(asked):
         known = sorted({f"{k}={v:g}" for e in recording.episodes for k, v in e.settings.items()})
         raise UsageError(
-            f"hold-out {hold_out!r} fits no episode",
+            f"hold-out {hold_out!r} names what is no episode"
+            if chosen
+            else f"hold-out {hold_out!r} fits no episode",
             expected=f"a setting ({', '.join(known) or 'none here'}), episode names "
             f"({', '.join(e.name for e in recording.episodes[:6])}, ...) or a share such as 0.25",
             do="correct it, or leave it out to hold out a fifth of the episodes",

@@ -61,15 +61,18 @@ def _environment():
 def _neighbours(result: Neighbours) -> dict[str, Any]:
     by_name = {s.stage: s for s in result.stages}
     answer = by_name.get("answer")
-    part = "test" if answer and answer.test is not None else "select"
+    known = [name for name in ("test", "select", "fit") if getattr(answer, name, None) is not None]
+    shown = known[0] if known else "test"
+    part = "test part" if shown == "test" else "fit and select parts"
     return {
         "result": result,
         "title": f"{result.recording_name} · {result.robot}",
         "verdict": verdict(result),
         "steps": next_steps(result),
         "part": part,
-        "error_before": getattr(by_name.get("nominal"), part, None),
-        "error_after": getattr(answer, part, None),
+        "shown": shown,
+        "error_before": getattr(by_name.get("nominal"), shown, None),
+        "error_after": getattr(answer, shown, None),
         "charts": _trace_charts(result),
         "stages": _stage_bars(result),
         "tracks": _neighbour_tracks(result),

@@ -85,8 +85,8 @@ def _estimate_table(parameters: dict[str, results.Estimate], title: str) -> Rend
 
 def _channel_table(result: results.Neighbours) -> RenderableType:
     rows = [(c.channel, c.nominal, c.answer, c.spread, c.unit) for c in result.channels]
-    part = "test" if result.parts.get("test") else "select"
-    title = f"where it still errs: mean absolute error on the {part} part"
+    part = "test part" if result.parts.get("test") else "fit and select parts"
+    title = f"where it still errs: mean absolute error on the {part}"
     return table(("channel", "nominal", "answer", "motion (1 sigma)", "unit"), rows, title)
 
 

@@ -85,7 +85,7 @@ def _integrate(
             drag = plant.inertia + h * (plant.viscous + law.damping)
             stop = h * plant.coulomb / drag
             push = law.gain * commands[:, t]
-        elif law is not None:
+        else:
             push = law.gain * commands[:, t]
         for substep in range(int(substeps.max())):
             torque = np.clip(push - law.stiffness * q - law.rate * v, -law.limit, law.limit)
