@@ -24,12 +24,13 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.run import Run
 
-TUNE, REPORT = 777, 20261120
+TUNE, REPORT = 777, 20261122
 RESULTS = Path(__file__).parent / "results"
+FILE = RESULTS / "quadruped.json"
 RETRIEVED = ("cross_loss", "cross_loss_train", "one_sided", "embedding", "trajectory")
 
 
-def measure(registry, population, hidden: Hidden, kind: str, budget: int) -> dict[str, float]:
+def measure(registry, population, hidden: Hidden, kind: str, budget: int | None) -> dict[str, float]:
     """Rollout errors of every method for one hidden robot, relative to random entries."""
     robot = population.shared.robot
     bank = population.shared.run
@@ -59,7 +60,7 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int) -> dic
         "seconds": seconds,
         "alarm": float(not answer.fits),
         "rollouts": answer.cost.rollouts,
-        "alarm_ratio": float(answer.notes[0].split(" is ")[1].split()[0]),
+        "misfit": answer.misfit,
     }
 
 
@@ -105,7 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--robots", type=int, default=50)
     parser.add_argument("--entries", type=int, default=1000)
-    parser.add_argument("--budget", type=int, default=44)
+    parser.add_argument("--budget", type=int, default=None, help="default: that of the command")
     parser.add_argument("--registry", default="benchmarks/registry")
     parser.add_argument("--tune", action="store_true")
     parser.add_argument("--only", nargs="*", default=["in", "out"])
@@ -115,7 +116,7 @@ def main() -> None:
         summary = reg.populate("quadruped", given.entries)
         print(f"{summary.entries} entries ({summary.added} added in {summary.seconds:.0f} s)", flush=True)
         population = load_population(reg.registry, summary.population, states=True)
-        results = {}
+        results = json.loads(FILE.read_text()) if FILE.exists() and not given.tune else {}
         for family in given.only:
             robots = hidden_robots(
                 population.shared.robot, given.robots, TUNE if given.tune else REPORT, outside=family == "out"
@@ -126,7 +127,7 @@ def main() -> None:
                 results[label] = table(rows, label)
                 if not given.tune:
                     RESULTS.mkdir(exist_ok=True)
-                    (RESULTS / "quadruped.json").write_text(json.dumps(results, indent=1) + "\n")
+                    FILE.write_text(json.dumps(results, indent=1) + "\n")
 
 
 if __name__ == "__main__":

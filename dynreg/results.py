@@ -138,7 +138,11 @@ class Cost(Result):
 
 
 class Neighbours(Result):
-    """The answer of `query`: the nearest simulators, re-ranked, the synthesised one, and which to use."""
+    """The answer of `query`: the nearest simulators, re-ranked, the synthesised one, and which to use.
+
+    misfit : error of the answer over what separates neighbouring simulators under the same commands (about 1 for
+    a robot of the family; the alarm is raised above 3); null where nothing was replayed.
+    """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")
     robot: str
@@ -159,6 +163,7 @@ class Neighbours(Result):
     channels: tuple[ChannelError, ...]
     traces: tuple[Trace, ...]
     fits: bool
+    misfit: float | None = None
     alarm: str | None
     notes: tuple[str, ...] = ()
     cost: Cost

@@ -159,7 +159,7 @@ class Session:
         hold_out : the test part, such as "kp=400", episode names or a share; a fifth by default.
         The result is stored; `fits` is False and `alarm` says why where nothing in the family is close.
         """
-        from dynreg.neighbours.query import BUDGET, Settings, query
+        from dynreg.neighbours.query import Settings, query
 
         identity, loaded = self._recording(recording, robot, log_map)
         ready = self._population(
@@ -171,7 +171,7 @@ class Session:
             replay=replay,
             synthesise=synthesise,
             hold_out=hold_out,
-            budget=BUDGET if budget is None else budget,
+            budget=budget,
             threads=threads,
         )
         found = query(self.registry, ready, loaded, settings, name=self._name(identity), progress=progress)

@@ -50,6 +50,7 @@ def calibrate(
     began = time.perf_counter()
     cut = windows(robot, recording)
     split = parts(recording, cut, hold_out)
+    cut = cut.scaled_by(robot, split.chosen)
     replayer = Replayer(robot, cut, threads)
     fixed, start = _start(robot, recording)
     train = _losses(replayer, split.chosen)

@@ -90,8 +90,8 @@ def traces(
     return tuple(out)
 
 
-def alarm(search: "_Search", answer: int) -> tuple[str | None, tuple[str, ...]]:
-    """Whether the family holds nothing close: the alarm's sentence, or None; and notes.
+def alarm(search: "_Search", answer: int) -> tuple[float, str | None, tuple[str, ...]]:
+    """Whether the family holds nothing close: the misfit, the alarm's sentence or None, and notes.
 
     Each neighbour is taken for the robot in turn: how far is its nearest fellow, under these very commands?
     A robot of the family is about as far from its nearest neighbour as they are from theirs.
@@ -106,13 +106,13 @@ def alarm(search: "_Search", answer: int) -> tuple[str | None, tuple[str, ...]]:
         f"the answer's error is {ratio:.2g} times what separates neighbouring simulators under these commands"
     )
     if ratio <= TOO_FAR:
-        return None, (note,)
+        return ratio, None, (note,)
     sentence = (
         f"no simulator in this family is close to the robot: the best one's error is {ratio:.2g} times what "
         f"separates neighbours (alarm above {TOO_FAR:g}); something is missing from the model, or its "
         f"ranges are too narrow: widen them, or extend the model where the listed channels err most"
     )
-    return sentence, (note,)
+    return ratio, sentence, (note,)
 
 
 def _number(value: float) -> float | None:

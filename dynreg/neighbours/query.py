@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from dynreg.replay.windows import Replayer, Windows, errors, windows
 from dynreg.results import Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised
 from dynreg.sim.config import SimConfig
 
-BUDGET = 32  # simulators that one query may replay to choose its answer
 REPLAYED = 0.6  # share of the budget that replays candidates; the rest synthesises
 Progress = Callable[[str, int, int], None]
 
@@ -42,14 +41,14 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a query may be told; see `Session.query`."""
+    """What a query may be told; see `Session.query`. budget : replays, `usual_budget` where None."""
 
     k: int = 5
     distance: str = "auto"
     replay: bool = True
     synthesise: bool = True
     hold_out: str | None = None
-    budget: int = BUDGET
+    budget: int | None = None
     threads: int = 0
 
 
@@ -70,10 +69,13 @@ def query(
     """
     began = time.perf_counter()
     report = progress or (lambda *_: None)
+    if settings.budget is None:
+        settings = replace(settings, budget=usual_budget(len(population.shared.robot.space), settings.k))
     _check(settings, population)
     robot = population.shared.robot
     cut = windows(robot, recording)
     split = parts(recording, cut, settings.hold_out)
+    cut = cut.scaled_by(robot, split.chosen)  # what is held out must not set the scale either
     known = known_values(robot, recording)
     report("retrieve", 0, 1)
     found = retrieve(
@@ -95,6 +97,11 @@ def query(
     search = _Search(population, found, known, split, replayer, settings, report)
     search.run()
     return _result(registry, population, recording, name, search, time.perf_counter() - began)
+
+
+def usual_budget(parameters: int, k: int) -> int:
+    """Simulators that a query replays to choose its answer: each parameter needs two to be told from the others."""
+    return max(18 + 2 * parameters, k + 12)
 
 
 class _Search:
@@ -181,7 +188,7 @@ def _result(
     stages = _stages(search, test, ids, nominal, k_nearest, best, made, answer)
     judged = np.flatnonzero(split.test) if split.test.any() else split.chosen
     pair = search.replayer.states(space.from_unit(evidence.unit[[nominal, answer]]), judged)
-    alarmed, notes = alarm(search, answer)
+    misfit, alarmed, notes = alarm(search, answer)
     spread = search.replayer.windows.spread
     kind = search.candidates[answer].kind
     answer_values = space.from_unit(evidence.unit[answer])
@@ -218,6 +225,7 @@ def _result(
         channels=channel_errors(robot, search.replayer.windows, pair, judged, spread),
         traces=traces(robot, recording, search.replayer.windows, pair, judged, spread),
         fits=alarmed is None,
+        misfit=misfit,
         alarm=alarmed,
         notes=notes + _bound_notes(synthesised),
         cost=Cost(
@@ -261,6 +269,7 @@ def _unjudged(
         channels=(),
         traces=(),
         fits=True,
+        misfit=None,
         alarm=None,
         notes=("nothing was replayed: whether the nearest simulator fits is not known",),
         cost=Cost(evaluations=found.evaluations, rollouts=0, seconds=seconds),

@@ -34,6 +34,14 @@ class Windows:
     def __len__(self) -> int:
         return len(self.episode)
 
+    def scaled_by(self, robot: Robot, chosen: np.ndarray) -> "Windows":
+        """The same windows with the units of their errors taken from the windows `chosen` alone.
+
+        Raises LogError where no channel with a weight was measured in them.
+        """
+        spread, weight = _scales(robot, self.measured[chosen])
+        return replace(self, spread=spread, weight=weight)
+
     def take(self, windows: np.ndarray) -> "Windows":
         """Only these windows."""
         return replace(
