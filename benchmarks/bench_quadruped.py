@@ -24,7 +24,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.run import Run
 
-TUNE, REPORT = 777, 20261122
+TUNE, REPORT = 777, 20261123
 RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "quadruped.json"
 RETRIEVED = ("cross_loss", "cross_loss_train", "one_sided", "embedding", "trajectory")

@@ -60,5 +60,16 @@ class NoMatchError(DynregError):
     exit_status = 4
 
 
+def taken_apart(message: str) -> tuple[str, str, str]:
+    """(problem, expected, do) of an error's message; the last two are "" where it does not say them.
+
+    >>> taken_apart("no log 'a'; expected a file; check the path")
+    ("no log 'a'", 'a file', 'check the path')
+    """
+    problem, _, rest = message.partition("; expected ")
+    expected, _, do = rest.rpartition("; ")
+    return problem, expected, do
+
+
 def _one_line(text: str) -> str:
     return " ".join(str(text).split())

@@ -209,6 +209,121 @@ class Session:
         self.registry.put_result("calibration", identity, result.to_dict())
         return result
 
+    def diagnose(
+        self,
+        recording: "str | Path | results.RecordingSummary",
+        *,
+        start: str = "nominal",
+        hold_out: str | None = None,
+        effects: Sequence[str] | None = None,
+        without: Sequence[str] = (),
+        max_causes: int = 3,
+        engine: str | None = None,
+        seed: int = 0,
+        threshold_runs: int = 20,
+        tolerance: float = 1.0,
+        horizon: float | None = None,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> results.Diagnosis:
+        """Which physical causes a simulator of the recording's robot lacks; see `diagnose.settings.Settings`.
+
+        recording : a recording's id, name or `@last`, or the path of a log (then `robot` is needed). The result is
+        stored, and the calibrated and the extended simulator are registered.
+        """
+        from dynreg.diagnose.diagnose import diagnose
+        from dynreg.diagnose.settings import Settings
+
+        settings = Settings(
+            start=start,
+            hold_out=hold_out,
+            effects=None if effects is None else tuple(effects),
+            without=tuple(without),
+            max_causes=max_causes,
+            engine=engine,
+            seed=seed,
+            threshold_runs=threshold_runs,
+            tolerance=tolerance,
+            horizon=horizon,
+            threads=threads,
+        )
+        identity, loaded = self._recording(recording, robot, log_map)
+        owner = self._robot_of_recording(identity)
+        found = diagnose(self.registry, owner, loaded, settings, name=self._name(identity), progress=progress)
+        self.registry.put_result("diagnosis", identity, found.to_dict())
+        return found
+
+    def trial(
+        self,
+        robot: "str | Path | Robot",
+        *,
+        hide: str = "drawn",
+        effects: Sequence[str] = (),
+        size: str = "medium",
+        count: int = 1,
+        seed: int = 0,
+        seconds: float = 50.0,
+        engine: str | None = None,
+        threshold_runs: int = 20,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> results.TrialTable:
+        """Diagnose simulated robots whose truth is known; see `diagnose.settings.TrialSettings`.
+
+        The table is stored; the robots and their logs are not.
+        """
+        from dynreg.diagnose.settings import TrialSettings
+        from dynreg.diagnose.trial import trial
+
+        settings = TrialSettings(
+            hide=hide,
+            effects=tuple(effects),
+            size=size,
+            count=count,
+            seed=seed,
+            seconds=seconds,
+            engine=engine,
+            threshold_runs=threshold_runs,
+            threads=threads,
+        )
+        table = trial(self.registry, self._robot(robot), settings, progress=progress)
+        self.registry.put_result("trials", None, table.to_dict())
+        return table
+
+    @staticmethod
+    def effects(robot: "str | Path | Robot | None" = None) -> results.EffectsList:
+        """The library of effects; for a robot with those that it can have."""
+        from dynreg.library import effects_list
+
+        return effects_list(None if robot is None else loaded_robot(robot))
+
+    @staticmethod
+    def excite(
+        robot: "str | Path | Robot",
+        between: Sequence[str],
+        *,
+        seconds: float = 10.0,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> "tuple[Recording, results.Experiment]":
+        """Commands within the robot's limits that tell two effects apart, and how well they should.
+
+        between : two effects, such as "payload" and "coulomb_friction[arm]"; the commands are a recording whose
+        channels are the robot's actions. Raises UsageError where these are not two different effects.
+        """
+        from dynreg.diagnose.excite import excite
+
+        pair = tuple(between)
+        if len(pair) != 2 or pair[0] == pair[1] or not 0 < seconds < float("inf"):
+            raise UsageError(
+                f"an experiment of {seconds:g} s between {list(pair)}",
+                expected="two different effects and a positive length",
+                do="name two of those that `dynreg effects` lists",
+            )
+        return excite(loaded_robot(robot), pair, seconds=seconds, seed=seed, progress=progress)
+
     def list(self, kind: str | None = None) -> results.Listing:
         """What the registry holds: populations, recordings, simulators made by queries, results."""
         from dynreg.summaries import listing
@@ -216,7 +331,7 @@ class Session:
         return listing(self.registry, kind)
 
     def show(self, ref: str) -> results.EntrySummary:
-        """One thing in the registry, by id, unique prefix, name or `@last`."""
+        """One thing in the registry, by id, unique prefix, name or `@last`, the last recording."""
         from dynreg.summaries import summary
 
         return summary(self.registry, *self.registry.resolve(ref))
@@ -226,7 +341,7 @@ class Session:
         return self.registry.recording(self.registry.resolve(ref, ("recording",))[1])
 
     def result(self, ref: str = "@last") -> results.Result:
-        """A stored result: by its id, or the newest about a recording (its id or name), or `@last`."""
+        """A stored result: by its id, the newest about a recording (its id or name), or `@last`, the last result."""
         from dynreg.summaries import stored_result
 
         return stored_result(self.registry, ref)
@@ -253,11 +368,7 @@ class Session:
         return information(self.registry)
 
     def _robot(self, robot: "str | Path | Robot", ranges: str | None = None) -> "Robot":
-        from dynreg.sim.robot import Robot, load_robot, with_population
-
-        if isinstance(robot, Robot):
-            return robot if ranges is None else with_population(robot, ranges)
-        return load_robot(robot, ranges)
+        return loaded_robot(robot, ranges)
 
     def _recording(
         self,
@@ -345,6 +456,15 @@ class Session:
         from dynreg.summaries import recording_summary
 
         return recording_summary(identity, recording, robot, name or self._name(identity))
+
+
+def loaded_robot(robot: "str | Path | Robot", ranges: str | None = None) -> "Robot":
+    """A robot by its packaged name or folder, with one of its [populations] where `ranges` names it."""
+    from dynreg.sim.robot import Robot, load_robot, with_population
+
+    if isinstance(robot, Robot):
+        return robot if ranges is None else with_population(robot, ranges)
+    return load_robot(robot, ranges)
 
 
 def list_of(refs: Sequence[str]) -> Sequence[str]:

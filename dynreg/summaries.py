@@ -1,17 +1,24 @@
 """Summaries of what a registry holds, as results."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from dynreg import results
 from dynreg.data.recording import Recording
-from dynreg.errors import CorruptError, NoMatchError, UsageError
-from dynreg.registry import Registry, verify
+from dynreg.errors import CorruptError, DynregError, NoMatchError, UsageError
+from dynreg.registry import Registry, ResultRecord, verify
 
 KINDS = ("population", "recording", "simulator", "result", "robot")
-_RESULTS = {"neighbours": results.Neighbours, "calibration": results.Calibration}
+_RESULTS = {
+    "neighbours": results.Neighbours,
+    "calibration": results.Calibration,
+    "diagnosis": results.Diagnosis,
+    "trials": results.TrialTable,
+}
 
 
 def recording_summary(identity: str, recording: Recording, robot: str, name: str) -> results.RecordingSummary:
@@ -45,17 +52,7 @@ def listing(registry: Registry, kind: str | None) -> results.Listing:
 def summary(registry: Registry, kind: str, identity: str) -> results.EntrySummary:
     """One thing, with all that is known of it."""
     if kind == "entry":
-        entry = registry.load_entry(identity)
-        record = registry.population(entry.population_id)
-        detail = {
-            "population": entry.population_id,
-            "number": entry.number,
-            "own_loss": entry.own_loss,
-            "train_loss": entry.train_loss,
-            "parameters": entry.values,
-            **entry.extra,
-        }
-        return _item(identity, "entry", f"{record.name}-{entry.number}", record.name, detail)
+        return _entry(registry, identity)
     if kind == "recording":
         info = next(i for i in registry.recordings() if i.id == identity)
         robot = registry.robots()[info.robot_hash]
@@ -74,15 +71,32 @@ def summary(registry: Registry, kind: str, identity: str) -> results.EntrySummar
         )
     if kind == "simulator":
         config = registry.simulator(identity)
+        ordered = in_order(config, _parameters(registry, config.get("robot")))
         return _item(
-            identity, "simulator", config.get("robot_name", ""), config.get("robot_name", ""), config
+            identity, "simulator", simulator_name(identity, config), config.get("robot_name", ""), ordered
         )
     if kind == "result":
         record = registry.result(identity)
-        return _item(identity, "result", record.kind, record.document.get("robot", ""), record.document)
+        return _item(
+            identity, "result", record.kind, record.document.get("robot", ""), _document(registry, record)
+        )
     return _item(
         identity, "robot", registry.robots()[identity], registry.robots()[identity], {"hash": identity}
     )
+
+
+def _entry(registry: Registry, identity: str) -> results.EntrySummary:
+    entry = registry.load_entry(identity)
+    record = registry.population(entry.population_id)
+    detail = {
+        "population": entry.population_id,
+        "number": entry.number,
+        "own_loss": entry.own_loss,
+        "train_loss": entry.train_loss,
+        "parameters": entry.values,
+        **entry.extra,
+    }
+    return _item(identity, "entry", f"{record.name}-{entry.number}", record.name, detail)
 
 
 def stored_result(registry: Registry, ref: str) -> results.Result:
@@ -99,13 +113,39 @@ def stored_result(registry: Registry, ref: str) -> results.Result:
             do="name another",
         )
     try:
-        return _RESULTS[record.kind].model_validate(record.document)
-    except ValueError as problem:
+        return _RESULTS[record.kind].model_validate(_document(registry, record))
+    except ValidationError as problem:
+        first = problem.errors()[0]
         raise CorruptError(
-            f"result {record.id[:12]} does not read: {str(problem).splitlines()[0]}",
+            f"result {record.id[:12]} does not read: {'.'.join(map(str, first['loc']))}: {first['msg']}",
             expected=f"a {record.kind} document of this version",
             do="run the command that made it again",
         ) from None
+
+
+def in_order(document: Any, names: Sequence[str]) -> Any:
+    """JSON data whose objects have these keys first and in this order: stored documents are sorted by the letter.
+
+    >>> in_order({"answer": {"b": 1, "a": 2}}, ("b", "a"))
+    {'answer': {'b': 1, 'a': 2}}
+    """
+    if isinstance(document, list):
+        return [in_order(part, names) for part in document]
+    if not isinstance(document, dict):
+        return document
+    keys = dict.fromkeys([name for name in names if name in document] + list(document))
+    return {key: in_order(document[key], names) for key in keys}
+
+
+def simulator_name(identity: str, config: Mapping[str, Any]) -> str:
+    """Robot, how the simulator came about and the beginning of its id: simulators have no other name.
+
+    >>> simulator_name("ab12" * 16, {"robot_name": "leg", "lineage": {"made_by": "query", "kind": "synthesised"}})
+    'leg synthesised ab12ab12'
+    """
+    lineage = config.get("lineage", {})
+    made = lineage.get("kind") or lineage.get("made_by", "").replace("calibrate", "calibrated by")
+    return " ".join(part for part in (config.get("robot_name"), made, identity[:8]) if part)
 
 
 def verification(path: Path, repair: bool) -> results.Verification:
@@ -163,16 +203,19 @@ def _recordings(registry: Registry) -> list[results.EntrySummary]:
 def _simulators(registry: Registry) -> list[results.EntrySummary]:
     ids = registry.ids("simulator")
     configs = [(i, registry.simulator(i)) for i in ids]
-    return [
-        _item(i, "simulator", c.get("lineage", {}).get("made_by", ""), c.get("robot_name", ""), {})
-        for i, c in configs
-    ]
+    return [_item(i, "simulator", simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs]
 
 
 def _results(registry: Registry) -> list[results.EntrySummary]:
     records = [registry.result(i) for i in registry.ids("result")]
     return [
-        _item(r.id, "result", r.kind, r.document.get("robot", ""), {"recording": r.recording_id[:12]})
+        _item(
+            r.id,
+            "result",
+            r.kind,
+            r.document.get("robot", ""),
+            {"recording": r.recording_id[:12]} if r.recording_id else {},
+        )
         for r in records
     ]
 
@@ -188,6 +231,22 @@ _LISTED = {
     "result": _results,
     "robot": _robots,
 }
+
+
+def _document(registry: Registry, record: ResultRecord) -> dict[str, Any]:
+    """A result's document with its parameters in the robot's own order."""
+    robots = [info.robot_hash for info in registry.recordings() if info.id == record.recording_id]
+    return in_order(record.document, _parameters(registry, robots[0] if robots else None))
+
+
+def _parameters(registry: Registry, robot_hash: str | None) -> tuple[str, ...]:
+    """Names of a robot's parameters; none where its folder is lost, as what was stored can be read without it."""
+    from dynreg.sim.robot import load_robot
+
+    try:
+        return load_robot(registry.robot_folder(robot_hash)).space.names if robot_hash else ()
+    except DynregError:
+        return ()
 
 
 def _population_detail(registry: Registry, record) -> dict[str, Any]:

@@ -17,6 +17,11 @@ _PART = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_\-]+)"
 _KEY = rf"{_PART}(?:\s*\.\s*{_PART})*"
 _HEADER = re.compile(rf"^\s*(?P<open>\[\[?)\s*(?P<key>{_KEY})\s*\]")
 _ENTRY = re.compile(rf"^\s*(?P<key>{_KEY})\s*=")
+_PLAIN = {  # where pydantic's own words name Python classes
+    "model_type": "this should be a table",
+    "dict_type": "this should be a table",
+    "union_tag_not_found": "this should be a table with a `type`",
+}
 
 
 def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model:
@@ -24,19 +29,25 @@ def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
+        cause = problem.strerror if isinstance(problem, OSError) else "it is no text in UTF-8"
         raise error(
-            f"{path}: {problem.__class__.__name__}: {problem}",
+            f"{str(path)!r} cannot be read: {cause}",
             expected="a readable TOML file in UTF-8",
             do="check the path and its permissions",
         ) from None
+    return parse_toml(text, path.name, model, error)
+
+
+def parse_toml(text: str, name: str, model: type[Model], error: type[DynregError]) -> Model:
+    """TOML text as a `model`; `name` is what errors call the text. Raises `error` as `read_toml` does."""
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise error(f"{path.name}: {problem}", expected="valid TOML", do="mend that line") from None
+        raise error(f"{name}: {problem}", expected="valid TOML", do="mend that line") from None
     try:
         return model.model_validate(document)
     except ValidationError as problem:
-        raise _one_error(path, text, document, problem, model, error) from None
+        raise _one_error(name, text, document, problem, model, error) from None
 
 
 def line_of(text: str, location: Location) -> int:
@@ -104,7 +115,7 @@ def _left_open(value: str) -> str | None:
 
 
 def _one_error(
-    path: Path,
+    name: str,
     text: str,
     document: dict[str, Any],
     problem: ValidationError,
@@ -116,7 +127,7 @@ def _one_error(
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     location = _in_document(document, first["loc"])
     key = ".".join(str(part) for part in location) or "file"
-    where = f"{path.name}, line {line_of(text, location)}"
+    where = f"{name}, line {line_of(text, location)}"
     if first["type"] == "extra_forbidden":
         return error(
             f"{where}: unknown key {key!r}",
@@ -125,22 +136,22 @@ def _one_error(
         )
     if first["type"] == "missing":
         return error(f"{where}: {key!r} is missing", expected=f"a value for {key!r}", do="add it")
-    message = first["msg"].removeprefix("Value error, ")
-    name = _name_at(document, location)
-    where += f", {name!r}" if name else ""
+    message = _PLAIN.get(first["type"], first["msg"].removeprefix("Value error, "))
+    owner = _name_at(document, location)
+    where += f", {owner!r}" if owner else ""
     value = first.get("input")
     shown = f" = {value!r}" if isinstance(value, str | int | float | bool) else ""
     return error(f"{where}: {key!r}{shown}: {message}", expected="a value that fits", do="correct that line")
 
 
 def _name_at(document: dict[str, Any], location: Location) -> str | None:
-    """The `name` of the innermost table on the way to a location, so that "parameters.3" has a face."""
+    """The `name` of the innermost item of a list on the way to a location, so that "parameters.3" has a face."""
     here: Any = document
     found = None
     for part in location:
         inside = part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int)
         here = here[part] if inside else None
-        if isinstance(here, dict) and isinstance(here.get("name"), str):
+        if isinstance(part, int) and isinstance(here, dict) and isinstance(here.get("name"), str):
             found = here["name"]
     return found
 

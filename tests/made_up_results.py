@@ -2,6 +2,8 @@
 
 import math
 
+import made_up_diagnosis
+
 from dynreg.cli.documents import Info, LogFinding, LogFindings, ReportFile, RobotCheck, RobotLine, RobotList
 from dynreg.results import (
     Calibration,
@@ -242,6 +244,11 @@ def every_kind() -> tuple[Result, ...]:
         listing(),
         verification(),
         calibration(),
+        made_up_diagnosis.diagnosis(),
+        made_up_diagnosis.effects_list(),
+        made_up_diagnosis.trial(),
+        made_up_diagnosis.trials(),
+        made_up_diagnosis.experiment(),
         RobotList(
             robots=(
                 RobotLine(

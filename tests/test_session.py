@@ -69,6 +69,57 @@ def test_answers_are_kept_and_found_by_what_they_are_about(opened: Session, reco
     assert opened.result(kept[-1]).to_dict() == last.to_dict()
 
 
+def test_stored_results_and_simulators_have_their_parameters_in_the_robots_order(opened: Session):
+    told = opened.query("bench", budget=12)
+    names = secret_servo.load_robot("servo_pendulum").space.names
+    assert list(names) != sorted(names)
+    stored = opened.result("bench")
+    assert stored == told
+    assert list(stored.synthesised.parameters) == list(stored.nominal.parameters) == list(names)
+    assert list(stored.neighbours[0].parameters) == list(stored.answer_parameters) == list(names)
+    assert list(opened.show(told.synthesised.simulator).detail["values"]) == list(names)
+    (result,) = [i.id for i in opened.list("result").items[-1:]]
+    assert list(opened.show(result).detail["nominal"]["parameters"]) == list(names)
+
+
+def test_a_simulator_is_named_after_its_robot_and_how_it_came_about(opened: Session):
+    made = opened.query("bench", budget=12).synthesised.simulator
+    fitted = opened.calibrate("bench", method="random", budget=20).simulator
+    named = {item.id: item.name for item in opened.list("simulator").items}
+    assert named[made] == f"servo_pendulum synthesised {made[:8]}" == opened.show(made).name
+    assert named[fitted] == f"servo_pendulum calibrated by random {fitted[:8]}"
+
+
+def test_an_exported_result_brings_its_simulators(opened: Session, tmp_path: Path):
+    told = opened.query("bench", budget=12)
+    (result,) = [i.id for i in opened.list("result").items[-1:]]
+    opened.export([result], tmp_path / "exported")
+    with session.open(tmp_path / "exported") as other:
+        assert other.verify().clean and other.result() == told
+        named = {told.answer, told.synthesised.simulator, *(s.simulator for s in told.stages if s.simulator)}
+        assert {other.show(simulator).id for simulator in named} == named
+        assert other.show(told.synthesised.simulator) == opened.show(told.synthesised.simulator)
+
+
+def test_last_is_a_recording_or_a_result(empty: Session, recording: Recording):
+    with pytest.raises(NoMatchError, match="no last recording.*last result.*ingest"):
+        empty.show("@last")
+    known = empty.ingest(recording, "servo_pendulum")
+    assert empty.show("@last").id == known.recording
+    with pytest.raises(NoMatchError, match="no last result.*last recording.*dynreg query"):
+        empty.result("@last")
+    with pytest.raises(NoMatchError, match=f"no result about {known.recording[:12]}"):
+        empty.result(known.recording)
+
+
+def test_a_name_of_several_things_shows_them_all(opened: Session):
+    robot, population = (opened.list(kind).items[0].id for kind in ("robot", "population"))
+    with pytest.raises(NoMatchError) as error:
+        opened.show("servo_pendulum")
+    for told in (f"robot {robot[:16]}", f"population {population[:16]}", "first digits of the id"):
+        assert told in str(error.value)
+
+
 def test_all_that_is_listed_can_be_shown_and_read_back(opened: Session):
     opened.query("bench", budget=12)
     listed = opened.list()

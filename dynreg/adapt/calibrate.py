@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dynreg.adapt.methods import METHODS
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
@@ -19,7 +20,6 @@ from dynreg.search.cmaes import CmaEs
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import Robot
 
-METHODS = ("cmaes", "random")
 Progress = Callable[[str, int, int], None]
 
 

@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
+from dynreg.adapt.methods import METHODS
 from dynreg.cli.call import Call, at_least, verb
-from dynreg.cli.completion import METHODS, recording_names
+from dynreg.cli.completion import methods, recording_names
 from dynreg.errors import UsageError
 
 
@@ -17,9 +18,16 @@ def register(app: typer.Typer) -> None:
 def calibrate(
     call: Call,
     recording: Annotated[
-        str, typer.Argument(metavar="RECORDING", help="Name, hash or @last.", autocompletion=recording_names)
+        str,
+        typer.Argument(
+            metavar="RECORDING",
+            help="Name, hash or @last (the last recording).",
+            autocompletion=recording_names,
+        ),
     ],
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "cmaes",
+    method: Annotated[
+        str, typer.Option(help=f"One of {', '.join(METHODS)}.", autocompletion=methods)
+    ] = METHODS[0],
     seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
     budget: Annotated[int, typer.Option(help="Simulations that the search may run.")] = 600,
     hold_out: Annotated[

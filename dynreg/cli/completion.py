@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from dynreg.adapt.methods import METHODS
+
 KINDS = ("population", "recording", "simulator", "result", "robot")
 DISTANCES = (
     "auto",
@@ -13,7 +15,6 @@ DISTANCES = (
     "cross_loss_printed",
     "trajectory",
 )
-METHODS = ("cmaes",)
 
 
 def robot_names(incomplete: str) -> list[str]:
@@ -28,6 +29,11 @@ def robot_names(incomplete: str) -> list[str]:
 def kinds(incomplete: str) -> list[str]:
     """Kinds of stored things."""
     return [kind for kind in KINDS if kind.startswith(incomplete)]
+
+
+def methods(incomplete: str) -> list[str]:
+    """Searches that a calibration can run."""
+    return [method for method in METHODS if method.startswith(incomplete)]
 
 
 def recording_names(incomplete: str) -> list[str]:
@@ -54,3 +60,12 @@ def _names(kind: str, incomplete: str) -> list[str]:
     except sqlite3.Error:
         return []
     return [name for name in names if name and name.startswith(incomplete)]
+
+
+def effect_names(incomplete: str) -> list[str]:
+    """Effects of the library; behind a comma or a plus, the next one of a list."""
+    from dynreg.sim.effects import effects
+
+    end = max(incomplete.rfind(mark) for mark in ",+") + 1
+    before, begun = incomplete[:end], incomplete[end:]
+    return [before + name for name in effects() if name.startswith(begun)]

@@ -7,9 +7,12 @@ import typer
 
 from dynreg.cli.call import Call, verb
 from dynreg.cli.completion import robot_names
-from dynreg.errors import LogError
+from dynreg.errors import LogError, taken_apart
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dynreg.cli.documents import LogFinding
     from dynreg.data.ingest import Finding
 
 
@@ -39,16 +42,32 @@ def doctor(
     findings = tuple(LogFinding(**vars(f)) for f in _findings(logs, robot, log_map))
     wrong = [f for f in findings if f.severity == "error"]
     result = LogFindings(logs=tuple(map(str, logs)), robot=robot, usable=not wrong, findings=findings)
-    rows = [(f.severity, f.check, f.where, f.message) for f in findings]
-    shown = table(("severity", "check", "where", "finding"), rows)
+    shown = table(("severity", "check", "where", "finding"), _rows(findings))
     call.emit(result, shown if findings else "nothing found: the logs can be ingested")
     if wrong:
-        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
-        raise LogError(
-            f"{wrong[0].where}: {wrong[0].message.split('; expected ')[0]}{more}",
-            expected="a log that passes the checks",
-            do="mend the log or its map",
-        )
+        raise _refused(wrong)
+
+
+def _rows(findings: "Sequence[LogFinding]") -> list[tuple[str, str, str, str]]:
+    """What is found alike in several episodes or files is one row: the first place, and how many more."""
+    places: dict[tuple[str, str, str], list[str]] = {}
+    for f in findings:
+        places.setdefault((f.severity, f.check, f.message), []).append(f.where)
+    more = {key: f" (and {len(where) - 1} more such places)" for key, where in places.items() if where[1:]}
+    return [(key[0], key[1], where[0] + more.get(key, ""), key[2]) for key, where in places.items()]
+
+
+def _refused(wrong: "Sequence[LogFinding]") -> LogError:
+    """The first error in its own words, where it says what was expected and what to do."""
+    first = wrong[0]
+    problem, expected, do = taken_apart(first.message)
+    where = "" if first.where.split(",")[0] in problem else f"{first.where}: "
+    more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+    return LogError(
+        f"{where}{problem}{more}",
+        expected=expected or "a log that passes the checks",
+        do=do or "mend the log or its map",
+    )
 
 
 def _findings(logs: list[Path], robot: str | None, log_map: Path | None) -> "tuple[Finding, ...]":

@@ -19,14 +19,17 @@ def export(
     refs: Annotated[
         list[str],
         typer.Argument(
-            metavar="ID...", help="What to export, with all it needs.", autocompletion=stored_names
+            metavar="ID...",
+            help="What to export: hashes, prefixes, names or @last (the last recording).",
+            autocompletion=stored_names,
         ),
     ],
     to: Annotated[Path, typer.Option(help="New directory.")],
 ) -> None:
     """Copy stored things to a new registry.
 
-    All that they need comes with them: a population its robot and entries, a result its recording.
+    All that they need comes with them: a population its robot and entries, a result its recording and the
+    simulators that it names. @last is the last recording; `dynreg list --kind result` has the ids of results.
 
     Example: dynreg export monday --to monday-registry
     """

@@ -10,7 +10,10 @@ import typer
 
 from dynreg.cli import (
     calibrate,
+    diagnose,
     doctor,
+    effects,
+    excite,
     export,
     info,
     ingest,
@@ -20,6 +23,7 @@ from dynreg.cli import (
     report,
     robots,
     show,
+    trial,
     verify,
 )
 from dynreg.cli.call import (
@@ -68,9 +72,10 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Find the simulators that are nearest to a real robot's log.
+    """Find the simulators that are nearest to a real robot's log, and what they lack.
 
-    Fill a registry with simulators (populate), bring in a log (ingest), ask for its neighbours (query).
+    Fill a registry with simulators (populate), bring in a log (ingest), ask for its neighbours (query), and
+    for the physical causes that no simulator has (diagnose).
 
     Exit status: 0 done, 1 error, 2 usage, 3 data lost or corrupt, 4 no match or nothing close enough.
     An error is one line on stderr, with --json too.
@@ -85,6 +90,10 @@ for _module in (
     listing,
     show,
     query,
+    effects,
+    diagnose,
+    excite,
+    trial,
     calibrate,
     report,
     export,

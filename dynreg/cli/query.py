@@ -23,7 +23,9 @@ def query(
     recording: Annotated[
         str,
         typer.Argument(
-            metavar="RECORDING", help="Name, hash, @last, or path of a log.", autocompletion=recording_names
+            metavar="RECORDING",
+            help="Name, hash, @last (the last recording), or path of a log.",
+            autocompletion=recording_names,
         ),
     ],
     k: Annotated[int | None, typer.Option("-k", help="How many neighbours [5].")] = None,

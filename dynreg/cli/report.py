@@ -15,12 +15,19 @@ def register(app: typer.Typer) -> None:
 
 def report(
     call: Call,
-    ref: Annotated[str, typer.Argument(metavar="ID", help="Result: hash, prefix of one or @last.")],
+    ref: Annotated[
+        str,
+        typer.Argument(
+            metavar="ID",
+            help="Result: hash, prefix of one, @last (the last result), or a recording for its last one.",
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
 ) -> None:
     """Write a stored result as one HTML page.
 
-    Queries and calibrations have a page; it needs no other file and no network.
+    Queries, diagnoses, trials and calibrations have a page; it needs no other file and no network. @last is
+    the last result here, and the last recording in the other verbs.
 
     Example: dynreg report @last --out monday.html
     """

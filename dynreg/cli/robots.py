@@ -16,7 +16,7 @@ from dynreg.cli.call import (
     verb,
 )
 from dynreg.cli.completion import robot_names
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, taken_apart
 
 if TYPE_CHECKING:
     from dynreg.cli.documents import RobotLine
@@ -92,8 +92,7 @@ def check(
 
 def _refused(folder: str, problems: tuple[str, ...]) -> RobotError:
     """The first problem in its own words, where it says what was expected and what to do."""
-    problem, _, rest = problems[0].partition("; expected ")
-    expected, _, do = rest.rpartition("; ")
+    problem, expected, do = taken_apart(problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return RobotError(
         f"{folder!r} cannot be used: {problem}{more}",

@@ -17,12 +17,17 @@ def show(
     call: Call,
     ref: Annotated[
         str,
-        typer.Argument(metavar="ID", help="Hash, prefix of one, name or @last.", autocompletion=stored_names),
+        typer.Argument(
+            metavar="ID",
+            help="Hash, prefix of one, name or @last (the last recording).",
+            autocompletion=stored_names,
+        ),
     ],
 ) -> None:
     """Show one stored thing.
 
-    That is an entry, a recording, a population, a simulator, a robot or a result.
+    That is an entry, a recording, a population, a simulator, a robot or a result. @last is the last
+    recording; `dynreg report @last` takes the last result.
 
     Example: dynreg show @last
     """

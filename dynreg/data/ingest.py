@@ -17,7 +17,7 @@ from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.resample import resample
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, RawLog
-from dynreg.errors import DynregError, LogError
+from dynreg.errors import DynregError, LogError, MapError
 
 __all__ = ["Finding", "RawLog", "doctor", "read_log", "read_recording"]
 
@@ -166,7 +166,8 @@ def _resampling(
 
 
 def _finding(error: DynregError, files: Sequence[Path]) -> Finding:
-    return Finding("error", type(error).__name__, files[0].name if files else "", str(error))
+    check = "map" if isinstance(error, MapError) else "log"
+    return Finding("error", check, files[0].name if files else "", str(error))
 
 
 def _options(log_map: LogMap | None) -> ReadOptions:
@@ -181,6 +182,11 @@ def _expand(paths: Paths) -> list[Path]:
     files = [Path(paths)] if isinstance(paths, str | Path) else [Path(p) for p in paths]
     if not files:
         raise LogError("no log was given", expected="at least one path", do="pass the logs to read")
+    seen: set[Path] = set()
+    for path in files:
+        if path.resolve() in seen:  # the same run would be fitted to and tested on
+            raise LogError(f"log {str(path)!r} is given twice", expected="each log once", do="leave one out")
+        seen.add(path.resolve())
     return files
 
 

@@ -2,16 +2,16 @@
 
 import re
 import string
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.units import UNITS, conversion
 from dynreg.errors import MapError
+from dynreg.tomlfile import parse_toml, read_toml
 
 DEFAULT_GAP = 0.5  # [s] a longer silence is a gap
 
@@ -124,82 +124,12 @@ def read_map(path: str | Path) -> LogMap:
 
     Raises MapError that names the file, the line and the key where it is not a map.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MapError(
-            f"map {str(path)!r} cannot be read: {error}", expected="a TOML file", do="check the path"
-        ) from error
-    return parse_map(text, path.name)
+    return read_toml(Path(path), LogMap, MapError)
 
 
 def parse_map(text: str, name: str = "map") -> LogMap:
-    """A map from TOML text; `name` is what its errors call it."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise MapError(f"{name}: {error}", expected="TOML", do="mend that line") from error
-    try:
-        return LogMap.model_validate(document)
-    except ValidationError as error:
-        raise _map_error(error, text, name) from None
-
-
-def _map_error(error: ValidationError, text: str, name: str) -> MapError:
-    first = error.errors()[0]
-    keys = [str(key) for key in first["loc"]]
-    line = line_of(text, keys)
-    where = f"{name}, line {line}" if line else name
-    key = ".".join(keys)
-    if first["type"] == "extra_forbidden":
-        return MapError(
-            f"{where}: unknown key {key!r}",
-            expected=f"one of {', '.join(_known(keys[:-1]))}",
-            do="correct or remove it",
-        )
-    if first["type"] == "missing":
-        return MapError(f"{where}: {key!r} is missing", expected=f"a value or table {key!r}", do="add it")
-    problem = first["msg"].removeprefix("Value error, ")
-    value = first.get("input")
-    shown = f" = {value!r}" if isinstance(value, str | int | float) else ""
-    return MapError(
-        f"{where}: {key}{shown}: {problem}", expected="a value of that kind", do="correct the map"
-    )
-
-
-def _known(table: list[str]) -> list[str]:
-    models: Mapping[str, type[BaseModel]] = {
-        "map": _Head,
-        "channels": ChannelMap,
-        "settings": SettingMap,
-        "episodes": EpisodeMap,
-    }
-    return list((models[table[0]] if table else LogMap).model_fields)
-
-
-def line_of(text: str, keys: list[str]) -> int | None:
-    """The line (from 1) of a TOML document where a key is written, or the nearest table above it."""
-    found, table = None, []
-    for number, line in enumerate(text.splitlines(), start=1):
-        line = line.strip()
-        if line.startswith("["):
-            table = _split_key(line.strip("[] ").split("]")[0])
-            here = table
-        elif "=" in line and not line.startswith("#"):
-            here = table + _split_key(line.split("=")[0])
-        else:
-            continue
-        if here == keys:
-            return number
-        if here and here == keys[: len(here)]:
-            found = number
-    return found
-
-
-def _split_key(key: str) -> list[str]:
-    parts = re.findall(r'"([^"]*)"|\'([^\']*)\'|([\w-]+)', key)
-    return ["".join(part) for part in parts]
+    """A map from TOML text; `name` is what its errors call it. Raises MapError as `read_map` does."""
+    return parse_toml(text, name, LogMap, MapError)
 
 
 def check_map(log_map: LogMap, spec: RecordingSpec) -> None:

@@ -1,28 +1,52 @@
-"""One-sided distance: how badly each entry's model predicts the query's rows."""
+"""One-sided distance: how badly each entry's model predicts the query, a few steps ahead."""
 
 import numpy as np
 
 from dynreg.models.losses import predict
 from dynreg.models.mlp import MlpStack
+from dynreg.models.normaliser import Normaliser
+
+BATCH = 50  # models at once
 
 
-def one_sided(stack: MlpStack, base: MlpStack, inputs: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """(M,) mean absolute error of every model on the query's rows (N, D), (N, S), relative to the base model's.
+def one_sided(
+    stack: MlpStack, base: MlpStack, inputs: np.ndarray, targets: np.ndarray, normaliser: Normaliser
+) -> np.ndarray:
+    """(M,) mean absolute error of every model on the query's sequences, relative to the base model's.
+
+    inputs, targets : (N, H, D), (N, H, S) normalised rows, H of them in a row: the model runs on its own
+    predictions under the query's commands, and is judged after the last step. Two steps tell simulators apart
+    better than one, because what is noise in a step does not add up as what is wrong does.
 
     Each channel counts by the base model's error on it, so that a channel nobody can predict does not drown
     the others; absolute errors, so that a few violent rows do not either. 1 = as bad as the base model. No own
     losses enter: they differ tenfold between entries, and a symmetric distance makes hubs of the noisy ones.
     """
-    scale = channel_scale(base, inputs, targets)
+    scale = channel_scale(base, inputs, targets, normaliser)
     losses = np.empty(len(stack))
-    for first in range(0, len(stack), 50):
-        part = stack[np.arange(first, min(first + 50, len(stack)))]
-        error = np.abs(predict(part, inputs) - targets)
+    for first in range(0, len(stack), BATCH):
+        part = stack[np.arange(first, min(first + BATCH, len(stack)))]
+        error = np.abs(_miss(part, inputs, targets, normaliser))
         losses[first : first + len(part)] = error.mean(axis=1) @ scale
     return losses
 
 
-def channel_scale(base: MlpStack, inputs: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def channel_scale(
+    base: MlpStack, inputs: np.ndarray, targets: np.ndarray, normaliser: Normaliser
+) -> np.ndarray:
     """(S,) weights that make the base model's mean absolute error 1, channel by channel."""
-    error = np.abs(predict(base, inputs)[0] - targets).mean(axis=0)
+    error = np.abs(_miss(base, inputs, targets, normaliser)[0]).mean(axis=0)
     return 1.0 / (np.maximum(error, 0.03 * error.mean() + 1e-9) * len(error))
+
+
+def _miss(stack: MlpStack, inputs: np.ndarray, targets: np.ndarray, normaliser: Normaliser) -> np.ndarray:
+    """(M, N, S) error of the change over all H steps, in units of the spread of one step's."""
+    channels = targets.shape[-1]
+    spread = normaliser.input_std[:channels]
+    total = predict(stack, inputs[:, 0])
+    for step in range(1, inputs.shape[1]):
+        moved = (total * normaliser.delta_std + step * normaliser.delta_mean) / spread
+        rows = np.broadcast_to(inputs[:, step], (len(stack), *inputs[:, step].shape)).copy()
+        rows[..., :channels] = inputs[:, 0, :channels] + moved
+        total = total + predict(stack, rows.astype(np.float32))
+    return total - targets.sum(axis=1)

@@ -13,11 +13,15 @@ HELD_OUT_EVERY = 5  # one episode in five of a population's bank is held out, fo
 
 @dataclass(frozen=True)
 class Rows:
-    """Normalised model inputs (..., N, D) and targets (..., N, S), and which rows are held out (N,)."""
+    """Normalised model inputs (..., N, D) and targets (..., N, S), and which rows are held out (N,).
+
+    follows : (N,) whether the next row begins where this one ends.
+    """
 
     inputs: np.ndarray
     targets: np.ndarray
     held_out: np.ndarray
+    follows: np.ndarray
 
     @property
     def train(self) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +45,8 @@ def bank_rows(states: np.ndarray, actions: np.ndarray, context: np.ndarray, norm
     inputs = normaliser.inputs(now, spread(actions), spread(context)).reshape(m, e * steps, -1)
     targets = normaliser.targets(now, after).reshape(m, e * steps, -1)
     held = np.repeat(np.arange(e) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1, steps)
-    return Rows(inputs, targets, held)
+    follows = np.arange(e * steps) % steps != steps - 1
+    return Rows(inputs, targets, held, follows)
 
 
 def recording_rows(rows: Transitions, normaliser: Normaliser) -> Rows:
@@ -53,7 +58,10 @@ def recording_rows(rows: Transitions, normaliser: Normaliser) -> Rows:
         block = np.arange(len(rows)) * 10 // max(len(rows), 1)
         held = block % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
     inputs = normaliser.inputs(rows.states, rows.actions, rows.context)
-    return Rows(inputs, normaliser.targets(rows.states, rows.next_states), held)
+    follows = np.zeros(len(rows), dtype=bool)
+    follows[:-1] = (rows.next_states[:-1] == rows.states[1:]).all(axis=1)
+    follows[:-1] &= rows.episode[:-1] == rows.episode[1:]
+    return Rows(inputs, normaliser.targets(rows.states, rows.next_states), held, follows)
 
 
 def thin(count: int, most: int, seed: int, name: str) -> np.ndarray:

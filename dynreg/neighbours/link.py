@@ -1,5 +1,7 @@
 """Link: the navigable small world over cross-losses, and the embedding, of a population's entries."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dynreg.distance.embedding import Embedding, fit_embedding
@@ -22,10 +24,10 @@ def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int,
     stack = MlpStack.from_arrays(entries.weights)
     distance = Counted(cross_loss(shared, entries, stack, threads=threads))
     graph = build(distance, len(entries), seed=record.seed)
-    registry.put_index(population, "graph", graph.to_arrays())
+    registry.put_index(population, "graph", graph.to_arrays(), entries.ids)
     embedding = fit_embedding(stack, shared.base, shared.probes)
     arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}
-    registry.put_index(population, "embedding", arrays)
+    registry.put_index(population, "embedding", arrays, entries.ids)
     return len(entries), distance.evaluations
 
 
@@ -35,8 +37,8 @@ def load_population(registry: Registry, ref: str, *, states: bool = False) -> Po
     shared = shared_from(robot_of(registry, record), record)
     entries = registry.load(ref, ("states", "weights") if states else ("weights",))
     stack = MlpStack.from_arrays(entries.weights)
-    arrays = registry.index(ref, "embedding")
-    if arrays is None or len(arrays["vectors"]) != len(entries):  # linked while others added entries
+    arrays = registry.index(ref, "embedding", entries.ids)  # not one for entries that others added meanwhile
+    if arrays is None:
         embedding = fit_embedding(stack, shared.base, shared.probes)
         vectors = embedding.vectors(stack)
     else:
@@ -45,9 +47,9 @@ def load_population(registry: Registry, ref: str, *, states: bool = False) -> Po
     return Population(record, shared, entries, stack, embedding, np.asarray(vectors, dtype=float))
 
 
-def load_graph(registry: Registry, ref: str) -> Graph | None:
-    """The graph of a population; None where it is not linked or grew since."""
-    arrays = registry.index(ref, "graph")
+def load_graph(registry: Registry, ref: str, entries: Sequence[str] | None = None) -> Graph | None:
+    """The graph over a population's entries (those it holds now); None where it was not linked with these."""
+    arrays = registry.index(ref, "graph", entries)
     return None if arrays is None else Graph.from_arrays(arrays)
 
 

@@ -20,7 +20,8 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
 REACHED = 60  # entries that a search of the graph keeps
-QUERY_ROWS = 300  # rows of the recording on which every entry's model is judged
+QUERY_ROWS = 300  # sequences of the recording on which every entry's model is judged,
+AHEAD = 2  # steps long each
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
 DISTANCES = ("one_sided", "embedding", "cross_loss", "cross_loss_train", "cross_loss_printed", "trajectory")
 
@@ -146,12 +147,25 @@ def _sorted(ids: np.ndarray, scores: np.ndarray) -> tuple[np.ndarray, np.ndarray
 def _by_one_sided(
     population: Population, rows: Rows, allowed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    judged = thin(len(rows.inputs), QUERY_ROWS, population.shared.seed, "query")
+    inputs, targets = _sequences(rows)
+    judged = thin(len(inputs), QUERY_ROWS, population.shared.seed, "query")
     if not len(judged):
         raise LogError("no usable rows", expected="transitions without NaN", do="record longer")
     stack = population.stack if len(allowed) == len(population) else population.stack[allowed]
-    scores = one_sided(stack, population.shared.base, rows.inputs[judged], rows.targets[judged])
+    shared = population.shared
+    scores = one_sided(stack, shared.base, inputs[judged], targets[judged], shared.normaliser)
     return *_sorted(allowed, scores), len(allowed)
+
+
+def _sequences(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in a row: inputs (N, H, D) and targets (N, H, S), H = `AHEAD`, or 1 where the log is too short for it."""
+    starts = np.arange(len(rows.inputs) - AHEAD + 1)
+    for step in range(AHEAD - 1):
+        starts = starts[rows.follows[starts + step]]
+    if not len(starts):
+        return rows.inputs[:, None], rows.targets[:, None]
+    at = starts[:, None] + np.arange(AHEAD)
+    return rows.inputs[at], rows.targets[at]
 
 
 def _by_embedding(
@@ -176,7 +190,7 @@ def _by_cross_loss(
     What the search did not reach comes after what it found, by one-sided distance and without a number.
     """
     ref = population.record.id
-    graph = load_graph(registry, ref)
+    graph = load_graph(registry, ref, population.entries.ids)
     if graph is None:
         raise UsageError(
             f"population {ref[:12]} is not linked",

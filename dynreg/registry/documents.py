@@ -1,6 +1,7 @@
 """JSON that others computed: synthesised simulators, results; and the index caches."""
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, canonical_json, content_name, decode_arrays, encode_arrays
-from dynreg.registry.hashes import entries_hash, result_id
+from dynreg.registry.hashes import entries_hash, ids_hash, result_id
 from dynreg.registry.populations import require_population
 from dynreg.registry.recordings import next_ordinal
 from dynreg.registry.records import ResultRecord
@@ -37,8 +38,9 @@ def get_simulator(directory: Directory, simulator_id: str) -> dict[str, Any]:
 
 
 def put_result(directory: Directory, kind: str, recording_id: str, document: dict[str, Any]) -> str:
-    """Store a result about a recording and return its id; it becomes the latest of its kind.
+    """Store a result and return its id; it becomes the latest of its kind.
 
+    recording_id : of the recording that it is about; "" where it is about none.
     Raises RegistryError when the kind is no plain word or the document is not plain JSON.
     """
     if not _KIND.fullmatch(kind):
@@ -77,27 +79,46 @@ def latest_result(directory: Directory, kind: str | None, recording_id: str | No
     with directory.catalog.read() as connection:
         identity = connection.execute(query).scalar()
     if identity is None:
+        what = f"{kind} result" if kind else "result"
         raise NoMatchError(
-            f"no {kind or 'result'} about {recording_id[:12] if recording_id else 'any recording'}",
-            expected="a result that was stored before",
-            do="run the command that computes it",
+            f"there is no {what} about {recording_id[:12]}" if recording_id else f"there is no last {what}",
+            expected="a stored result (@last is the last one in `dynreg report`, else the last recording)",
+            do="run the command that computes it, such as `dynreg query`",
         )
     return get_result(directory, identity)
 
 
-def put_index(directory: Directory, population_id: str, key: str, arrays: dict[str, np.ndarray]) -> None:
-    """Keep what an index computed for the entries as they are now; replaces what stood under `key`."""
+def put_index(
+    directory: Directory,
+    population_id: str,
+    key: str,
+    arrays: dict[str, np.ndarray],
+    entries: Sequence[str] | None = None,
+) -> bool:
+    """Keep what an index computed for a population under `key`, in place of what stood there.
+
+    entries : ids of the entries that it was computed for, in the order of their numbers; without them, those
+        that the population holds now, which is only safe where no other process populates.
+    False where the population holds other entries by now: nothing changes then, so that an index which
+    another process has put for them stays.
+    """
     if not _KEY.fullmatch(key):
         raise RegistryError(
             f"an index named {key!r}", expected="letters, digits, '_' and '.'", do="rename it"
         )
     with directory.catalog.read() as connection:
         require_population(connection, population_id)
-        fingerprint = entries_hash(connection, population_id)
+        present = entries_hash(connection, population_id)
+    fingerprint = present if entries is None else ids_hash(entries)
+    if fingerprint != present:
+        return False
     data = encode_arrays(arrays, {"population": population_id, "key": key, "entries": fingerprint})
     file = content_name("index", f"{population_id[:16]}-{key}", data, "safetensors")
     directory.stage(file, data)
     with directory.catalog.write() as connection:
+        if entries_hash(connection, population_id) != fingerprint:  # they came while this was encoded
+            remove_unregistered(directory, connection, file.path)
+            return False
         old = drop_index(connection, population_id, key)
         directory.register(connection, file, data)
         row = {"population_id": population_id, "key": key, "entries_hash": fingerprint, "path": file.path}
@@ -105,19 +126,24 @@ def put_index(directory: Directory, population_id: str, key: str, arrays: dict[s
     if old is not None:
         with directory.catalog.write() as connection:
             remove_unregistered(directory, connection, old)
+    return True
 
 
-def get_index(directory: Directory, population_id: str, key: str) -> dict[str, np.ndarray] | None:
+def get_index(
+    directory: Directory, population_id: str, key: str, entries: Sequence[str] | None = None
+) -> dict[str, np.ndarray] | None:
     """What was kept under `key`; None where there is nothing, it is stale or its file is damaged.
 
-    It is stale when the population's entries are no longer those that it was computed for.
+    entries : ids of the entries that it must have been computed for, in the order of their numbers: those that
+        the caller has read. Without them, those that the population holds now.
     """
     table = tables.indexes
     with directory.catalog.read() as connection:
         require_population(connection, population_id)
         query = select(table).where(table.c.population_id == population_id, table.c.key == key)
         row = connection.execute(query).first()
-        if row is None or row.entries_hash != entries_hash(connection, population_id):
+        wanted = entries_hash(connection, population_id) if entries is None else ids_hash(entries)
+        if row is None or row.entries_hash != wanted:
             return None
         stored = connection.execute(select(tables.files).where(tables.files.c.path == row.path)).first()
     if stored is None or not directory.holds(StoredFile(stored.path, stored.sha256, stored.size)):

@@ -4,21 +4,24 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from dynreg.errors import RegistryError
+from dynreg.errors import NoMatchError, RegistryError
 from dynreg.registry.entries import put_shard
 from dynreg.registry.files import sync_folder, temporary_name
 from dynreg.registry.loading import load_shards
 from dynreg.registry.registry import Registry
 
 _KINDS = ("population", "entry", "recording", "robot", "simulator", "result")
+_NAMING = ("answer", "simulator", "calibrated_simulator", "extended_simulator")  # keys of results
 
 
 def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> tuple[str, ...]:
     """Copy what `refs` name, with all it needs, to a new registry at `destination`; returns the ids.
 
     A population brings its robot, its arrays and all its entries; an entry brings the population's arrays
-    and itself alone; a simulator brings its robot, a result its recording. Ids stay as they are.
+    and itself alone; a simulator brings its robot; a result brings its recording and the simulators and entries
+    that it names as its answer and at its stages. Ids stay as they are.
 
     Raises
     ------
@@ -81,8 +84,25 @@ def _copy_simulator(registry: Registry, copy: Registry, simulator_id: str) -> No
 
 def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:
     result = registry.result(result_id)
-    _copy_recording(registry, copy, result.recording_id)
-    copy.put_result(result.kind, result.recording_id, result.document)
+    if result.recording_id:
+        _copy_recording(registry, copy, result.recording_id)
+    for simulator in sorted(_simulators_in(result.document)):
+        try:
+            kind, identity = registry.resolve(simulator, ("simulator", "entry"))
+        except NoMatchError:
+            continue  # lost before, or computed again as another: the result can be read without it
+        _COPY[kind](registry, copy, identity)
+    copy.put_result(result.kind, result.recording_id or None, result.document)
+
+
+def _simulators_in(document: Any) -> set[str]:
+    """What a result's document gives as an `answer` or a simulator, however deep, where it is text."""
+    if isinstance(document, list):
+        return set().union(*map(_simulators_in, document))
+    if not isinstance(document, dict):
+        return set()
+    mine = {value for value in map(document.get, _NAMING) if isinstance(value, str)}
+    return mine.union(*map(_simulators_in, document.values()))
 
 
 _COPY = {

@@ -120,7 +120,8 @@ def _results(held: Rows, found: Found, recordings: Iterable[str]) -> list[Row]:
     last = max([0, *(row["ordinal"] for row in held["results"])])
     rows = []
     for path, result in found.results.items():
-        about = [recording for recording in recordings if recording.startswith(result["recording"])]
+        named = result["recording"]  # the beginning of an id; "" for a result about no recording
+        about = [r for r in recordings if r.startswith(named)] if named else [""]
         if path in known:
             rows.append(known[path])
         elif len(about) == 1:

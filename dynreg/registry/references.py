@@ -31,7 +31,7 @@ _SHOWN = 5
 def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) -> tuple[str, str]:
     """(kind, id) of `ref`: a content hash, a name, a unique prefix of a hash (4 digits or more), or `@last`.
 
-    A name goes before a prefix. `@last` is the recording ingested last.
+    A name goes before a prefix. `@last` is the recording ingested last, never a result.
 
     Raises
     ------
@@ -50,13 +50,16 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
             shown = ", ".join(f"{kind} {identity[:16]}" for kind, identity in found[:_SHOWN])
             raise NoMatchError(
                 f"{ref!r} fits more than one: {shown}{', ...' if len(found) > _SHOWN else ''}",
-                expected="a hash, a unique prefix of one, or a name",
-                do="give more digits of the one you mean",
+                expected="a hash, a unique prefix of one, or a name that one thing alone has",
+                do="give the first digits of the id of the one you mean"
+                if find is _by_name
+                else "give more digits of the one you mean",
             )
     near = _near(connection, ref, kinds)
     raise NoMatchError(
         f"no {' or '.join(kinds) if len(kinds) < len(KINDS) else 'stored thing'} is called {ref!r}",
-        expected=f"a hash, a unique prefix of 4 digits or more, {LAST}, or a name"
+        expected="a hash, a unique prefix of 4 digits or more, "
+        + (f"{LAST} (the last recording), or a name" if "recording" in kinds else "or a name")
         + (f" (near: {', '.join(near)})" if near else ""),
         do="see `dynreg list` for what there is",
     )
@@ -66,7 +69,11 @@ def _last(connection: Connection) -> str:
     table = tables.recordings
     found = connection.execute(select(table.c.id).order_by(table.c.ordinal.desc()).limit(1)).scalar()
     if found is None:
-        raise NoMatchError("there is no last recording", expected="a recording", do="ingest a log first")
+        raise NoMatchError(
+            "there is no last recording",
+            expected=f"an ingested one ({LAST} is the last recording; in `dynreg report` the last result)",
+            do="ingest a log first",
+        )
     return found
 
 

@@ -1,6 +1,6 @@
 """The store of populations, entries, recordings and results: one directory that can be moved."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -149,9 +149,9 @@ class Registry:
         """A stored configuration."""
         return documents.get_simulator(self.directory, self._id(ref, "simulator"))
 
-    def put_result(self, kind: str, recording_ref: str, document: Mapping[str, Any]) -> str:
-        """Store a result (plain JSON) about a recording and return its id."""
-        recording_id = self._id(recording_ref, "recording")
+    def put_result(self, kind: str, recording_ref: str | None, document: Mapping[str, Any]) -> str:
+        """Store a result (plain JSON) about a recording, None for one about no recording, and return its id."""
+        recording_id = self._id(recording_ref, "recording") if recording_ref else ""
         return documents.put_result(self.directory, kind, recording_id, dict(document))
 
     def result(self, ref: str) -> ResultRecord:
@@ -163,13 +163,15 @@ class Registry:
         recording_id = self._id(recording_ref, "recording") if recording_ref else None
         return documents.latest_result(self.directory, kind, recording_id)
 
-    def put_index(self, ref: str, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """Keep an index's arrays for the population's entries as they are now."""
-        documents.put_index(self.directory, self._id(ref, "population"), key, dict(arrays))
+    def put_index(
+        self, ref: str, key: str, arrays: Mapping[str, np.ndarray], entries: Sequence[str] | None = None
+    ) -> bool:
+        """Keep an index's arrays, computed for these entries; see `documents.put_index`."""
+        return documents.put_index(self.directory, self._id(ref, "population"), key, dict(arrays), entries)
 
-    def index(self, ref: str, key: str) -> dict[str, np.ndarray] | None:
-        """An index's arrays; None where there are none for the population's present entries."""
-        return documents.get_index(self.directory, self._id(ref, "population"), key)
+    def index(self, ref: str, key: str, entries: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
+        """An index's arrays; None where there are none for these entries (the population's present ones)."""
+        return documents.get_index(self.directory, self._id(ref, "population"), key, entries)
 
     def ids(self, kind: str) -> tuple[str, ...]:
         """Ids of all simulators (sorted), or of all results in the order in which they came."""

@@ -4,44 +4,54 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from sqlalchemy import Connection, Row, insert, select
+from sqlalchemy import Connection, Row, insert, select, update
 
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import ROBOTS, canonical_json, sha256_of, write_file
 
+MAPS = "maps"  # log maps, which a robot's hash leaves out
 _HASH = re.compile(r"[0-9a-f]{8,128}")
 
 
 def put_robot(directory: Directory, folder: Path, robot_hash: str, name: str) -> None:
     """Copy a robot folder under its hash; files that were lost or changed are put right again.
 
-    Hidden files are left out. Raises RegistryError when the folder is not there, or when this hash stands
-    for other files.
+    The hash does not cover the log maps in `maps/` (nor names that begin with two underscores): those of the
+    folder take the place of older ones. Hidden files are left out. Raises RegistryError when the folder is
+    not there, or when this hash stands for other files.
     """
     directory.catalog.check_writable()
     contents = _read_folder(folder, robot_hash)
     manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
     with directory.catalog.read() as connection:
         _check_same(_row(connection, robot_hash), manifest, folder)
-    _write_copy(directory, robot_hash, contents, manifest)
+    _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if _hashed(n)}, manifest)
     with directory.catalog.write() as connection:
         known = _row(connection, robot_hash)
         _check_same(known, manifest, folder)
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
+        row = {"name": name, "manifest": canonical_json(manifest)}
         if known is None:
-            row = {"hash": robot_hash, "name": name, "manifest": canonical_json(manifest)}
-            connection.execute(insert(tables.robots).values(**row))
+            connection.execute(insert(tables.robots).values(hash=robot_hash, **row))
+        elif known.manifest != row["manifest"]:
+            mine = tables.robots.c.hash == robot_hash
+            connection.execute(update(tables.robots).where(mine).values(manifest=row["manifest"]))
+            for relative in json.loads(known.manifest).keys() - manifest.keys():
+                directory.locate(f"{ROBOTS}/{robot_hash}/{relative}").unlink(missing_ok=True)
 
 
 def robot_folder(directory: Directory, robot_hash: str) -> Path:
-    """Where the copy of a robot lies; NoMatchError when unknown, CorruptError when it was changed."""
+    """Where the copy of a robot lies; NoMatchError when unknown, CorruptError when it was changed.
+
+    Its log maps are not looked at: another process may be replacing them, and no simulation needs them.
+    """
     with directory.catalog.read() as connection:
         manifest = json.loads(require_robot(connection, robot_hash).manifest)
-    for relative, sha256 in manifest.items():
+    for relative, sha256 in _covered(manifest).items():
         path = directory.locate(f"{ROBOTS}/{robot_hash}/{relative}")
         if not path.is_file() or sha256_of(path) != sha256:
             raise CorruptError(
@@ -69,12 +79,22 @@ def _row(connection: Connection, robot_hash: str) -> Row | None:
 
 
 def _check_same(known: Row | None, manifest: Mapping[str, str], folder: Path) -> None:
-    if known is not None and json.loads(known.manifest) != manifest:
+    if known is not None and _covered(json.loads(known.manifest)) != _covered(manifest):
         raise RegistryError(
             f"robot {known.hash[:12]} ({known.name!r}) has other files than those of {str(folder)!r}",
             expected="the same files under the same hash",
             do="compute the hash of the changed folder anew",
         )
+
+
+def _covered(manifest: Mapping[str, str]) -> dict[str, str]:
+    """The part of a manifest that the robot's hash covers."""
+    return {relative: sha256 for relative, sha256 in manifest.items() if _hashed(relative)}
+
+
+def _hashed(relative: str) -> bool:
+    parts = PurePosixPath(relative).parts
+    return parts[0] != MAPS and not any(part.startswith("__") for part in parts)
 
 
 def _write_copy(

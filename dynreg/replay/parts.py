@@ -24,11 +24,14 @@ class Parts:
         return np.flatnonzero(self.fit | self.select)
 
 
-def parts(recording: Recording, windows: Windows, hold_out: str | None, seed: int = 0) -> Parts:
+def parts(
+    recording: Recording, windows: Windows, hold_out: str | None, seed: int = 0, selected: float = 0.25
+) -> Parts:
     """Split by trajectory; by blocks of windows where there are fewer than four episodes.
 
     hold_out : the test part: "SETTING=VALUE" (such as kp=400), names of episodes separated by commas, or a
     share of the episodes such as 0.25. None holds out a fifth; "0" none at all.
+    selected : share of the rest that is to select by.
     Raises UsageError where the test part is empty, everything, or not understood.
     """
     groups = windows.episode
@@ -44,7 +47,7 @@ def parts(recording: Recording, windows: Windows, hold_out: str | None, seed: in
             do="hold out less, or record more episodes",
         )
     mixed = stream(seed, "parts").permutation(rest)
-    select = mixed[: len(rest) // 4]
+    select = mixed[: int(selected * len(rest))]
     is_test, is_select = np.isin(groups, test), np.isin(groups, select)
     return Parts(~is_test & ~is_select, is_select, is_test)
 

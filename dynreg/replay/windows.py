@@ -86,6 +86,7 @@ def windows(robot: Robot, recording: Recording) -> Windows:
         settings=_settings(robot, recording)[[c[0] for c in cuts]],
         initial=measured[:, 0],
         period=_period(recording),
+        begin=_begins(recording, cuts),
     )
     spread, weight = _scales(robot, measured)
     numbers, rows = np.array(cuts)[:, 0], np.array(cuts)[:, 1:]
@@ -183,6 +184,21 @@ def _period(recording: Recording) -> float:
             do="record longer",
         )
     return period
+
+
+def _begins(recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray:
+    """(W,) seconds from the start of the log to that of each window.
+
+    Episodes whose clocks all start anew are taken to follow each other.
+    """
+    first = np.array([e.time[0] for e in recording.episodes])
+    lasted = np.array([e.time[-1] - e.time[0] for e in recording.episodes])
+    if len(first) > 1 and not (np.diff(first) > 0).all():
+        first = np.concatenate([[0.0], np.cumsum(lasted)[:-1]])
+    starts = first - first[0]
+    return np.array(
+        [starts[n] + recording.episodes[n].time[a] - recording.episodes[n].time[0] for n, a, _ in cuts]
+    )
 
 
 def _settings(robot: Robot, recording: Recording) -> np.ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 WIDTH, HEIGHT = 1000.0, 100.0
 MOST_POINTS = 600
+ROOM = 14.0  # percent of an axis that a label takes on a phone
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,16 @@ class Track:
     high_label: str
 
 
+@dataclass(frozen=True)
+class Ruler:
+    """An axis from zero (or below) on: an interval and a value, with labelled marks, all in percent."""
+
+    left: float
+    width: float
+    value: float
+    marks: tuple[Tick, ...]
+
+
 def chart(
     title: str, x_label: str, x: Sequence[float], curves: dict[str, Sequence[float | None]]
 ) -> Chart | None:
@@ -88,6 +99,24 @@ def track(
     )
 
 
+def ruler(value: float, low: float, high: float, marks: dict[str, float]) -> Ruler:
+    """The axis spans zero, the interval and the marks; marks stand on the side of the value.
+
+    A mark too near to the next larger one loses its label.
+    """
+    signed = {name: math.copysign(mark, value) for name, mark in marks.items()}
+    drawn = (0.0, value, low, high, *signed.values())
+    pad = 0.04 * (max(drawn) - min(drawn)) or 1.0
+    span = (min(drawn) - pad * (min(drawn) < 0), max(drawn) + pad * (max(drawn) > 0))
+    left, right = _percent(low, span), _percent(high, span)
+    return Ruler(
+        left,
+        max(right - left, 0.8),
+        _percent(value, span),
+        _spaced([Tick(round(_percent(mark, span), 2), name) for name, mark in signed.items()]),
+    )
+
+
 def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
     """Round numbers from low to high.
 
@@ -122,6 +151,15 @@ def _path(
 
 def _placed(values: Iterable[float], span: tuple[float, float]) -> tuple[Tick, ...]:
     return tuple(Tick(round(_percent(v, span), 2), f"{v:g}") for v in values)
+
+
+def _spaced(marks: Iterable[Tick]) -> tuple[Tick, ...]:
+    """The marks, the last first in line for its label: those less than `ROOM` from a labelled one have none."""
+    out: list[Tick] = []
+    for mark in reversed(tuple(marks)):
+        near = any(other.label and abs(other.place - mark.place) < ROOM for other in out)
+        out.append(Tick(mark.place, "" if near else mark.label))
+    return tuple(reversed(out))
 
 
 def _percent(value: float, span: tuple[float, float]) -> float:

@@ -1,17 +1,20 @@
 """One self-contained HTML page of a result: no script, no font, no file besides it."""
 
+from collections.abc import Callable
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from dynreg.errors import UsageError
+from dynreg.report.diagnosis_page import diagnosis_page
 from dynreg.report.drawing import Chart, Track, chart, track
+from dynreg.report.trials_page import trials_page
 from dynreg.report.words import STAGES, count, next_steps, number, verdict
-from dynreg.results import Calibration, Estimate, Neighbours
+from dynreg.results import Calibration, Diagnosis, Estimate, Neighbours, Result, TrialTable
 
 
-def write_report(result: Neighbours | Calibration, path: str | Path) -> Path:
+def write_report(result: Result, path: str | Path) -> Path:
     """Write the page of `result` to `path`; the same result gives the same bytes.
 
     Raises UsageError where the result has no page or the file cannot be written.
@@ -29,17 +32,16 @@ def write_report(result: Neighbours | Calibration, path: str | Path) -> Path:
     return path
 
 
-def page(result: Neighbours | Calibration) -> str:
+def page(result: Result) -> str:
     """The page's HTML."""
-    if isinstance(result, Neighbours):
-        return _environment().get_template("neighbours.html").render(**_neighbours(result))
-    if isinstance(result, Calibration):
-        return _environment().get_template("calibration.html").render(**_calibration(result))
-    raise UsageError(
-        f"a {type(result).__name__} has no report",
-        expected="a stored query or calibration",
-        do="see `dynreg list --kind result`",
-    )
+    if type(result) not in _PAGES:
+        raise UsageError(
+            f"a {type(result).__name__} has no report",
+            expected="a stored query or calibration, a diagnosis or trials",
+            do="see `dynreg list --kind result`",
+        )
+    template, variables = _PAGES[type(result)]
+    return _environment().get_template(template).render(**variables(result))
 
 
 @cache
@@ -101,7 +103,8 @@ def _trace_charts(result: Neighbours) -> list[Chart]:
             f"{t.channel} [{t.unit}], episode {t.episode}",
             "time [s]",
             t.time,
-            {"measured": t.measured, "answer": t.answer, "nominal": t.nominal},  # the last one on top
+            # the last one on top: dashed, so that the answer shows through where they run together
+            {"measured": t.measured, "answer": t.answer, "nominal": t.nominal},
         )
         for t in result.traces
     )
@@ -145,3 +148,11 @@ def _channel_bars(result: Neighbours) -> list[dict[str, Any]]:
 
 def _track(e: Estimate, others: list[float] | tuple[float, ...]) -> Track:
     return track(e.value, e.low, e.high, e.nominal, others, e.limits)
+
+
+_PAGES: dict[type[Result], tuple[str, Callable[[Any], dict[str, Any]]]] = {
+    Neighbours: ("neighbours.html", _neighbours),
+    Calibration: ("calibration.html", _calibration),
+    Diagnosis: ("diagnosis.html", diagnosis_page),
+    TrialTable: ("trials.html", trials_page),
+}

@@ -1,35 +1,20 @@
 """Results as rich tables, at most 100 columns wide."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-from rich import box
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from dynreg import results
+from dynreg.report.diagnosis_tables import diagnosis_tables
+from dynreg.report.grid import KEPT_WHOLE, table
+from dynreg.report.library_tables import effects_table, experiment_table
+from dynreg.report.trial_tables import trial_table, trials_table
 from dynreg.report.words import STAGES, count, interval, next_steps, number, verdict
 from dynreg.results import Result
 
 SHOWN_NEIGHBOURS = 5
-KEPT_WHOLE = 32  # a first cell shorter than this is not broken
-_LINES = box.SIMPLE_HEAD
-
-
-def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | None = None) -> RenderableType:
-    """A table whose numbers stand to the right; its title is a line of its own above it."""
-    rows = [tuple(row) for row in rows]
-    out = Table(box=_LINES, show_edge=False, show_header=any(columns), pad_edge=False, header_style="bold")
-    for i, name in enumerate(columns):
-        numeric = bool(rows) and all(isinstance(row[i], int | float | None) for row in rows)
-        short = all(len(str(row[i])) < KEPT_WHOLE for row in rows)
-        out.add_column(
-            name, justify="right" if numeric else "left", overflow="fold", no_wrap=i == 0 and short
-        )
-    for row in rows:
-        out.add_row(*(cell if isinstance(cell, str) else number(cell) for cell in row))
-    return Group(Text(f"\n{title}", style="bold"), out) if title else out
 
 
 def render(result: Result) -> RenderableType:
@@ -188,4 +173,9 @@ _RENDERERS: dict[type[Result], Callable[[Any], RenderableType]] = {
     results.Listing: _listing,
     results.EntrySummary: _entry,
     results.Verification: _verification,
+    results.Diagnosis: diagnosis_tables,
+    results.EffectsList: effects_table,
+    results.Experiment: experiment_table,
+    results.TrialResult: trial_table,
+    results.TrialTable: trials_table,
 }

@@ -1,6 +1,6 @@
 """What a result says, in sentences and short numbers."""
 
-from dynreg.results import Calibration, Estimate, Gain, Neighbours
+from dynreg.results import Calibration, EffectEstimate, Estimate, Gain, Neighbours
 
 STAGES = {
     "nominal": "nominal",
@@ -33,7 +33,7 @@ def count(how_many: int, what: str) -> str:
     return f"{how_many} {what}{'' if how_many == 1 else 's'}"
 
 
-def interval(estimate: Estimate) -> str:
+def interval(estimate: Estimate | EffectEstimate) -> str:
     """Value with its 90 % interval, marked where it lies on the edge of the range."""
     edge = " (at the edge)" if estimate.at_bound else ""
     return f"{number(estimate.value)} [{number(estimate.low)}, {number(estimate.high)}]{edge}"

@@ -1,6 +1,6 @@
 """What is wrong with a robot folder beyond loading it: every name resolved, every extreme simulated."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -33,21 +33,36 @@ def problems(robot: Robot) -> list[str]:
         robot.model  # noqa: B018 (compiles it)
     except DynregError as problem:
         return [str(problem)]
-    names = list(dict.fromkeys(_names(robot)))
+    engines = robot.file.robot.engines
+    names = _once(_names(robot), engines)
     found = [*names, *_declared(robot), *_timing(robot), *unit_problems(robot)]
     if names:
         return found
-    for engine in robot.file.robot.engines:
-        found += _simulated(robot, engine)
-    return found
+    return found + _once(((e, line) for e in engines for line in _simulated(robot, e)), engines)
 
 
-def _names(robot: Robot) -> Iterator[str]:
-    """Channels, actions, keyframe and `sets` entries that lead nowhere, on each engine."""
+def _once(found: Iterable[tuple[str | None, str]], engines: Sequence[str]) -> list[str]:
+    """(engine, line) pairs as lines, each told once, with the engines that say it where not all of them do."""
+    by_line: dict[str, list[str | None]] = {}
+    for engine, line in found:
+        by_line.setdefault(line, []).append(engine)
+    return [
+        line
+        if None in who or set(who) == set(engines)
+        else f"{' and '.join(dict.fromkeys(who))} engine: {line}"
+        for line, who in by_line.items()
+    ]
+
+
+def _names(robot: Robot) -> Iterator[tuple[str | None, str]]:
+    """(engine, line) of channels, actions, keyframe (no engine) and `sets` entries that lead nowhere."""
     keyframes = [robot.model.key(i).name for i in range(robot.model.nkey)]
     keyframe = robot.file.reset.keyframe
     if keyframe is not None and keyframe not in keyframes:
-        yield f"[reset] keyframe {keyframe!r} is not in the model; expected one of {keyframes}; correct it"
+        yield (
+            None,
+            f"[reset] keyframe {keyframe!r} is not in the model; expected one of {keyframes}; correct it",
+        )
         robot = _with(robot, reset=robot.file.reset.model_copy(update={"keyframe": None}))
     for engine in robot.file.robot.engines:
         good: dict[str, list] = {"channels": [], "actions": []}
@@ -58,23 +73,23 @@ def _names(robot: Robot) -> Iterator[str]:
                 if problem is None:
                     good[group].append(table)
                 else:
-                    yield f"{engine} engine: {problem}"
+                    yield engine, str(problem)
         whole = _with(robot, settings=[], **good)
         for parameter in robot.space.parameters:
             for entry in _entries(parameter, good, robot):
                 problem = _problem(_with_parameters(whole, [replace(parameter, sets=(entry,))]), engine)
                 if problem is not None:
-                    yield f"{engine} engine, parameter {parameter.name!r}: {problem}"
+                    yield engine, f"parameter {parameter.name!r}: {problem}"
         for setting in robot.file.settings:
             for entry in _entries(setting, good, robot):
                 alone = _with(whole, settings=[setting.model_copy(update={"sets": [entry]})])
                 problem = _problem(_with_parameters(alone, []), engine)
                 if problem is not None:
-                    yield f"{engine} engine, setting {setting.name!r}: {problem}"
+                    yield engine, f"setting {setting.name!r}: {problem}"
         if len(good["channels"]) == len(robot.channels) and len(good["actions"]) == len(robot.actions):
             problem = _problem(_with_parameters(whole, []), engine)
             if problem is not None:
-                yield f"{engine} engine: {problem}"
+                yield engine, str(problem)
 
 
 def _entries(table: Parameter | SettingTable, good: dict[str, list], robot: Robot) -> list[str]:
@@ -134,14 +149,13 @@ def _simulated(robot: Robot, engine: str) -> list[str]:
     try:
         ends = rollout(robot, np.array(values), _noisy(run, len(values)), engine=engine)
     except DynregError as problem:
-        return [f"{engine} engine: {problem}"]
-    found = [f"{engine} engine: {line}" for line in _diverging(robot, labels, ends.states)]
+        return [str(problem)]
+    found = list(_diverging(robot, labels, ends.states))
     if not found:
-        found += [f"{engine} engine: {line}" for line in _idle(robot, ends.states)]
-        found += [f"{engine} engine: {line}" for line in _idle_settings(robot, run, engine)]
-        found += [f"{engine} engine: {line}" for line in _coarse(robot, run, engine, ends.states[:1])]
-    found += [f"{engine} engine: {line}" for line in _standing(robot, engine)]
-    return found
+        found += _idle(robot, ends.states)
+        found += _idle_settings(robot, run, engine)
+        found += _coarse(robot, run, engine, ends.states[:1])
+    return [*found, *_standing(robot, engine)]
 
 
 def _bank(robot: Robot) -> Run:

@@ -4,12 +4,17 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from dynreg.errors import UsageError
+
+if TYPE_CHECKING:
+    from dynreg.sim.effects import Terms
 
 
 @dataclass(frozen=True)
 class SimConfig:
-    """One simulator. `values` by parameter name, in the parameters' units; `effects` by id with their values."""
+    """One simulator. `values` by parameter name, in the parameters' units; `effects` by key with their values."""
 
     robot: str
     robot_name: str
@@ -29,3 +34,34 @@ class SimConfig:
             "values": {k: float(v) for k, v in self.values.items()},
             "effects": {k: dict(v) for k, v in self.effects.items()},
         }
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> "SimConfig":
+        """The configuration in a stored simulator, whatever else (its lineage) the document holds."""
+        return cls(
+            document["robot"], document["robot_name"], document["values"], document.get("effects") or {}
+        )
+
+
+def terms_of(config: SimConfig) -> "Terms":
+    """The effects of a configuration as the terms of one simulator, for `rollout(..., terms=)`.
+
+    Raises UsageError for an unknown effect, or values that are not those of its parameters.
+    """
+    import numpy as np
+
+    from dynreg.sim.effects import Terms, term
+
+    terms, rows = [], []
+    for key, values in config.effects.items():
+        found = term(key)
+        names = [p.name for p in found.effect.parameters]
+        if sorted(values) != sorted(names):
+            raise UsageError(
+                f"effect {key!r} with values for {sorted(values)}",
+                expected=f"one for each of {names}",
+                do="see `dynreg effects`",
+            )
+        terms.append(found)
+        rows.append(np.array([[float(values[name]) for name in names]]))
+    return Terms(tuple(terms), tuple(rows))

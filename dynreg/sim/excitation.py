@@ -64,13 +64,15 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 )
 
 
-def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0, steps: int = 0) -> Run:
+def excitation(
+    robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0, steps: int = 0, reach: float = 1.0
+) -> Run:
     """The commands of one bank: depends on the robot, the seed and the name alone.
 
     Offsets are scaled to `amplitude` times the room between the reset pose and the action's limits. A "drop"
     holds a random pose and then switches the drives off for the last half. Settings run through their `values`,
     joints of a robot without a floating base start anywhere, optional inputs are drawn once an episode between
-    their low and high.
+    their low and high. `reach` scales how far from the reset pose all of it goes.
     """
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
@@ -91,11 +93,11 @@ def excitation(robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0
             settings[e, k] = choices[(e // len(file.kinds)) % len(choices)]
         offset = KINDS[kind](rng, steps, len(robot.actions), _typical_rate(robot))
         # gentle and violent episodes: standing robots tell masses and friction, violent ones speed and limits
-        size = file.amplitude * rng.uniform(0.3, 1.7)
+        size = reach * file.amplitude * rng.uniform(0.3, 1.7)
         centre = pose
         if len(held):
             # a bench may start anywhere: models must know small errors at large angles, as in tracking
-            centre = pose + rng.uniform(-0.6, 0.6, len(pose)) * np.minimum(high - pose, pose - low)
+            centre = pose + reach * rng.uniform(-0.6, 0.6, len(pose)) * np.minimum(high - pose, pose - low)
         room = np.where(offset > 0, high - centre, centre - low)
         actions[e] = np.clip(centre + size * room * offset, low, high)
         for action, position, velocity in held:

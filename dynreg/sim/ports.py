@@ -22,12 +22,17 @@ _DEFAULTS = {
     "resistance": 1.0,
     "supply": 0.0,
     "lag": 0.0,
+    "gain_factor": 1.0,
+    "limit_factor": 1.0,
 }
 
 
 @dataclass
 class Ports:
-    """Port values of B simulators: drive and friction (B, A), control (B,).
+    """Port values of B simulators: drive, friction and sensor (B, A), control (B,).
+
+    Encoders read scale (q + offset), to the drives and to the log; `control.clock` is a factor on time: the
+    simulator takes `clock` seconds for one of the log.
 
     joints, actions, types : the driven joint, name and drive type of each action.
     """
@@ -36,6 +41,7 @@ class Ports:
     types: list[str]
     drive: dict[str, np.ndarray]
     friction: dict[str, np.ndarray]
+    sensor: dict[str, np.ndarray]
     control: dict[str, np.ndarray]
     supply_input: np.ndarray
     enable_input: np.ndarray
@@ -62,6 +68,7 @@ class Ports:
             self.types,
             spread(self.drive),
             spread(self.friction),
+            spread(self.sensor),
             spread(self.control),
             self.supply_input,
             self.enable_input,
@@ -84,10 +91,12 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
         [t.type for t in tables],
         drive,
         {key: np.zeros((n, len(joints))) for key in PORT_KEYS["friction"]},
+        {"offset": np.zeros((n, len(joints))), "scale": np.ones((n, len(joints)))},
         {
             "rate": np.full(n, robot.file.robot.control_rate or 0.0),
             "noise": np.zeros(n),
             "max_step": np.full(n, np.inf),
+            "clock": np.ones(n),
         },
         np.array([find(getattr(t, "supply_input", None)) for t in tables], dtype=int),
         np.array([find(t.enable) for t in tables], dtype=int),
@@ -97,13 +106,14 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
 
 @dataclass(frozen=True)
 class ServoLaw:
-    """torque = clip(gain u - stiffness q - rate qd, +-limit) - damping qd; each (B, A)."""
+    """torque = clip(gain u + bias - stiffness q - rate qd, +-limit) - damping qd; each (B, A)."""
 
     gain: np.ndarray
     stiffness: np.ndarray
     rate: np.ndarray
     limit: np.ndarray
     damping: np.ndarray
+    bias: np.ndarray
 
 
 def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
@@ -131,11 +141,15 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     limit = np.where(duty, stall * np.maximum(supply, 0.0), d["torque_limit"])
     damping = np.where(position, d["torque_limit"] / d["speed_limit"], 0.0)
     damping = np.where(duty | motor, back_emf, np.where(torque, 0.0, damping))
+    gain, stiffness, rate = (x * d["gain_factor"] for x in (gain, stiffness, rate))
+    limit = limit * d["limit_factor"]
+    scale, offset = ports.sensor["scale"], ports.sensor["offset"]
+    stiffness, rate = stiffness * scale, rate * scale
     if (ports.enable_input >= 0).any():
         flag = inputs[:, np.maximum(ports.enable_input, 0)] >= 0.5
         on = np.where(ports.enable_input >= 0, flag, True)
         gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
-    return ServoLaw(gain, stiffness, rate, limit, damping)
+    return ServoLaw(gain, stiffness, rate, limit, damping, -stiffness * offset)
 
 
 def takes_positions(ports: Ports) -> np.ndarray:

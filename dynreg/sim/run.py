@@ -19,6 +19,8 @@ class Run:
     initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (B, E, T, A) standard normal draws for the motor noise; None runs without it.
+    begin : (E,) seconds from the start of the log to that of each episode (what warms up or wears goes on);
+        None starts them all at once.
     """
 
     actions: np.ndarray
@@ -27,6 +29,7 @@ class Run:
     initial: np.ndarray | None = None
     period: float | None = None
     noise: np.ndarray | None = None
+    begin: np.ndarray | None = None
 
     def __post_init__(self):
         if self.actions.ndim not in (3, 4):
@@ -54,6 +57,7 @@ class Run:
             pick(self.initial),
             self.period,
             None if self.noise is None else self.noise[:, episodes],
+            pick(self.begin),
         )
 
 

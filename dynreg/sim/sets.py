@@ -17,7 +17,7 @@ _FORM = re.compile(
     r"^(?P<root>mj|port|control|modifier)\.(?P<path>[A-Za-z_][A-Za-z0-9_.]*)"
     r"(\[(?P<first>[^\]]+)\])?(\[(?P<second>\d+)\])?\s*(?P<op>=|\+=|\*=)$"
 )
-CONTROL_KEYS = ("rate", "noise", "max_step")
+CONTROL_KEYS = ("rate", "noise", "max_step", "clock")
 PORT_KEYS = {
     "drive": (
         "gain",
@@ -29,8 +29,11 @@ PORT_KEYS = {
         "resistance",
         "supply",
         "lag",
+        "gain_factor",
+        "limit_factor",
     ),
     "friction": ("coulomb", "viscous"),
+    "sensor": ("offset", "scale"),
 }
 MODIFIERS = ("link_length", "mass", "gravity")
 

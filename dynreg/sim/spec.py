@@ -143,12 +143,16 @@ class InputTable(SignalTable):
 
 
 class SettingTable(Table):
-    """[[settings]]: known constants of an episode; `values` are those that excitation covers."""
+    """[[settings]]: known constants of an episode; `values` are those that excitation covers.
+
+    `trial` : those that the commands for a diagnosis alternate between (a known mass added, for one).
+    """
 
     name: str
     unit: str
     nominal: float
     values: list[float] = Field(default_factory=list)
+    trial: list[float] = Field(default_factory=list)
     sets: list[str] = Field(min_length=1)
 
 

@@ -50,12 +50,10 @@ def _si_units() -> list[str]:
 def _expected(robot: Robot, name: str) -> str | None:
     """The SI unit of a channel or a command, None where its drive leaves it open."""
     owner, _, quantity = name.partition("/")
-    if quantity in _QUANTITIES:
-        return _QUANTITIES[quantity]
     kinds = {robot.model.joint(j).name: int(robot.model.jnt_type[j]) for j in range(robot.model.njnt)}
     length = {2: "m", 3: "rad"}.get(kinds.get(owner, -1))  # mjJNT_SLIDE, mjJNT_HINGE
     if length is None:
-        return None
+        return _QUANTITIES.get(quantity)
     if name in robot.channels:
         return {"position": length, "velocity": f"{length}/s"}.get(quantity)
     return _command_unit(robot, name, length)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import made_up_diagnosis
 import made_up_results
 import pytest
 import tiny_registry
@@ -13,6 +14,7 @@ from dynreg import summaries
 from dynreg.cli.call import Call
 from dynreg.cli.main import main
 from dynreg.errors import NoMatchError
+from dynreg.session import Session
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,10 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         "ingest": made_up_results.recording(),
         "query": made_up_results.neighbours(),
         "calibrate": made_up_results.calibration(),
+        "diagnose": made_up_diagnosis.diagnosis(),
+        "trial": made_up_diagnosis.trials(),
+        "effects": made_up_diagnosis.effects_list(),
+        "excite": (made_up_diagnosis.commands(), made_up_diagnosis.experiment()),
         "list": made_up_results.listing(),
         "show": made_up_results.entry(),
         "result": made_up_results.neighbours(),
@@ -86,6 +92,8 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         return made
 
     monkeypatch.setattr(Call, "open", opened)
+    for verb in ("effects", "excite"):  # which need no registry
+        monkeypatch.setattr(Session, verb, staticmethod(getattr(made, verb)))
     monkeypatch.setattr(summaries, "verification", made.verify)
     (tmp_path / "run.csv").write_text(tiny_registry.bench_csv(), encoding="utf-8")
     return made

@@ -40,6 +40,11 @@ def test_every_verb_has_help_with_an_example(name: str, dynreg) -> None:
         assert getattr(parameter, "help", ""), f"{name}: {parameter.name} has no help"
 
 
+@pytest.mark.parametrize("verb, last", [("show", "recording"), ("export", "recording"), ("report", "result")])
+def test_help_says_what_last_stands_for(verb: str, last: str, dynreg) -> None:
+    assert f"@last (the last {last})" in " ".join(dynreg(verb, "--help").out.split())
+
+
 @pytest.mark.parametrize("name", commands())
 def test_every_verb_is_in_the_readme(name: str) -> None:
     """README.md must hold "dynreg VERB" for each verb, such as "dynreg robots check"."""

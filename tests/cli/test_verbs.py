@@ -5,6 +5,7 @@ from pathlib import Path
 
 import made_up_results
 import pytest
+import tiny_registry
 
 from dynreg.cli.schemas import model_of
 
@@ -138,6 +139,17 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
     }
 
 
+def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:
+    from dynreg.adapt.calibrate import METHODS
+
+    assert "random" in METHODS
+    for method in METHODS:
+        assert dynreg("calibrate", "bench", "--method", method).status == 0
+        assert session.asked[-1][2]["method"] == method
+    ended = dynreg("calibrate", "bench", "--method", "guess")
+    assert ended.status == 2 and "one of cmaes, random" in ended.err
+
+
 def test_quiet_leaves_hints_out(dynreg, session) -> None:
     assert "next:" in dynreg("list").out
     assert "next:" not in dynreg("list", "--quiet").out
@@ -152,6 +164,22 @@ def test_doctor_prints_its_findings_and_exits_1_when_the_log_is_unusable(dynreg,
     assert ended.status == 1 and document["usable"] is False
     assert model_of(document["schema"]).model_validate(document).findings
     assert len(ended.err.splitlines()) == 1
+
+
+def test_doctor_says_a_thing_once(dynreg, tmp_path: Path) -> None:
+    log = tmp_path / "run.csv"
+    log.write_text(tiny_registry.bench_csv(lambda i, row: [row[0], 40.0 + i % 3, *row[2:]]), encoding="utf-8")
+    ended = dynreg("doctor", log, "--robot", "servo_pendulum")
+    assert ended.status == 1 and ended.out.count("degrees?") == 1
+    assert "4 more such places)" in ended.out
+    document = json.loads(dynreg("doctor", log, "--robot", "servo_pendulum", "--json").out)
+    assert sum("degrees?" in f["message"] for f in document["findings"]) == 5
+    ended = dynreg("doctor", tmp_path / "none.csv")
+    assert "LogError" not in ended.out
+    assert (
+        ended.err
+        == f"error: there is no log '{tmp_path}/none.csv'; expected an existing file; check the path\n"
+    )
 
 
 def test_doctor_says_when_nothing_is_wrong(dynreg, tmp_path: Path) -> None:

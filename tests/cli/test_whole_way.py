@@ -56,6 +56,10 @@ def test_from_the_log_to_the_page(place: Path, dynreg: Callable, document: Calla
     exported = document("export", "monday", "--to", "copy")
     assert recording["recording"] in [item["id"] for item in exported["items"]]
     assert document("list", "--registry", "copy", "--kind", "recording")["items"][0]["name"] == "monday"
+    document("export", result["id"], "--to", "answer")
+    for simulator in {answer["answer"], answer["synthesised"]["simulator"]}:
+        assert document("show", simulator, "--registry", "answer")["id"] == simulator
+    assert document("verify", "--registry", "answer")["clean"] is True
 
 
 def test_the_same_query_gives_the_same_answer(place: Path, dynreg: Callable, document: Callable) -> None:

@@ -10,7 +10,7 @@ from dynreg.data.checks import longest_run, velocity_slope
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Series
-from dynreg.errors import LogError
+from dynreg.errors import LogError, MapError
 
 Columns = dict[str, np.ndarray]
 
@@ -97,7 +97,7 @@ FAULTS = [
     (beyond, "warning", "limits", "arm/target"),
     (stuck, "warning", "stuck", "arm/position, row 300"),
     (wrapped, "warning", "wrap", "arm/position, row 210"),
-    (missing, "error", "MapError", "log.csv"),
+    (missing, "error", "map", "log.csv"),
     (milliseconds, "warning", "rate", "log.csv"),
 ]
 
@@ -121,7 +121,7 @@ def test_planted_fault_is_found(
     findings = doctor(path, servo_spec)
     assert any(f.severity == severity and f.check == check and where in f.where for f in findings), findings
     if severity == "error":
-        with pytest.raises(LogError if check != "MapError" else Exception, match="expected"):
+        with pytest.raises(LogError if check != "map" else MapError, match="expected"):
             read_recording(path, servo_spec)
 
 
@@ -144,7 +144,14 @@ def test_doctor_without_a_robot(write_table: Callable, swing: Columns, tmp_path:
     checks = {f.check for f in doctor(write_table(**swing))}
     assert checks == {"clock", "nan"}
     (finding,) = doctor(tmp_path / "nothing.mcap")
-    assert finding.severity == "error" and "no log" in finding.message
+    assert (finding.severity, finding.check) == ("error", "log") and "no log" in finding.message
+
+
+def test_a_log_given_twice_is_refused(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    path = write_table(**swing)
+    for read in (doctor, read_recording):
+        with pytest.raises(LogError, match=r"log\.csv' is given twice; expected each log once"):
+            read([path, path.parent / "." / path.name], servo_spec)
 
 
 def test_velocity_slope_sees_through_encoder_steps():

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynreg.data.maps import check_map, line_of, parse_map, read_map
+from dynreg.data.maps import check_map, parse_map, read_map
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.units import UNITS, conversion
 from dynreg.errors import MapError
@@ -77,9 +77,12 @@ def test_a_missing_file_is_an_error_too(tmp_path: Path):
         read_map(tmp_path / "none.toml")
 
 
-def test_line_of_tells_equal_keys_apart():
-    assert line_of(GOOD, ["channels", "arm/target", "source"]) == 11
-    assert line_of(GOOD, ["channels", "arm/position", "source"]) == 5
+def test_no_class_of_python_is_named():
+    with pytest.raises(
+        MapError, match=r"line 1: 'channels.arm/position' = 3: this should be a table"
+    ) as error:
+        parse_map('channels."arm/position" = 3')
+    assert "ChannelMap" not in str(error.value)
 
 
 @pytest.mark.parametrize(

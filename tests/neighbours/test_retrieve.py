@@ -1,12 +1,17 @@
 """Every distance ranks the entries whose dynamics are the recording's first."""
 
+import shutil
+
 import numpy as np
 import pytest
 import secret_servo
+import tiny_registry
 from secret_servo import ENTRIES
 
+from dynreg import session
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
+from dynreg.neighbours import link
 from dynreg.neighbours.link import load_graph, load_population
 from dynreg.neighbours.retrieve import DISTANCES, retrieve, with_defaults
 from dynreg.replay.known import known_values
@@ -106,6 +111,24 @@ def test_the_graph_holds_all_entries_until_the_population_grows(servos, populati
 
 
 def test_an_embedding_that_the_index_lacks_is_computed_again(servos, population, monkeypatch):
-    monkeypatch.setattr(type(servos.registry), "index", lambda self, ref, key: None)
+    monkeypatch.setattr(type(servos.registry), "index", lambda self, *given: None)
     again = load_population(servos.registry, population.record.id)
     np.testing.assert_allclose(again.vectors, population.vectors, rtol=1e-6, atol=1e-8)
+
+
+def test_what_was_linked_while_others_added_entries_is_not_kept(registry_folder, tmp_path, monkeypatch):
+    with session.open(shutil.copytree(registry_folder, tmp_path / "registry")) as opened:
+        (identity,) = [item.id for item in opened.list("population").items]
+        before = opened.registry.load(identity, ()).ids
+
+        def grow_first(*given):
+            monkeypatch.undo()
+            opened.populate("servo_pendulum", 10, training=tiny_registry.QUICK)
+            return link.fit_embedding(*given)
+
+        monkeypatch.setattr(link, "fit_embedding", grow_first)
+        assert link.link(opened.registry, identity)[0] == len(before) == 8
+        assert len(opened.registry.index(identity, "embedding")["vectors"]) == 10
+        assert len(load_population(opened.registry, identity).vectors) == 10
+        assert len(load_graph(opened.registry, identity)) == 10
+        assert load_graph(opened.registry, identity, before) is None

@@ -47,6 +47,30 @@ def test_recording_result_and_simulator(registry, out):
         assert copy.latest() == registry.latest() and copy.simulator(simulator) == {"robot": ROBOT}
 
 
+def test_a_result_brings_the_simulators_that_it_names(registry, out):
+    made = [registry.put_simulator({"robot": ROBOT, "values": {"mass": mass}}) for mass in (1.0, 2.0, 3.0)]
+    entries = registry.load("bench", ()).ids
+    document = {
+        "answer": made[0],
+        "synthesised": {"simulator": made[0], "replay_error": 0.1},
+        "neighbours": [{"entry": entries[4]}],
+        "stages": [
+            {"simulator": made[1]},
+            {"simulator": None},
+            {"simulator": entries[7]},
+            {"simulator": "f" * 64},
+        ],
+    }
+    result = registry.put_result("neighbours", "first run", document)
+    export(registry, [result], out)
+    assert verify(out).faults == ()
+    with Registry.open(out) as copy:
+        assert copy.result(result).document == document
+        assert copy.ids("simulator") == tuple(sorted(made[:2])), "those that it names, and no others"
+        assert copy.simulator(made[1]) == registry.simulator(made[1])
+        assert copy.load("bench", ()).ids == (entries[7],)
+
+
 def test_refusals_leave_nothing_behind(registry, out, tmp_path):
     before = sorted(p.name for p in tmp_path.iterdir())
     with pytest.raises(NoMatchError):

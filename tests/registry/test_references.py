@@ -37,8 +37,8 @@ def test_ambiguous_refs_say_what_they_fit(registry):
     other = make_population(seed=8)
     object.__setattr__(other, "id", POPULATION[:10] + "f" * 54)
     registry.put_population(other)
-    for ref in (POPULATION[:8], "bench"):
-        with pytest.raises(NoMatchError, match="fits more than one: population cdcdcdcdcd"):
+    for ref, do in ((POPULATION[:8], "give more digits"), ("bench", "give the first digits of the id")):
+        with pytest.raises(NoMatchError, match=f"fits more than one: population cdcdcdcdcd.*; {do}"):
             registry.resolve(ref)
     assert registry.resolve(POPULATION[:12]) == ("population", POPULATION)
 
@@ -54,8 +54,12 @@ def test_what_fits_nothing_is_no_match(registry, ref):
 def test_only_the_kinds_asked_for_are_found(registry):
     with pytest.raises(NoMatchError, match="no entry is called 'first run'"):
         registry.resolve("first run", ("entry",))
-    with pytest.raises(NoMatchError):
+    with pytest.raises(NoMatchError) as error:
         registry.resolve("@last", ("population",))
+    assert (
+        "no population is called '@last'; expected a hash, a unique prefix of 4 digits or more, or a name"
+        in str(error.value)
+    )
     with pytest.raises(RegistryError, match="recording"):
         registry.resolve("bench", ("log",))
     assert set(references.KINDS) == {"robot", "population", "entry", "recording", "simulator", "result"}

@@ -18,7 +18,7 @@ from registry_contents import (
 )
 
 from dynreg.errors import NoMatchError, RegistryError
-from dynreg.registry import Registry, ShardData
+from dynreg.registry import Registry, ShardData, documents, verify
 
 
 def test_population_comes_back(registry):
@@ -133,6 +133,23 @@ def test_robot_copy_is_complete_and_outlives_its_source(registry, robot, registr
     assert registry_snapshot(registry.robot_folder("arm")) == expected
 
 
+def test_a_robots_newest_maps_are_kept(registry, robot, registry_snapshot):
+    """The hash leaves `maps/` out, so another map is no other robot."""
+    for maps in ({"log.toml": "a = 1"}, {"log.toml": "a = 2", "old.toml": "b = 1"}, {"new.toml": "c = 1"}):
+        shutil.rmtree(robot / "maps", ignore_errors=True)
+        (robot / "maps").mkdir()
+        for name, text in maps.items():
+            (robot / "maps" / name).write_text(text)
+        registry.put_robot(robot, ROBOT, "arm")
+        assert registry_snapshot(registry.robot_folder("arm")) == registry_snapshot(robot)
+        assert verify(registry.path).faults == ()
+    (registry.robot_folder("arm") / "maps" / "new.toml").write_text("damaged")
+    (fault,) = verify(registry.path).faults
+    assert fault.kind == "robot" and "new.toml" in fault.what
+    registry.put_robot(robot, ROBOT, "arm")
+    assert verify(registry.path).faults == ()
+
+
 def test_recording_comes_back_with_all_its_names(registry):
     recording = make_recording(1)
     recording_id = registry.put_recording(recording, ROBOT, "the same")
@@ -171,6 +188,36 @@ def test_index_is_given_only_for_the_entries_it_was_computed_for(registry):
     registry.put_index("bench", "landmarks", {"losses": np.zeros(12)})
     assert registry.index("bench", "landmarks")["losses"].shape == (12,)
     assert len(list((registry.path / "index").iterdir())) == 1
+
+
+def test_an_index_never_passes_for_one_of_other_entries(registry):
+    """One process computes while another grows the population and puts an index of its own."""
+    before = registry.load("bench", ()).ids
+    registry.put_population(make_population(12))
+    populate(registry)
+    now = registry.load("bench", ()).ids
+    assert registry.put_index("bench", "graph", {"links": np.zeros(12)}, now)
+    assert not registry.put_index("bench", "graph", {"links": np.zeros(10)}, before)
+    assert not registry.put_index("bench", "embedding", {"vectors": np.zeros(10)}, before)
+    assert registry.index("bench", "graph")["links"].shape == (12,)
+    assert registry.index("bench", "embedding") is None
+    assert registry.index("bench", "graph", before) is None, "read by one who has loaded fewer entries"
+    assert registry.index("bench", "graph", now)["links"].shape == (12,)
+
+
+def test_entries_that_come_while_an_index_is_written_make_it_stale(registry, monkeypatch):
+    ids, names = registry.load("bench", ()).ids, sorted((registry.path / "index").iterdir())
+    encode = documents.encode_arrays
+
+    def encode_and_grow(*given):
+        registry.put_population(make_population(12))
+        populate(registry)
+        return encode(*given)
+
+    monkeypatch.setattr(documents, "encode_arrays", encode_and_grow)
+    assert not registry.put_index("bench", "graph", {"links": np.zeros(10)}, ids)
+    assert registry.index("bench", "graph") is None
+    assert sorted((registry.path / "index").iterdir()) == names, "nothing is left behind"
 
 
 def test_registry_can_be_moved(registry, tmp_path):

@@ -4,13 +4,14 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import made_up_diagnosis
 import made_up_results
 import pytest
 
 from dynreg.errors import UsageError
 from dynreg.report.drawing import HEIGHT, WIDTH, chart, ticks, track
 from dynreg.report.html import page, write_report
-from dynreg.results import Neighbours
+from dynreg.results import Neighbours, TrialTable
 
 RESULTS = {
     "synthesised": made_up_results.neighbours(),
@@ -26,6 +27,16 @@ RESULTS = {
     "calibration without test": made_up_results.calibration().model_copy(
         update={"test_error": None, "nominal_test_error": None, "history": ()}
     ),
+    "diagnosis": made_up_diagnosis.diagnosis(),
+    "ambiguous": made_up_diagnosis.diagnosis("ambiguous"),
+    "partly explained": made_up_diagnosis.diagnosis("partly_explained"),
+    "unknown cause": made_up_diagnosis.diagnosis("unknown", held_out=False),
+    "nothing missing": made_up_diagnosis.diagnosis("none", traced=False),
+    "bare diagnosis": made_up_diagnosis.diagnosis("none", traced=False).model_copy(
+        update={"ranking": (), "parameters": {}, "where": (), "finding": "", "noise": None, "errors": ()}
+    ),
+    "trials": made_up_diagnosis.trials(),
+    "no trials": TrialTable.of("leg", []),
 }
 VOID = {"meta", "br", "link", "img", "hr"}
 
@@ -95,6 +106,17 @@ def test_there_is_a_drawing_for_each_trace() -> None:
     result: Neighbours = RESULTS["synthesised"]
     assert page(result).count("<svg") == len(result.traces)
     assert page(RESULTS["bare"]).count("<svg") == 0
+
+
+def test_lines_that_run_together_can_be_told_apart() -> None:
+    html = page(RESULTS["nominal"])
+    for drawing in re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL):
+        assert re.findall(r"s-(\w+)", drawing) == ["measured", "answer", "nominal"], "the dashed one on top"
+    (dashed,) = re.findall(r"path\.s-nominal {[^}]*stroke-dasharray: (\d+) (\d+)", html)
+    assert int(dashed[1]) >= 4, "gaps that the answer shows through"
+    assert '<i class="nominal dashed">' in html
+    assert "its line runs under the dashed one" in words(html)
+    assert "its line runs under" not in words(page(RESULTS["synthesised"]))
 
 
 def test_names_from_a_log_cannot_become_markup() -> None:

@@ -75,6 +75,30 @@ def test_all_faults_are_told_at_once(write_robot: Callable[..., Path]):
         assert sum(said in line for line in found) == 1, (said, found)
 
 
+def test_what_all_engines_say_is_told_once(tmp_path: Path):
+    source = packaged_robots()["servo_pendulum"]
+    (tmp_path / "model.xml").write_text((source / "model.xml").read_text())
+    text = (source / "robot.toml").read_text()
+    assert 'engines = ["joint", "mujoco"]' in text
+    (tmp_path / "robot.toml").write_text(
+        text.replace("mj.body_mass[tip]", "mj.body_mass[head]").replace('"arm/velocity"', '"arm/speed"')
+    )
+    named = check_robot(tmp_path)
+    assert len(named) == 2, named
+    assert named[0].startswith("channel 'arm/speed'") and named[1].startswith("parameter 'tip_mass'")
+    idle = text.replace('"mj.body_mass[tip] ="', '"port.drive.lag[arm] ="')
+    assert idle != text
+    (tmp_path / "robot.toml").write_text(idle)
+    (line,) = check_robot(tmp_path)
+    assert line.startswith("parameter 'tip_mass' changes nothing")
+
+
+def test_no_class_of_python_is_named(tmp_path: Path):
+    (tmp_path / "robot.toml").write_text("robot = 3\n")
+    (line,) = check_robot(tmp_path)
+    assert "this should be a table" in line and "RobotTable" not in line
+
+
 def test_a_parameter_without_effect_is_named(write_robot: Callable[..., Path]):
     idle = parameter("idle", "port.drive.kt[elbow] =") + parameter("busy", "port.drive.gain[elbow] =")
     (line,) = check_robot(write_robot(parameters=idle))

@@ -11,6 +11,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
+from dynreg.sim.space import Parameter
 from dynreg.sim.spec import ChannelTable
 
 PERIOD = 0.1
@@ -87,6 +88,25 @@ def test_commands_are_limited_and_simulators_independent(husky: Robot):
     )
     wild = rollout(husky, values, Run(np.full((1, 100, 2), 50.0))).states[:, 0, -1]
     np.testing.assert_allclose(wild, values[:, :2] * [1.0, 2.0], rtol=1e-3)
+
+
+def test_simulators_with_other_command_rates_change_nothing(husky_with_pose: Robot):
+    """A slow base in the batch must not give the quick one finer steps."""
+    space = replace(
+        husky_with_pose.space,
+        parameters=(
+            *husky_with_pose.space.parameters,
+            Parameter("rate", "Hz", 10.0, 2.0, 50.0, "log", 0.1, ("control.rate =",)),
+        ),
+    )
+    robot = replace(husky_with_pose, space=space)
+    values = np.tile(space.nominal, (4, 1))
+    values[:, -1] = [50.0, 10.0, 2.0, 7.0]
+    run = Run(np.random.default_rng(0).uniform(-1, 1, (2, 12, 2)))
+    together = rollout(robot, values, run)
+    alone = [rollout(robot, values[i : i + 1], run) for i in range(4)]
+    np.testing.assert_array_equal(together.states, np.concatenate([a.states for a in alone]))
+    assert together.physics_steps == sum(a.physics_steps for a in alone) == 2 * 12 * (1 + 5 + 25 + 8)
 
 
 @pytest.mark.parametrize(

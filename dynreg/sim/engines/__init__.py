@@ -6,6 +6,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dynreg.errors import SimulationError
+from dynreg.sim.effects import Terms
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -19,12 +20,19 @@ ENGINES = MappingProxyType(
 
 
 def rollout(
-    robot: Robot, values: np.ndarray, run: Run, *, engine: str | None = None, threads: int = 0
+    robot: Robot,
+    values: np.ndarray,
+    run: Run,
+    *,
+    engine: str | None = None,
+    threads: int = 0,
+    terms: Terms | None = None,
 ) -> Rollout:
     """Simulate configurations (B, P) through the episodes of `run` on an engine that the robot offers.
 
     engine : one of the robot's; its first by default.
     threads : 0 for all cores. The numbers do not depend on it.
+    terms : effects that some or all of the B simulators have.
     Raises SimulationError where the robot does not offer the engine.
     """
     offered = robot.file.robot.engines
@@ -35,4 +43,4 @@ def rollout(
             expected=f"one of {list(offered)}",
             do="choose one of them, or add it to robot.toml",
         )
-    return import_module(ENGINES[name]).rollout(robot, values, run, threads=threads)
+    return import_module(ENGINES[name]).rollout(robot, values, run, threads=threads, terms=terms)

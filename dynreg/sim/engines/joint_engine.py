@@ -12,16 +12,31 @@ from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
-from dynreg.sim.engines.mujoco_engine import compiled, configure, episode_inputs, limited_range
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines.acting import (
+    Acting,
+    Clock,
+    acting,
+    bound,
+    commanded,
+    configure_terms,
+    driven,
+    has_sensors,
+    observed,
+    on,
+    prepare,
+    true_states,
+)
+from dynreg.sim.engines.mujoco_engine import clock_of, compiled, configure, episode_inputs, limited_range
 from dynreg.sim.layout import Layout
-from dynreg.sim.ports import Ports, servo_law, takes_positions, varies
+from dynreg.sim.ports import Ports, ServoLaw, servo_law, takes_positions, varies
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
 
 @dataclass(frozen=True)
 class Plant:
-    """(n, A) constants of each driven joint: I qdd = torque - load(q) - friction, load = a sin q + b cos q + c.
+    """(n, A) constants of each driven joint: I qdd = torque - load(q) - friction, load = a sin(q + b) + c.
 
     inertia [kg m^2 or kg], viscous [N m s/rad], coulomb [N m]; the load is exact for one hinge.
     """
@@ -29,76 +44,117 @@ class Plant:
     inertia: np.ndarray
     viscous: np.ndarray
     coulomb: np.ndarray
-    sine: np.ndarray
-    cosine: np.ndarray
+    amplitude: np.ndarray
+    phase: np.ndarray
     constant: np.ndarray
 
     def load(self, q: np.ndarray) -> np.ndarray:
         """(n, A) gravity and spring torque at positions q."""
-        return self.sine * np.sin(q) + self.cosine * np.cos(q) + self.constant
+        if not self.amplitude.any():
+            return self.constant
+        return self.amplitude * np.sin(q + self.phase) + self.constant
 
 
-def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> Rollout:
+def rollout(
+    robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
+) -> Rollout:
     """Simulate B configurations (B, P) through the E episodes of `run`, every joint alone."""
     model, layout = compiled(robot)
     _check(robot, layout)
     n, episodes = len(values), run.episodes
     batch = Batch(model, n * episodes, nthread=threads)
     ports = configure(robot, batch, model, values, run)
+    active = acting(robot, terms, episodes, batch.nsim)
+    configure_terms(robot, active, ports, batch.expand)
     batch.set_const()
     plant = _plant(batch, model, layout, ports)
     inputs = episode_inputs(robot, n, run)
-    q, v = _start(robot, layout, batch, run, n)
-    period = 1.0 / ports.control["rate"] if run.period is None else np.full(batch.nsim, run.period)
+    q, v = _start(robot, layout, batch, run, n, ports)
+    period, begin = clock_of(batch.nsim, ports, run)
     # each simulator divides its own period, whatever others are in the batch
     substeps = np.maximum(np.ceil(period / robot.file.robot.timestep - 1e-9), 1).astype(int)
     commands = _commands(layout, model, batch, ports, run, q)
-    positions, velocities = _integrate(ports, plant, commands, inputs, q, v, period / substeps, substeps)
+    clock = Clock(commands, period, period / substeps, begin)
+    motion = _Motion(ports, plant, inputs, active, clock)
+    positions, velocities = motion.integrate(q, v, substeps)
     states = _observe(robot, layout, positions, velocities)
+    states = observed(robot, active, states, ports, period)
     shape = (n, episodes)
     fell = np.full(shape, run.steps + 1)
     return Rollout(states.reshape(*shape, run.steps + 1, -1), fell, int(substeps.sum()) * run.steps)
 
 
-def _integrate(
-    ports: Ports,
-    plant: Plant,
-    commands: np.ndarray,
-    inputs: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    dt: np.ndarray,
-    substeps: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Semi-implicit Euler with implicit damping, as MuJoCo's implicitfast; Coulomb friction as the impulse
-    that stops the joint, at most its bound (exact for one joint: it neither creeps nor chatters)."""
-    steps = commands.shape[1]
-    positions = np.empty((steps + 1, *q.shape))
-    velocities = np.empty((steps + 1, *q.shape))
-    positions[0], velocities[0] = q, v
-    h = dt[:, None]
-    changing = varies(ports)
-    fewest, going = int(substeps.min()), np.arange(substeps.max()) < substeps[:, None]
-    for t in range(steps):
-        if t == 0 or changing:
-            law = servo_law(ports, inputs[:, t])
-            drag = plant.inertia + h * (plant.viscous + law.damping)
-            stop = h * plant.coulomb / drag
-            push = law.gain * commands[:, t]
-        else:
-            push = law.gain * commands[:, t]
-        for substep in range(int(substeps.max())):
-            torque = np.clip(push - law.stiffness * q - law.rate * v, -law.limit, law.limit)
-            after = (plant.inertia * v + h * (torque - plant.load(q))) / drag
-            after = np.sign(after) * np.maximum(np.abs(after) - stop, 0.0)
-            if substep >= fewest:  # simulators with shorter periods are done with this command
-                after = np.where(going[:, substep, None], after, v)
-                q = np.where(going[:, substep, None], q + h * after, q)
-            else:
-                q = q + h * after
-            v = after
-        positions[t + 1], velocities[t + 1] = q, v
-    return positions, velocities
+class _Motion:
+    """Leapfrog: half a step of position, a step of velocity, half a step of position; second order, and stable.
+
+    Damping is the mean of before and after. Dry friction is the impulse that stops the joint, at most its bound
+    (exact for one joint: it neither creeps nor chatters). A first-order step would move the joint half a time
+    step early, and a diagnosis would blame a cause for it.
+    """
+
+    def __init__(self, ports: Ports, plant: Plant, inputs: np.ndarray, active: list[Acting], clock: Clock):
+        self.ports, self.plant, self.inputs, self.clock = ports, plant, inputs, clock
+        self.active = active
+        self.commanding, self.driving, self.rubbing = (
+            on(active, k) for k in ("command", "drive", "friction")
+        )
+        self.sensed = has_sensors(ports)
+        self.h = clock.h[:, None]
+        self.half = 0.5 * self.h
+
+    def integrate(self, q: np.ndarray, v: np.ndarray, substeps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(T+1, n, A) positions and velocities from (n, A), with the substeps (n,) of each simulation."""
+        clock = self.clock
+        steps = clock.commands.shape[1]
+        positions = np.empty((steps + 1, *q.shape))
+        velocities = np.empty((steps + 1, *q.shape))
+        positions[0], velocities[0] = q, v
+        changing = varies(self.ports)
+        fewest, going = int(substeps.min()), np.arange(substeps.max()) < substeps[:, None]
+        for t in range(steps):
+            clock.step = t
+            if t == 0 or changing:
+                self._obey(servo_law(self.ports, self.inputs[:, t]))
+            u = clock.commands[:, t]
+            push = self.law.gain * u + self.law.bias
+            for substep in range(int(substeps.max())):
+                clock.substep = substep
+                half = q + self.half * v
+                after = self._advance(push, u, half, v)
+                ahead = half + self.half * after
+                if substep >= fewest:  # simulators with shorter periods are done with this command
+                    after = np.where(going[:, substep, None], after, v)
+                    ahead = np.where(going[:, substep, None], ahead, q)
+                q, v = ahead, after
+            positions[t + 1], velocities[t + 1] = q, v
+        return positions, velocities
+
+    def _obey(self, law: ServoLaw) -> None:
+        self.law = law
+        damping = self.h * (self.plant.viscous + law.damping)
+        after = np.where(damping < self.plant.inertia, 0.5, 1.0)  # very strong damping: all of it afterwards
+        self.drag = self.plant.inertia + after * damping
+        self.kept = self.plant.inertia - (1.0 - after) * damping
+        self.stop = self.h * self.plant.coulomb / self.drag
+        prepare(self.active, law, self.plant.inertia, self.clock.h)
+
+    def _advance(self, push: np.ndarray, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(n, A) velocities one time step on."""
+        law = self.law
+        if self.commanding:
+            measured = q
+            if self.sensed:
+                measured = self.ports.sensor["scale"] * (q + self.ports.sensor["offset"])
+            push = law.gain * commanded(self.commanding, u, measured, v, self.clock) + law.bias
+        torque = np.clip(push - law.stiffness * q - law.rate * v, -law.limit, law.limit)
+        load = self.plant.load(q)
+        torque = driven(self.driving, torque, q, v, load, self.clock)
+        stop = self.stop
+        after = (self.kept * v + self.h * (torque - load)) / self.drag
+        if self.rubbing:
+            friction = bound(self.rubbing, self.plant.coulomb, torque, q, v, load, self.clock)
+            stop = self.h * friction / self.drag
+        return np.sign(after) * np.maximum(np.abs(after) - stop, 0.0)
 
 
 def _plant(batch: Batch, model: mujoco.MjModel, layout: Layout, ports: Ports) -> Plant:
@@ -123,7 +179,7 @@ def _plant(batch: Batch, model: mujoco.MjModel, layout: Layout, ports: Ports) ->
     inertia = _inertia(batch, model, layout)
     damping = batch.expand("dof_damping")[:, layout.action_dof] + ports.friction["viscous"]
     friction = batch.expand("dof_frictionloss")[:, layout.action_dof] + ports.friction["coulomb"]
-    return Plant(inertia, damping, friction, sine, cosine, constant)
+    return Plant(inertia, damping, friction, np.hypot(sine, cosine), np.arctan2(cosine, sine), constant)
 
 
 def _inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
@@ -134,14 +190,16 @@ def _inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
     return matrix[:, diagonal[layout.action_dof]].copy()
 
 
-def _start(robot: Robot, layout: Layout, batch: Batch, run: Run, n: int) -> tuple[np.ndarray, np.ndarray]:
+def _start(
+    robot: Robot, layout: Layout, batch: Batch, run: Run, n: int, ports: Ports
+) -> tuple[np.ndarray, np.ndarray]:
     keyframe = robot.file.reset.keyframe
     batch.reset(keyframe=robot.model.keyframe(keyframe).id if keyframe else -1)
     q = batch.bind("qpos")[:, layout.action_qpos].copy()
     v = np.zeros_like(q)
     if run.initial is None:
         return q, v
-    known = np.tile(run.initial, (n, 1))
+    known = true_states(robot, np.tile(run.initial, (n, 1)), ports)
     for target, (columns, addresses), wanted in (
         (q, layout.position, layout.action_qpos),
         (v, layout.velocity, layout.action_dof),

@@ -11,6 +11,8 @@ import numpy as np
 
 from dynreg.errors import RobotError, SimulationError
 from dynreg.sim.commands import shaped_commands
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines.acting import Acting, acting, configure_terms, observed, on
 from dynreg.sim.ports import Ports, nominal_ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
@@ -28,28 +30,33 @@ class Base:
     ranges: np.ndarray
 
 
-def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> Rollout:
+def rollout(
+    robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
+) -> Rollout:
     """Simulate B configurations (B, P) through the E episodes of `run`; `threads` changes nothing here.
 
-    Raises RobotError or SimulationError where the robot has channels, actions, drives or `sets` that a planar
-    base does not have.
+    Effects may write ports and change what the log holds. Raises RobotError or SimulationError where the robot
+    has channels, actions, drives, `sets` or effects that a planar base does not have.
     """
     base = planar_base(robot)
     n = len(values) * run.episodes
     ports = _configured(robot, values, run)
+    active = _configured_terms(robot, acting(robot, terms, run.episodes, n), ports)
     period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
-    substeps = int(np.ceil(period.max() / robot.file.robot.timestep - 1e-9))
+    period = period * ports.control["clock"]
+    # each simulator divides its own period, whatever others are in the batch
+    substeps = np.maximum(np.ceil(period / robot.file.robot.timestep - 1e-9), 1).astype(int)
     state = _start(base, run, n)
     targets, lag = _targets(base, ports, run, state)
     trace = np.empty((n, run.steps + 1, len(QUANTITIES)))
     trace[:, 0] = state
     for t in range(run.steps):
-        for _ in range(substeps):
-            _step(state, targets[:, t], lag, period / substeps)
+        _hold(state, targets[:, t], lag, period / substeps, substeps)
         trace[:, t + 1] = state
     shape = (len(values), run.episodes)
-    states = trace[..., base.channels].reshape(*shape, run.steps + 1, -1)
-    return Rollout(states, np.full(shape, run.steps + 1), n * substeps * run.steps)
+    states = observed(robot, active, trace[..., base.channels], ports, period)
+    states = states.reshape(*shape, run.steps + 1, -1)
+    return Rollout(states, np.full(shape, run.steps + 1), int(substeps.sum()) * run.steps)
 
 
 def planar_base(robot: Robot) -> Base:
@@ -111,6 +118,27 @@ def _configured(robot: Robot, values: np.ndarray, run: Run) -> Ports:
     return ports
 
 
+def _configured_terms(robot: Robot, active: list[Acting], ports: Ports) -> list[Acting]:
+    """The terms, their ports written; SimulationError where one needs masses or moments in between."""
+
+    def expand(field: str) -> np.ndarray:
+        raise SimulationError(
+            f"an effect changes the model field {field!r}: the kinematic engine has no such field",
+            expected="effects on ports or sensors",
+            do="choose another engine",
+        )
+
+    between = [a for port in ("command", "drive", "friction") for a in on(active, port)]
+    if between:
+        raise SimulationError(
+            f"effect {between[0].effect.id!r} acts on torques and joints: a planar base has none",
+            expected="effects on ports or sensors",
+            do="choose another engine",
+        )
+    configure_terms(robot, active, ports, expand)
+    return active
+
+
 def _start(base: Base, run: Run, n: int) -> np.ndarray:
     """(n, 5) QUANTITIES at the start: what is known of the first state, else zero."""
     state = np.zeros((n, len(QUANTITIES)))
@@ -131,6 +159,21 @@ def _targets(base: Base, ports: Ports, run: Run, state: np.ndarray) -> tuple[np.
     targets[..., base.commands] = ports.drive["gain"][:, None] * commands
     lag[:, base.commands] = ports.drive["lag"]
     return targets, lag
+
+
+def _hold(
+    state: np.ndarray, target: np.ndarray, lag: np.ndarray, dt: np.ndarray, substeps: np.ndarray
+) -> None:
+    """Advance (n, 5) by one command, `substeps` (n,) times dt (n,) [s], in place."""
+    fewest = substeps.min()
+    for substep in range(int(substeps.max())):
+        if substep < fewest:
+            _step(state, target, lag, dt)
+            continue
+        going = substep < substeps  # simulators with shorter periods are done with this command
+        rest = state[going]
+        _step(rest, target[going], lag[going], dt[going])
+        state[going] = rest
 
 
 def _step(state: np.ndarray, target: np.ndarray, lag: np.ndarray, dt: np.ndarray) -> None:

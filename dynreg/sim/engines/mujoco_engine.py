@@ -8,17 +8,22 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.sim.commands import shaped_commands
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines.acting import Acting, Clock, acting, configure_terms, observed, true_states
+from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.fields import modify, set_field
 from dynreg.sim.layout import Layout, layout_of, observe, place
-from dynreg.sim.ports import Ports, ServoLaw, nominal_ports, servo_law, takes_positions, varies
+from dynreg.sim.ports import Ports, nominal_ports, servo_law, takes_positions, varies
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
 
 @quiet()
-def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> Rollout:
-    """Simulate B configurations (B, P) through the E episodes of `run`.
+def rollout(
+    robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
+) -> Rollout:
+    """Simulate B configurations (B, P) through the E episodes of `run`, with the effects in `terms`.
 
     Simulations are independent of each other and of the number of threads, bit for bit. A simulation that
     diverges holds NaN from then on.
@@ -27,13 +32,26 @@ def rollout(robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0) -> 
     n, episodes = len(values), run.episodes
     batch = Batch(model, n * episodes, nthread=threads)
     ports = configure(robot, batch, model, values, run)
+    active = acting(robot, terms, episodes, batch.nsim)
+    configure_terms(robot, active, ports, batch.expand)
     inputs = episode_inputs(robot, n, run)
-    base = _Base(batch, layout)
-    base.apply(servo_law(ports, inputs[:, 0]), ports)
+    drives = Drives(batch, layout)
+    drives.apply(servo_law(ports, inputs[:, 0]), ports)
     batch.set_const()
-    period, substeps = _clock(robot, batch, ports, run)
-    _reset(robot, batch, model, layout, episodes, run)
-    return _advance(robot, batch, layout, base, ports, inputs, run, substeps)
+    period, begin = clock_of(batch.nsim, ports, run)
+    h = _time_steps(robot, batch, period)
+    busy = busy_simulations(active, batch.nsim)
+    inertia = _inertia(robot, batch, model, layout) if len(busy) else None
+    _reset(robot, batch, model, layout, episodes, run, ports)
+    clock = Clock(_commands(layout, batch, ports, run), period, h, begin)
+    if len(busy):
+        steps = EffectSteps(batch, layout, drives, clock, busy, active, ports, inertia)
+    else:
+        steps = Steps(batch, layout, drives, clock, busy)
+    states, fell = _advance(robot, batch, layout, steps, drives, ports, inputs, active)
+    shape = (n, episodes)
+    taken = int(clock.substeps.sum()) * run.steps
+    return Rollout(states.reshape(*shape, run.steps + 1, -1), fell.reshape(shape), taken)
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
@@ -53,28 +71,6 @@ def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndar
         else:
             ports.apply(assignment, column)
     return ports
-
-
-class _Base:
-    """The fields that a servo law is written into, with the model's own damping underneath."""
-
-    def __init__(self, batch: Batch, layout: Layout):
-        self._at = layout.action_actuator
-        self._dof = layout.action_dof
-        self._gain, self._bias = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
-        self._range = batch.expand("actuator_forcerange")
-        self._damping, self._friction = batch.expand("dof_damping"), batch.expand("dof_frictionloss")
-        self._own_damping = self._damping[:, self._dof].copy()
-        self._own_friction = self._friction[:, self._dof].copy()
-
-    def apply(self, law: ServoLaw, ports: Ports) -> None:
-        self._gain[:, self._at, 0] = law.gain
-        self._bias[:, self._at, 1] = -law.stiffness
-        self._bias[:, self._at, 2] = -law.rate
-        self._range[:, self._at, 0] = -law.limit
-        self._range[:, self._at, 1] = law.limit
-        self._damping[:, self._dof] = self._own_damping + law.damping + ports.friction["viscous"]
-        self._friction[:, self._dof] = self._own_friction + ports.friction["coulomb"]
 
 
 @lru_cache(maxsize=8)
@@ -103,16 +99,37 @@ def episode_inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
     return np.tile(filled, (n, 1, 1))
 
 
-def _clock(robot: Robot, batch: Batch, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Command period [s] and physics steps in it; the time step of each simulation divides its period."""
-    period = 1.0 / ports.control["rate"] if run.period is None else np.full(batch.nsim, run.period)
+def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Of n simulations (n,): the period between commands [s], and when each episode of the log began [s]."""
+    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
+    begin = np.zeros(run.episodes) if run.begin is None else run.begin
+    return period * ports.control["clock"], np.tile(begin, n // run.episodes)
+
+
+def _time_steps(robot: Robot, batch: Batch, period: np.ndarray) -> np.ndarray:
+    """(n,) physics time step [s]: that of each simulation divides its period between commands."""
     substeps = np.maximum(np.ceil(period / robot.file.robot.timestep - 1e-9), 1).astype(int)
     batch.expand("opt.timestep")[:] = (period / substeps).reshape(batch.expand("opt.timestep").shape)
-    return period, substeps
+    return period / substeps
+
+
+def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
+    """(n, A) diagonal of the joint-space inertia matrix at the reset pose."""
+    name = robot.file.reset.keyframe
+    matrix = batch.bind("M")  # outputs are filled by calls made after they are bound
+    batch.reset(keyframe=model.keyframe(name).id if name else -1, stage=mujoco.mjtStage.mjSTAGE_POS)
+    diagonal = model.M_rowadr + model.M_rownnz - 1
+    return matrix[:, diagonal[layout.action_dof]].copy()
 
 
 def _reset(
-    robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, episodes: int, run: Run
+    robot: Robot,
+    batch: Batch,
+    model: mujoco.MjModel,
+    layout: Layout,
+    episodes: int,
+    run: Run,
+    ports: Ports,
 ) -> None:
     """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states."""
     name = robot.file.reset.keyframe
@@ -121,11 +138,10 @@ def _reset(
     same = 1 if robot.settings or robot.inputs else episodes  # episodes that settle alike
     first = np.arange(0, batch.nsim, same)
     pose = qpos[:, layout.action_qpos].copy()
-    drives = np.array([d == "position" or d == "duty_servo" for d in nominal_ports(robot, 1).types])
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos + 2] -= _clearance(batch, model)
     if robot.file.reset.settle > 0:
-        ctrl[:, layout.action_actuator] = np.where(drives, pose, 0.0)
+        ctrl[:, layout.action_actuator] = np.where(takes_positions(ports), pose, 0.0)
         steps = np.ceil(robot.file.reset.settle / batch.expand("opt.timestep").reshape(-1)).astype(int)
         for count in np.unique(steps[first]):
             batch.step(ids=first[steps[first] == count], nstep=int(count))
@@ -135,7 +151,24 @@ def _reset(
         qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
     if run.initial is not None:
         known = np.tile(run.initial, (batch.nsim // episodes, 1))
-        place(layout, known, qpos, qvel)
+        place(layout, true_states(robot, known, ports), qpos, qvel)
+    rail = _rail(model, layout)
+    if rail >= 0:
+        qpos[:, rail] += np.maximum(-_clearance(batch, model), 0.0)
+
+
+def _rail(model: mujoco.MjModel, layout: Layout) -> int:
+    """Position of a vertical slide that carries the robot and that no log knows; -1 where there is none.
+
+    The robot is lifted along it until its feet are above the ground, whatever pose its joints start in.
+    """
+    known = {*layout.position[1], *layout.action_qpos}
+    for joint in range(model.njnt):
+        slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_axis[joint, 2] > 0.99
+        on_world = model.body_parentid[model.jnt_bodyid[joint]] == 0
+        if slide and on_world and model.jnt_qposadr[joint] not in known:
+            return int(model.jnt_qposadr[joint])
+    return -1
 
 
 def _clearance(batch: Batch, model: mujoco.MjModel) -> np.ndarray:
@@ -148,31 +181,36 @@ def _clearance(batch: Batch, model: mujoco.MjModel) -> np.ndarray:
     return (centres[:, spheres, 2] - model.geom_size[spheres, 0]).min(axis=1)
 
 
-def _advance(robot, batch, layout, base, ports, inputs, run: Run, substeps: np.ndarray) -> Rollout:
-    n, steps, episodes = batch.nsim, run.steps, run.episodes
-    qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    commands = _commands(layout, batch, ports, run, qpos)
-    groups = [np.flatnonzero(substeps == count) for count in np.unique(substeps)]
-    trace_q = np.empty((steps + 1, n, qpos.shape[1]))
-    trace_v = np.empty((steps + 1, n, qvel.shape[1]))
+def _advance(
+    robot: Robot,
+    batch: Batch,
+    layout: Layout,
+    steps: Steps,
+    drives: Drives,
+    ports: Ports,
+    inputs: np.ndarray,
+    active: list[Acting],
+) -> tuple[np.ndarray, np.ndarray]:
+    """States (n, T+1, S) that the log holds and (n,) the step at which each simulation fell."""
+    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+    count = steps.clock.commands.shape[1]
+    trace_q = np.empty((count + 1, *qpos.shape))
+    trace_v = np.empty((count + 1, *qvel.shape))
     trace_q[0], trace_v[0] = qpos, qvel
     changing = varies(ports)
-    for t in range(steps):
+    for t in range(count):
         if changing and t > 0:
-            base.apply(servo_law(ports, inputs[:, t]), ports)
-        ctrl[:, layout.action_actuator] = commands[:, t]
-        for group in groups:
-            batch.step(ids=None if len(groups) == 1 else group, nstep=int(substeps[group[0]]))
+            drives.apply(servo_law(ports, inputs[:, t]), ports)
+        steps.hold(t)
         trace_q[t + 1], trace_v[t + 1] = qpos, qvel
     diverged = ~(np.abs(trace_v).max(axis=2) < 1e4)
     states = observe(layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(robot.channels))
+    states = observed(robot, active, states, ports, steps.clock.period)
     states[np.maximum.accumulate(diverged, axis=0).T] = np.nan
-    fell = _fell(robot, layout, trace_q)
-    shape = (n // episodes, episodes)
-    return Rollout(states.reshape(*shape, steps + 1, -1), fell.reshape(shape), int(substeps.sum()) * steps)
+    return states, _fell(robot, layout, trace_q)
 
 
-def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run, qpos: np.ndarray) -> np.ndarray:
+def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run) -> np.ndarray:
     """(B E, T, A) what the actuators are told; position commands stay inside the joints' own ranges."""
     n = batch.nsim
     steps, count = run.actions.shape[-2:]
@@ -180,7 +218,7 @@ def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run, qpos: np.nda
     actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
     low, high = limited_range(layout, batch.get_model(0), batch, ports)
     noise = None if run.noise is None else run.noise.reshape(n, steps, count)
-    start = np.where(takes_positions(ports), qpos[:, layout.action_qpos], 0.0)
+    start = np.where(takes_positions(ports), batch.bind("qpos")[:, layout.action_qpos], 0.0)
     return shaped_commands(actions, start, low, high, ports, noise)
 
 

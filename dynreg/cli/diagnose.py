@@ -1,0 +1,111 @@
+"""`dynreg diagnose`: the physical causes that a simulator of a recorded robot lacks."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import effect_names, recording_names, robot_names
+
+
+def register(app: typer.Typer) -> None:
+    """Add `diagnose` to the program."""
+    verb(app, "diagnose")(diagnose)
+
+
+def diagnose(
+    call: Call,
+    recording: Annotated[
+        str,
+        typer.Argument(
+            metavar="RECORDING",
+            help="Name, hash, @last (the last recording), or path of a log.",
+            autocompletion=recording_names,
+        ),
+    ],
+    start: Annotated[
+        str,
+        typer.Option(
+            metavar="ID", help="Simulator to begin from: nominal, nearest (the last query's) or an ID."
+        ),
+    ] = "nominal",
+    hold_out: Annotated[
+        str | None,
+        typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
+    ] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Only these effects [all that fit].", autocompletion=effect_names),
+    ] = None,
+    without: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Not these effects.", autocompletion=effect_names)
+    ] = None,
+    max_causes: Annotated[int, typer.Option(help="Most causes to name.")] = 3,
+    engine: Annotated[str | None, typer.Option(help="One of the robot's engines [its first].")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed [0].")] = None,
+    threshold_runs: Annotated[
+        int, typer.Option(help="Simulations without an effect that set the threshold; 0 for the usual one.")
+    ] = 20,
+    tolerance: Annotated[
+        float,
+        typer.Option(help="Factor on the nameplate's tolerances; above 1 where parameters are guesses."),
+    ] = 1.0,
+    horizon: Annotated[
+        float | None, typer.Option(help="Longest rollout in seconds [the robot's, or 10].")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
+    ] = None,
+    log_map: Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")] = None,
+    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
+) -> None:
+    """Name the physical causes that a robot's simulator lacks.
+
+    Parameters and effects are fitted together; an effect is named only above what chance reaches on this
+    robot. A finished diagnosis exits 0 whatever its verdict: named, ambiguous, partly_explained, unknown,
+    none. It needs no population.
+
+    Example: dynreg diagnose monday --hold-out kp=400 --report monday.html
+    """
+    at_least("--max-causes", max_causes, 1)
+    at_least("--threshold-runs", threshold_runs, 0)
+    at_least("--seed", seed, 0)
+    at_least("--threads", threads, 0)
+    fresh_log = robot is not None and Path(recording).exists()  # it may be the first thing in a registry
+    with call.open(create=fresh_log) as session, call.progress() as progress:
+        result = session.diagnose(
+            recording,
+            start=start,
+            hold_out=hold_out,
+            effects=_names("--effects", effects),
+            without=_names("--without", without) or (),
+            max_causes=max_causes,
+            engine=engine,
+            seed=call.pick("seed", seed, 0),
+            threshold_runs=threshold_runs,
+            tolerance=tolerance,
+            horizon=horizon,
+            robot=robot,
+            log_map=log_map,
+            threads=call.pick("threads", threads, 0),
+            progress=progress,
+        )
+    if report is not None:
+        from dynreg.report.html import write_report
+
+        write_report(result, report)
+    call.emit(result, hint=None if report else "dynreg report @last")
+
+
+def _names(flag: str, given: str | None) -> tuple[str, ...] | None:
+    """The names of a list with commas; UsageError where there is none in it."""
+    if given is None:
+        return None
+    names = tuple(name.strip() for name in given.split(",") if name.strip())
+    if not names:
+        from dynreg.errors import UsageError
+
+        raise UsageError(f"{flag} {given!r}", expected="effects such as a,b", do="see `dynreg effects`")
+    return names

@@ -1,0 +1,96 @@
+"""`dynreg excite`: commands for the experiment that tells two causes apart."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import effect_names, robot_names
+from dynreg.errors import UsageError
+
+if TYPE_CHECKING:
+    from dynreg.data.recording import Recording
+
+FORMATS = (".csv", ".mcap")
+
+
+def register(app: typer.Typer) -> None:
+    """Add `excite` to the program."""
+    verb(app, "excite")(excite)
+
+
+def excite(
+    call: Call,
+    robot: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT", help="Packaged name or robot folder.", autocompletion=robot_names),
+    ],
+    between: Annotated[
+        str,
+        typer.Option("--for", metavar="A,B", help="The two effects.", autocompletion=effect_names),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap.")],
+    seconds: Annotated[float, typer.Option(help="Length [s].")] = 10.0,
+    seed: Annotated[int | None, typer.Option(help="Seed [0].")] = None,
+) -> None:
+    """Write commands that tell two effects apart.
+
+    They keep to the limits of the robot's actions; play them, log, and diagnose the log.
+
+    Example: dynreg excite servo_pendulum --for payload,coulomb_friction -o next.csv
+    """
+    from dynreg.session import Session
+
+    at_least("--seed", seed, 0)
+    pair = _pair(between)
+    _check_file(out)
+    with call.progress() as progress:
+        commands, experiment = Session.excite(
+            robot, pair, seconds=seconds, seed=call.pick("seed", seed, 0), progress=progress
+        )
+    _write(commands, out)
+    written = experiment.model_copy(update={"file": str(out)})
+    call.emit(written, hint=f"play {out}, then dynreg diagnose LOG --robot {robot}")
+
+
+def _pair(between: str) -> tuple[str, ...]:
+    """The two effects; a comma between brackets is one of joints."""
+    parts, depth = [""], 0
+    for letter in between:
+        depth += {"[": 1, "]": -1}.get(letter, 0)
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    found = tuple(part.strip() for part in parts)
+    if len(found) != 2 or not all(found) or found[0] == found[1]:
+        raise UsageError(
+            f"--for {between!r}", expected="two different effects, A,B", do="see `dynreg effects`"
+        )
+    return found
+
+
+def _check_file(out: Path) -> None:
+    """UsageError for a file that could not be written, before time is spent on it."""
+    if out.suffix not in FORMATS:
+        raise UsageError(
+            f"-o {str(out)!r}", expected=f"a file name that ends in {' or '.join(FORMATS)}", do="rename it"
+        )
+    if out.is_dir() or not out.absolute().parent.is_dir():
+        raise UsageError(
+            f"cannot write {str(out)!r}", expected="a file name in an existing folder", do="name another file"
+        )
+
+
+def _write(commands: "Recording", out: Path) -> None:
+    from dynreg.data.table import write_csv, write_mcap
+
+    try:
+        (write_csv if out.suffix == ".csv" else write_mcap)(commands, out)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write {str(out)!r}: {error.strerror}",
+            expected="a folder that may be written",
+            do="name another file",
+        ) from error

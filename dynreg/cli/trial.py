@@ -1,0 +1,98 @@
+"""`dynreg trial`: diagnoses of simulated robots whose truth is known."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import effect_names, robot_names
+from dynreg.errors import UsageError
+
+if TYPE_CHECKING:
+    from dynreg.sim.robot import Robot
+
+
+def register(app: typer.Typer) -> None:
+    """Add `trial` to the program."""
+    verb(app, "trial")(trial)
+
+
+def trial(
+    call: Call,
+    robot: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT", help="Packaged name or robot folder.", autocompletion=robot_names),
+    ],
+    effect: Annotated[
+        str | None,
+        typer.Option(
+            metavar="E[joint]",
+            help="What to hide; A+B for two together [one drawn for each robot].",
+            autocompletion=effect_names,
+        ),
+    ] = None,
+    size: Annotated[str, typer.Option(help="weak, medium or strong.")] = "medium",
+    nothing: Annotated[bool, typer.Option("--none", help="Hide nothing: count the false alarms.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Hide every effect in turn, -n robots each.")] = False,
+    count: Annotated[int, typer.Option("-n", help="Robots.")] = 1,
+    seed: Annotated[int | None, typer.Option(help="Seed [0].")] = None,
+    seconds: Annotated[float, typer.Option(help="Length of each robot's log [s].")] = 50.0,
+    engine: Annotated[str | None, typer.Option(help="Engine of the diagnosis [the robot's first].")] = None,
+    threshold_runs: Annotated[
+        int, typer.Option(help="Simulations without an effect that set the threshold; 0 for the usual one.")
+    ] = 20,
+    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
+) -> None:
+    """Hide an effect in simulated robots and see whether a diagnosis names it.
+
+    The hidden robots have errors of their nameplate, noise and a finer simulation than the model's.
+
+    Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
+    """
+    at_least("-n", count, 1)
+    at_least("--threshold-runs", threshold_runs, 0)
+    at_least("--seed", seed, 0)
+    at_least("--threads", threads, 0)
+    asked = {
+        "hide": _hide(effect, nothing, every),
+        "effects": tuple(part.strip() for part in effect.split("+")) if effect else (),
+        "size": size,
+        "count": count,
+        "seed": call.pick("seed", seed, 0),
+        "seconds": seconds,
+        "engine": engine,
+        "threshold_runs": threshold_runs,
+        "threads": call.pick("threads", threads, 0),
+    }
+    loaded = _checked(robot, asked)
+    with call.open(create=True) as session, call.progress() as progress:
+        result = session.trial(loaded, **asked, progress=progress)
+    if report is not None:
+        from dynreg.report.html import write_report
+
+        write_report(result, report)
+    call.emit(result, hint=None if report else "dynreg report @last")
+
+
+def _checked(robot: str, asked: dict[str, Any]) -> "Robot":
+    """The robot; an error in it or in what is asked is said before a registry is made for it."""
+    from dynreg.diagnose.settings import TrialSettings
+    from dynreg.sim.robot import load_robot
+
+    TrialSettings(**asked)
+    return load_robot(robot)
+
+
+def _hide(effect: str | None, nothing: bool, every: bool) -> str:
+    given = {"--effect": effect is not None, "--none": nothing, "--all": every}
+    if sum(given.values()) > 1:
+        raise UsageError(
+            f"{' and '.join(flag for flag, there in given.items() if there)} together",
+            expected="at most one of --effect, --none and --all",
+            do="leave the others out",
+        )
+    if effect is not None:
+        return "chosen"
+    return "nothing" if nothing else "every" if every else "drawn"

@@ -1,0 +1,211 @@
+"""Candidate commands for an experiment: patterns at several reaches, kept within what the robot allows."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.rng import stream
+from dynreg.sim.excitation import KINDS, reset_pose
+from dynreg.sim.ports import Ports, nominal_ports, takes_positions
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+UNLIMITED = 1e5  # drives state larger limits where they have none
+INSIDE = 0.95  # of the room around the reset pose that commands use at most
+RANDOM_REACHES = (0.3, 0.8)
+
+Wave = Callable[[np.ndarray, float], np.ndarray]  # times (T, 1) [s], duration [s] -> offsets in [-1, 1]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What commands keep to, each (A,): low, high in the action's unit, rate of change [unit/s], inf for none."""
+
+    low: np.ndarray
+    high: np.ndarray
+    rate: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot) -> "Limits":
+        """Limits of the actions, of the joints that they move to, and the no-load speed of their drives."""
+        ports = _ports(robot)
+        low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
+        high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
+        positions = takes_positions(ports)
+        for a, joint in enumerate(ports.joints):
+            there = robot.model.joint(joint)
+            if positions[a] and robot.model.jnt_limited[there.id]:
+                low[a], high[a] = max(low[a], there.range[0]), min(high[a], there.range[1])
+        return cls(low, high, np.where(positions, _rates(robot, ports), np.inf))
+
+    def keep(self, actions: np.ndarray, start: np.ndarray, period: float) -> np.ndarray:
+        """Commands (T, A) clipped, and slowed down where they change too fast, from `start` (A,) on."""
+        actions = np.clip(actions, self.low, self.high)
+        if not np.isfinite(self.rate).any():
+            return actions
+        out, last, step = np.empty_like(actions), start, self.rate * period
+        for t, wanted in enumerate(actions):
+            last = out[t] = np.clip(wanted, last - step, last + step)
+        return out
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Candidates: episodes of equal length that begin at rest in the reset pose, and what each is called."""
+
+    names: tuple[str, ...]
+    run: Run
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def take(self, chosen: np.ndarray) -> "Pool":
+        """Only these candidates (numbers)."""
+        return Pool(tuple(self.names[i] for i in chosen), self.run.take(np.asarray(chosen)))
+
+    def with_settings(self, settings: np.ndarray) -> "Pool":
+        """Every candidate with every row of settings (M, K), those of one candidate next to each other."""
+        many = len(settings)
+        run = self.run.take(np.repeat(np.arange(len(self)), many))
+        return Pool(
+            tuple(name for name in self.names for _ in range(many)),
+            Run(run.actions, run.inputs, np.tile(settings, (len(self), 1)), period=run.period),
+        )
+
+
+def both(first: Pool, second: Pool) -> Pool:
+    """The candidates of two pools."""
+    runs = (first.run, second.run)
+    actions, inputs, settings = (
+        np.concatenate([getattr(run, k) for run in runs]) for k in ("actions", "inputs", "settings")
+    )
+    run = Run(actions, inputs=inputs, settings=settings, period=first.run.period)
+    return Pool((*first.names, *second.names), run)
+
+
+def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed: int) -> Pool:
+    """Candidates of `steps` commands that move `joints` (all where none is named), at nominal settings.
+
+    Slow triangles, reversals, chirps, steps and holds, small ones also away from the reset pose; the random kinds
+    of the usual excitation; a hold that the drives leave, where they can be switched off.
+    """
+    pose, rate = reset_pose(robot), robot.rate
+    room = _room(limits, pose)
+    owners = [name.split("/")[0] for name in robot.actions]
+    moving = np.array([not joints or owner in joints for owner in owners])
+    names, actions = [], []
+    for name, offsets in _offsets(robot, steps, rate, moving, seed):
+        wanted = pose + np.where(offsets > 0, room[1], room[0]) * offsets
+        names.append(name)
+        actions.append(limits.keep(wanted, pose, 1.0 / rate))
+    inputs = np.tile(robot.input_defaults, (len(names), steps, 1))
+    dropping = [i for i, name in enumerate(names) if name.startswith("drop")]
+    inputs[dropping, steps // 2 :, len(robot.file.inputs) :] = 0.0
+    nominal = np.tile([s.nominal for s in robot.file.settings], (len(names), 1))
+    run = Run(np.array(actions), inputs=inputs, settings=nominal, period=1.0 / rate)
+    return Pool(tuple(names), run)
+
+
+def joint_range(robot: Robot, channel: str) -> tuple[float, float]:
+    """Lowest and highest value of a channel, by its table and its joint's stops; infinite where there is none."""
+    (table,) = [c for c in robot.file.channels if c.name == channel]
+    low = -np.inf if table.low is None else table.low
+    high = np.inf if table.high is None else table.high
+    owner, _, quantity = channel.partition("/")
+    names = [robot.model.joint(j).name for j in range(robot.model.njnt)]
+    if quantity == "position" and owner in names and robot.model.jnt_limited[names.index(owner)]:
+        stops = robot.model.joint(owner).range
+        low, high = max(low, stops[0]), min(high, stops[1])
+    return float(low), float(high)
+
+
+def _offsets(
+    robot: Robot, steps: int, rate: float, moving: np.ndarray, seed: int
+) -> Iterator[tuple[str, np.ndarray]]:
+    """(name, (T, A) offsets from the reset pose as shares of the room there) of every candidate."""
+    t, count = np.arange(steps)[:, None] / rate, int(moving.sum())
+    duration = steps / rate
+    standing = bool((robot.model.jnt_type == 0).any())  # a floating base leaves its pose as little as it can
+    size = robot.file.excitation.amplitude if standing else 1.0
+    apart = stream(seed, "excite", robot.name, "phases").uniform(0.0, 1.0, len(moving))
+    for name, wave, period, reaches in _waves(rate, duration):
+        for reach, centre in reaches:
+            if standing and centre:
+                continue
+            for phase, how in ((0.0, ""), (apart, ", joints apart"))[: 2 if count > 1 else 1]:
+                shape = wave(t + period * phase, duration) * np.ones(len(moving))
+                where = f", around {centre:+g}" if centre else ""
+                yield f"{name}, reach {reach:g}{where}{how}", moving * size * (centre + reach * shape)
+    for kind in ("levels", "walk", "gait"):
+        for i, reach in enumerate(RANDOM_REACHES):
+            rng = stream(seed, "excite", robot.name, kind, i)
+            yield (
+                f"{kind}, reach {reach:g}",
+                moving * size * reach * KINDS[kind](rng, steps, len(moving), rate),
+            )
+    if any(drive.enable for drive in robot.file.drives):
+        for side in (-1.0, 1.0):
+            for reach in RANDOM_REACHES:
+                yield f"drop from {side * reach:+g}", np.tile(moving * size * side * reach, (steps, 1))
+
+
+def _waves(rate: float, duration: float) -> list[tuple[str, Wave, float, list[tuple[float, float]]]]:
+    """(name, wave, the period by which joints are shifted [s], its (reach, centre) pairs)."""
+    fast = min(10.0, rate / 8)
+    off = [(0.2, -0.5), (0.2, 0.5)]
+    small = [(0.05, 0.0), (0.05, 0.5), (0.05, -0.5), (0.2, 0.0), *off]
+    return [
+        ("triangle of 4 s", _triangle(4.0), 4.0, [(0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
+        ("triangle of 2 s", _triangle(2.0), 2.0, [(0.05, 0.0), (0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
+        ("reversals of 0.6 s", _square(0.6), 0.6, small),
+        ("reversals of 0.25 s", _square(0.25), 0.25, small),
+        (f"chirp to {fast:.3g} Hz", _chirp(0.3, fast), 1.0, [*small, (0.5, 0.0)]),
+        (f"chirp to {fast / 4:.3g} Hz", _chirp(0.2, fast / 4), 2.0, [*small, (0.5, 0.0), (0.9, 0.0)]),
+        ("steps of 0.6 s", _square(1.2), 1.2, [(0.5, 0.0), (0.9, 0.0)]),
+        ("holds", _staircase, 0.5 * duration, [(0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
+    ]
+
+
+def _triangle(period: float) -> Wave:
+    return lambda t, duration: 4 * np.abs((t / period + 0.25) % 1 - 0.5) - 1
+
+
+def _square(period: float) -> Wave:
+    return lambda t, duration: np.where((t / period) % 1 < 0.5, 1.0, -1.0)
+
+
+def _chirp(low: float, high: float) -> Wave:
+    return lambda t, duration: np.sin(2 * np.pi * (low * t + (high - low) * t**2 / (2 * duration)))
+
+
+def _staircase(t: np.ndarray, duration: float) -> np.ndarray:
+    levels = np.array([0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0])
+    return levels[np.floor(8 * t / duration).astype(int) % 8]
+
+
+def _room(limits: Limits, pose: np.ndarray) -> np.ndarray:
+    """(2, A) distance from the reset pose to the lowest and the highest command; 1 where there is no limit."""
+    below = np.where(np.isfinite(limits.low), INSIDE * (pose - limits.low), 1.0)
+    above = np.where(np.isfinite(limits.high), INSIDE * (limits.high - pose), 1.0)
+    return np.maximum(np.stack([below, above]), 0.0)
+
+
+def _ports(robot: Robot) -> Ports:
+    """The ports of the nominal robot."""
+    ports = nominal_ports(robot, 1)
+    for parameter, setters in zip(robot.space.parameters, robot.setters, strict=True):
+        for assignment in setters:
+            if assignment.root in ("port", "control"):
+                ports.apply(assignment, np.array([parameter.nominal]))
+    return ports
+
+
+def _rates(robot: Robot, ports: Ports) -> np.ndarray:
+    """(A,) no-load speed of each drive, and the control port's largest step a command [unit/s]."""
+    drive = {key: value[0] for key, value in ports.drive.items()}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        servo = drive["supply"] / drive["kt"]
+    speed = np.where([t == "duty_servo" for t in ports.types], servo, drive["speed_limit"])
+    speed = np.where(speed < UNLIMITED, speed, np.inf)
+    return np.minimum(speed, ports.control["max_step"][0] * robot.rate)

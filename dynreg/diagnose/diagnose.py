@@ -1,0 +1,202 @@
+"""Diagnose: what a simulator gets wrong, the causes by name, the extended simulator, and what it gains."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.diagnose.evidence import Evidence, verdict_of
+from dynreg.diagnose.fit import fit
+from dynreg.diagnose.hypothesis import Coordinates, single_terms
+from dynreg.diagnose.name import Naming, calibrate, name_one
+from dynreg.diagnose.outcome import outcome
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.threshold import Calibrated, threshold
+from dynreg.errors import LogError, NoMatchError, UsageError
+from dynreg.registry import Registry
+from dynreg.replay.known import known_values
+from dynreg.replay.parts import Parts, parts
+from dynreg.replay.windows import Windows, windows
+from dynreg.results import Diagnosis
+from dynreg.sim.effects import Term
+from dynreg.sim.robot import Robot, require_commands
+
+LONGEST = 10.0  # s of a rollout, where the robot states no horizon
+STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search for causes came to: points of the calibrated and the extended simulator, round by round."""
+
+    base: Point
+    extended: Point
+    rounds: tuple[Naming, ...]
+    accepted: int
+    threshold: Calibrated
+
+
+def diagnose(
+    registry: Registry,
+    robot: Robot,
+    recording: Recording,
+    settings: Settings,
+    *,
+    name: str = "",
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Name what `robot`'s simulator lacks to move as the recording says.
+
+    Fit, select and test are disjoint by trajectory; test is read once, for gain and error.
+    Raises LogError where the recording cannot say anything: too short, nothing moves, no commands, one window only;
+    UsageError where the settings do not fit the robot or the recording.
+    """
+    began = time.perf_counter()
+    problem, split = pose(registry, robot, recording, settings)
+    fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
+    terms = single_terms(robot, settings.effects or (), settings.without)
+    if not terms:
+        raise UsageError(
+            f"none of the effects {list(settings.effects or ())} can act on robot {robot.name!r}",
+            expected="an effect that can",
+            do=f"see `dynreg effects {robot.name}`",
+        )
+    found = search(registry, problem, terms, fit_on, select_on, settings, progress)
+    evidence = Evidence.of(
+        robot, recording, problem, split, found.base, found.extended, found.rounds, found.accepted
+    )
+    verdict = verdict_of(evidence, found.rounds, found.accepted)
+    return outcome(registry, problem, split, recording, settings, found, evidence, verdict, name, began)
+
+
+def pose(
+    registry: Registry | None, robot: Robot, recording: Recording, settings: Settings
+) -> tuple[Problem, Parts]:
+    """The recording cut into windows, its parts, and the coordinates that start from the simulator asked for."""
+    require_commands(robot, recording)
+    horizon = settings.horizon or robot.file.replay.horizon or LONGEST
+    table = robot.file.replay.model_copy(update={"horizon": horizon})
+    cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
+    if len(cut) < 2:
+        raise LogError(
+            f"the recording makes {len(cut)} rollout of {horizon:g} s",
+            expected="at least two: one to fit, one to select by, and a third to test the result",
+            do="record more episodes, or cut it finer with --horizon",
+        )
+    split = parts(recording, cut, settings.hold_out, selected=0.5)
+    if not split.select.any():
+        raise LogError(
+            "nothing is left to select a cause by",
+            expected="at least two episodes beside those held out",
+            do="record more episodes, hold out less, or cut it finer with --horizon",
+        )
+    cut = cut.scaled_by(robot, split.chosen)
+    _check_motion(robot, cut, split)
+    centre = _centre(registry, robot, recording, settings)
+    coordinates = Coordinates(robot, known_values(robot, recording), centre, settings.tolerance)
+    return Problem(robot, cut, coordinates, settings.engine, settings.threads), split
+
+
+def search(
+    registry: Registry | None,
+    problem: Problem,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    select_on: np.ndarray,
+    settings: Settings,
+    progress: Progress | None = None,
+    *,
+    needed: float | None = None,
+) -> Found:
+    """Calibrate, find the threshold, add one cause after the other while they pass it, refit on fit and select.
+
+    needed : the threshold [nats], where it is known.
+    """
+    report = progress or (lambda *_: None)
+    report("calibrate", 0, 1)
+    base, effective = calibrate(problem, fit_on)
+    report("calibrate", 1, 1)
+    limit = (
+        Calibrated(needed, ())
+        if needed is not None
+        else threshold(
+            registry,
+            problem,
+            terms,
+            fit_on,
+            select_on,
+            runs=settings.threshold_runs,
+            seed=settings.seed,
+            progress=progress,
+        )
+    )
+    rounds: list[Naming] = []
+    accepted, current = 0, base
+    for number in range(settings.max_causes):
+        report("causes", number, settings.max_causes)
+        left = [t for t in terms if t.key not in {u.key for u in current.hypothesis.terms}]
+        naming = name_one(problem, current, left, fit_on, select_on, effective)
+        rounds.append(naming)
+        if number == 0:
+            base = naming.start.point
+        if naming.chosen is None or naming.chosen.nats < limit.nats:
+            break
+        accepted, current = accepted + 1, naming.chosen.point
+    report("causes", settings.max_causes, settings.max_causes)
+    both = np.concatenate([fit_on, select_on])
+    pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
+    (base, current), _ = fit(problem, [base, current], both, pooled, iterations=4)
+    return Found(base, current, tuple(rounds), accepted, limit)
+
+
+def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
+    """LogError where commands never change, or no weighted channel moves beyond its noise."""
+    actions = cut.run.actions[split.chosen]
+    if not (np.ptp(actions.reshape(-1, actions.shape[-1]), axis=0) > 0).any():
+        raise LogError(
+            "the commands never change",
+            expected="a recording in which the robot is moved",
+            do="record one, such as `dynreg excite` writes",
+        )
+    use = np.flatnonzero(cut.weight > 0)
+    noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])[use]
+    still = cut.spread[use] <= STILL * noise
+    if still.all():
+        raise LogError(
+            f"no measured channel moves by more than its noise ({robot.channels[use[0]]!r}, for one)",
+            expected="motion",
+            do="record larger motions, or correct the noise in robot.toml",
+        )
+
+
+def _centre(
+    registry: Registry | None, robot: Robot, recording: Recording, settings: Settings
+) -> np.ndarray | None:
+    """(P,) parameters of the simulator to start from; None for the nominal ones."""
+    if settings.start == "nominal" or registry is None:
+        return None
+    if settings.start == "nearest":
+        try:
+            answer = registry.latest("neighbours", recording.id).document["answer_parameters"]
+        except NoMatchError:
+            raise NoMatchError(
+                "no query about this recording is stored",
+                expected="its nearest simulator",
+                do="run `dynreg query` first, or start from nominal",
+            ) from None
+        return robot.space.from_dict(answer)
+    identity, kind = registry.resolve(settings.start, ("simulator", "entry"))
+    if kind == "entry":
+        return robot.space.from_dict(dict(registry.load_entry(identity).parameters))
+    config = registry.simulator(identity)
+    if config["robot"] != robot.hash:
+        raise UsageError(
+            f"simulator {identity[:12]} is one of robot {config['robot_name']!r}",
+            expected=f"one of {robot.name!r}",
+            do="choose another to start from",
+        )
+    return robot.space.from_dict(config["values"])

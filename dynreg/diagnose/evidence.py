@@ -1,0 +1,92 @@
+"""What is left after the search, against what no simulator could explain; the verdict that follows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.diagnose.name import Naming
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
+from dynreg.replay.parts import Parts
+from dynreg.results.diagnosis import Noise, Verdict
+from dynreg.sim.robot import Robot
+
+EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
+SMALL = 0.25  # of the residual's mean square: what a last cause must take off to count where nothing repeats
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Residuals of the calibrated and the extended simulator on fit and select, and the floor of each channel.
+
+    noise : of the channel that has most left. repeats : of every channel, by name.
+    """
+
+    noise: Noise
+    ratio: float
+    repeats: dict[str, Repeatability]
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        recording: Recording,
+        problem: Problem,
+        split: Parts,
+        base: Point,
+        extended: Point,
+        rounds: tuple[Naming, ...],
+        accepted: int,
+    ) -> "Evidence":
+        """Measure what `extended` leaves on fit and select."""
+        repeats = {r.channel: r for r in repeatability(robot, recording)}
+        left = problem.residuals([extended], split.chosen)[0]
+        rows = []
+        for c, column in enumerate(problem.use):
+            spread = problem.windows.spread[column]
+            known = repeats[robot.channels[column]]
+            stated = max(known.stated, 1e-12)
+            floor = known.spread if known.spread else stated
+            size = float(np.sqrt(np.nanmean(left[..., c] ** 2)) * spread)
+            white = whiteness(left[..., c])
+            rows.append(
+                Noise(
+                    channel=robot.channels[column],
+                    unit=robot.file.channels[column].unit,
+                    left=size,
+                    floor=float(floor),
+                    basis="repeatability" if known.spread else "stated_noise",
+                    ratio=size / float(floor),
+                    white=white.white if white.p is not None else None,
+                )
+            )
+        worst = max(rows, key=lambda n: n.ratio or 0.0)
+        return cls(worst, float(worst.ratio or 0.0), repeats)
+
+
+def verdict_of(evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:
+    """named or ambiguous where the causes explain all but what cannot be explained, else partly_explained;
+    without a cause none or unknown.
+
+    Without repeated runs the floor is the stated noise, and a residual that is white counts as explained.
+    """
+    explained = evidence.ratio <= EXPLAINED
+    if evidence.noise.basis == "stated_noise" and evidence.noise.white:
+        explained = True
+    if accepted == 0:
+        return "none" if explained else "unknown"
+    if not explained:
+        return "partly_explained"
+    return "ambiguous" if rivals(rounds[0]) else "named"
+
+
+def rivals(naming: Naming) -> list[str]:
+    """Keys of the equivalents of a round's cause that do not belong to its exact group."""
+    chosen = naming.chosen.point.hypothesis.terms[-1]
+    out = []
+    for other in naming.equivalent:
+        term = other.point.hypothesis.terms[-1]
+        if not chosen.effect.group or term.effect.group != chosen.effect.group:
+            out.append(term.key)
+    return out

@@ -1,0 +1,146 @@
+"""Fit: regularised Gauss-Newton on rollouts, for all hypotheses and starts at once, derivatives by differences.
+
+Minimises  sum over windows (n_eff / 2) log(mean squared residual)  +  the prior's penalty: the negative logarithm
+of the posterior when the residual's size is unknown. Every iteration simulates all perturbed candidates of all
+rows as one batch.
+"""
+
+import numpy as np
+
+from dynreg.diagnose.hypothesis import effect_bounds
+from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
+
+# Central differences in fit coordinates: wide, for dry friction has kinks; one-sided ones are too biased to walk along
+# the valleys in which masses, gains and inertias make up for each other.
+STEP = 0.07
+DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
+PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
+REACH = 2.0  # largest change of a coordinate in one iteration
+SHARES = (2.0, 0.4, 0.15)  # of the boldest step, tried too: valleys are long, and bent
+
+
+def fit(
+    problem: Problem,
+    points: list[Point],
+    chosen: np.ndarray,
+    effective: np.ndarray,
+    *,
+    iterations: int = 4,
+    tolerance: float = 0.3,
+) -> tuple[list[Point], np.ndarray]:
+    """Improve every point on the windows `chosen`.
+
+    effective : (W, C) independent samples of each window and channel.
+    Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration gains less
+    than `tolerance`.
+    """
+    points = list(points)
+    residuals = problem.residuals(points, chosen)
+    cost = objective(problem, points, residuals, effective)
+    going = np.arange(len(points))
+    for _ in range(iterations):
+        if not len(going):
+            break
+        slopes = _slopes(problem, [points[i] for i in going], chosen)
+        tries: list[Point] = []
+        for i, slope in zip(going, slopes, strict=True):
+            tries += _steps(problem, points[i], residuals[i], slope, effective)
+        made = problem.residuals(tries, chosen)
+        costs = objective(problem, tries, made, effective).reshape(len(going), -1)
+        best = costs.argmin(axis=1)
+        gained = cost[going] - costs[np.arange(len(going)), best]
+        for row, i in enumerate(going):
+            if gained[row] > 0:
+                at = row * costs.shape[1] + best[row]
+                points[i], residuals[i], cost[i] = tries[at], made[at], costs[row, best[row]]
+        going = going[gained > tolerance]
+    return points, cost
+
+
+def objective(
+    problem: Problem, points: list[Point], residuals: np.ndarray, effective: np.ndarray
+) -> np.ndarray:
+    """(n,) negative log posterior of points with residuals (n, W, T, C)."""
+    penalty = np.array([p.penalty for p in points])
+    return penalty - log_likelihood(mean_squares(residuals, problem.floor), effective)
+
+
+def sensitivities(
+    problem: Problem, points: list[Point], chosen: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Residuals (n, W, T, C) of the points, and of each its derivatives (P' + K, W, T, C)."""
+    residuals = problem.residuals(points, chosen)
+    return residuals, _slopes(problem, points, chosen)
+
+
+def bounds(problem: Problem, point: Point) -> np.ndarray:
+    """(P' + K, 2) lowest and highest coordinates."""
+    return np.concatenate([problem.coordinates.nominal_bounds, effect_bounds(point.hypothesis)])
+
+
+def information(
+    problem: Problem, point: Point, residual: np.ndarray, slope: np.ndarray, effective: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Curvature (D, D) and downhill direction (D,) of the objective at a point, D = P' + K."""
+    weight = effective / mean_squares(residual[None], problem.floor)[0]
+    count = np.maximum(np.isfinite(residual).sum(axis=1), 1)
+    weight = np.where(np.isfinite(weight), weight, 0.0) / count  # (W, C) of each sample
+    r = np.nan_to_num(residual)
+    j = np.nan_to_num(slope)
+    weighted = (j * weight[None, :, None, :]).reshape(len(j), -1)
+    curvature = weighted @ j.reshape(len(j), -1).T
+    downhill = -weighted @ r.reshape(-1)
+    prior = _prior(point)
+    return curvature + np.diag(prior), downhill - prior * point.z
+
+
+def _prior(point: Point) -> np.ndarray:
+    """(P' + K,) the prior's curvature: 1 for nominal coordinates and shapes, none for sizes."""
+    shapes = [float(p.shape) for p in point.hypothesis.parameters]
+    return np.concatenate([np.ones(len(point.nominal)), shapes])
+
+
+def _slopes(problem: Problem, points: list[Point], chosen: np.ndarray) -> list[np.ndarray]:
+    """Of each point the derivatives (P' + K, W, T, C) of its residuals."""
+    moved, apart = [], []
+    for point in points:
+        limits = bounds(problem, point)
+        up, down = np.minimum(point.z + STEP, limits[:, 1]), np.maximum(point.z - STEP, limits[:, 0])
+        for i in range(len(point.z)):
+            for end in (up, down):
+                z = point.z.copy()
+                z[i] = end[i]
+                moved.append(point.moved(z))
+        apart.append(up - down)
+    made = problem.residuals(moved, chosen)
+    out, at = [], 0
+    for point, width in zip(points, apart, strict=True):
+        many = 2 * len(point.z)
+        change = made[at : at + many : 2] - made[at + 1 : at + many : 2]
+        out.append(change / np.maximum(width, 1e-9)[:, None, None, None])
+        at += many
+    return out
+
+
+def _steps(
+    problem: Problem, point: Point, residual: np.ndarray, slope: np.ndarray, effective: np.ndarray
+) -> list[Point]:
+    """Points to try next, one for each damping; coordinates that a bound stops are left out of the step."""
+    curvature, downhill = information(problem, point, residual, slope, effective)
+    prior = _prior(point)
+    limits = bounds(problem, point)
+    z = point.z
+    stuck = ((z <= limits[:, 0] + 1e-9) & (downhill < 0)) | ((z >= limits[:, 1] - 1e-9) & (downhill > 0))
+    move = np.flatnonzero(~stuck)
+    steps = []
+    for damping, pull in [*((d, 0.0) for d in DAMPINGS), *((DAMPINGS[0], p) for p in PULLS)]:
+        step = np.zeros(len(z))
+        if len(move):
+            matrix = (curvature + pull * np.diag(prior))[np.ix_(move, move)]
+            matrix = matrix + damping * np.diag(np.diag(matrix)) + 1e-9 * np.eye(len(move))
+            towards = (downhill - pull * prior * z)[move]
+            step[move] = np.linalg.lstsq(matrix, towards, rcond=1e-12)[0]
+            step *= min(1.0, REACH / max(np.abs(step).max(), 1e-12))  # shorter, but in the same direction
+        steps.append(step)
+    steps += [share * steps[0] for share in SHARES]
+    return [point.moved(np.clip(z + step, limits[:, 0], limits[:, 1])) for step in steps]

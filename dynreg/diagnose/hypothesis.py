@@ -1,0 +1,199 @@
+"""Hypotheses: the plain model with one or more effects, and the coordinates in which they are fitted.
+
+Coordinates are scaled so that a fit needs no further knowledge: nominal parameters in standard deviations of
+their nameplate, sizes of effects in multiples of their medium size.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynreg.sim.effects import EffectParameter, Term, applicable
+from dynreg.sim.effects.body import at_reset, driven_dofs, lever
+from dynreg.sim.ports import nominal_ports, servo_law
+from dynreg.sim.robot import Robot
+from dynreg.sim.space import Parameter
+
+FLAT = 1 / np.sqrt(12)  # standard deviation of a uniform prior, as a share of the range
+SMALLEST = 1e-3  # of the medium size: an effect that is there but does nothing
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The terms that act together; none for the plain model."""
+
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """ "load_friction", "backlash[fl_hip]+payload"; "" for the plain model."""
+        return "+".join(term.key for term in self.terms)
+
+    @property
+    def parameters(self) -> tuple[EffectParameter, ...]:
+        """The parameters of all its terms, in order."""
+        return tuple(p for term in self.terms for p in term.effect.parameters)
+
+    def with_term(self, term: Term) -> "Hypothesis":
+        """The hypothesis with one more term."""
+        return Hypothesis((*self.terms, term))
+
+
+class Coordinates:
+    """Between fit coordinates and physical values, for one robot.
+
+    Nominal coordinate i is (value - centre) / sigma, through the logarithm where the parameter's scale is "log";
+    sigma is its tolerance (relative to the centre; of the range where the centre is 0), or that of a uniform prior
+    over the range where nothing is known; `tolerance` widens (or narrows) all stated ones. Parameters that the log tells (the command rate) are fixed.
+    """
+
+    def __init__(
+        self, robot: Robot, known: np.ndarray, centre: np.ndarray | None = None, tolerance: float = 1.0
+    ):
+        self.robot = robot
+        self.tolerance = tolerance
+        self.known = known
+        space = robot.space
+        self.centre = np.where(np.isnan(known), space.nominal if centre is None else centre, known)
+        self.free = np.flatnonzero(np.isnan(known) & _has_influence(robot))
+        self.sigma = np.array(
+            [_sigma(p, c, tolerance) for p, c in zip(space.parameters, self.centre, strict=True)]
+        )
+        self.log = np.array([p.scale == "log" for p in space.parameters])
+
+    def __len__(self) -> int:
+        return len(self.free)
+
+    @cached_property
+    def nominal_bounds(self) -> np.ndarray:
+        """(P', 2) lowest and highest coordinates of the free parameters."""
+        return np.stack([self.from_values(b) for b in self.robot.space.bounds.T], axis=1)
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """(..., P) parameter values from free coordinates (..., P')."""
+        full = np.zeros((*z.shape[:-1], len(self.centre)))
+        full[..., self.free] = z
+        linear = self.centre + self.sigma * full
+        with np.errstate(over="ignore"):
+            values = np.where(
+                self.log, self.centre * np.exp(np.where(self.log, self.sigma * full, 0.0)), linear
+            )
+        low, high = self.robot.space.bounds.T
+        return np.where(np.isnan(self.known), np.clip(values, low, high), self.known)
+
+    def from_values(self, values: np.ndarray) -> np.ndarray:
+        """(..., P') free coordinates of parameter values (..., P)."""
+        safe = np.where(self.log, values, 1.0)
+        z = np.where(self.log, np.log(safe / np.where(self.log, self.centre, 1.0)), values - self.centre)
+        return (z / self.sigma)[..., self.free]
+
+    @cached_property
+    def scales(self) -> dict[str, np.ndarray]:
+        """{quantity: (A,)} what sizes of effects are multiples of, for each drive."""
+        law = servo_law(nominal_ports(self.robot, 1), self.robot.input_defaults[None])
+        model, data = self.robot.model, at_reset(self.robot)
+        diagonal = data.M[model.M_rowadr + model.M_rownnz - 1]
+        inertia = diagonal[driven_dofs(self.robot)]
+        limit = law.limit[0].copy()
+        unlimited = limit > 1e5  # a drive that states no limit: what gravity and a lively motion ask for
+        moved = np.abs(data.qfrc_bias[driven_dofs(self.robot)]) + 10.0 * inertia
+        limit[unlimited] = moved[unlimited]
+        stiffness = np.maximum(law.stiffness[0], 1e-9)
+        ones = np.ones(len(limit))
+        return {
+            "1": ones,
+            "torque": limit,
+            "stiffness": 1.0 / stiffness,
+            "inertia": inertia,
+            "length": lever(self.robot) * ones,
+        }
+
+    def scale(self, term: Term, parameter: EffectParameter) -> float:
+        """What one medium size of this parameter is, in its unit; the mean over the term's joints."""
+        owners = [name.split("/")[0] for name in self.robot.actions]
+        at = [i for i, owner in enumerate(owners) if not term.joints or owner in term.joints]
+        return float(parameter.medium * np.mean(self.scales[parameter.per][at]))
+
+    def effect_values(self, hypothesis: Hypothesis, z: np.ndarray) -> list[np.ndarray]:
+        """Values (n, K) of each term from effect coordinates (n, sum K)."""
+        out, at = [], 0
+        for term in hypothesis.terms:
+            columns = []
+            for p in term.effect.parameters:
+                columns.append(_effect_value(p, self.scale(term, p), z[:, at]))
+                at += 1
+            out.append(np.stack(columns, axis=1))
+        return out
+
+    def effect_coordinates(self, term: Term, values: np.ndarray) -> np.ndarray:
+        """(K,) coordinates of one term's values (K,)."""
+        out = []
+        for p, value in zip(term.effect.parameters, values, strict=True):
+            scale = self.scale(term, p)
+            if p.shape:
+                out.append(np.log(value / scale) / np.log(3.0))
+            else:
+                out.append(scale / value if p.inverse else value / scale)
+        return np.array(out)
+
+
+def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
+    """(sum K, 2) lowest and highest effect coordinates."""
+    rows = []
+    for p in hypothesis.parameters:
+        if p.shape:
+            reach = np.log(p.most / p.medium) / np.log(3.0)
+            rows.append((-reach, reach))
+            continue
+        most = p.medium / p.most if p.inverse else p.most / p.medium
+        rows.append((-most if p.signed else SMALLEST, most))
+    return np.array(rows).reshape(-1, 2)
+
+
+def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
+    """Whether every term (coordinates (sum K,)) has at least half its weak size in one of its parameters."""
+    at = 0
+    for term in hypothesis.terms:
+        sized = []
+        for p in term.effect.parameters:
+            if not p.shape:
+                weak = p.medium / p.weak if p.inverse else p.weak / p.medium
+                sized.append(abs(z[at]) >= 0.5 * weak)
+            at += 1
+        if not any(sized):
+            return False
+    return True
+
+
+def single_terms(robot: Robot, only: tuple[str, ...] = (), without: tuple[str, ...] = ()) -> list[Term]:
+    """Every effect that can act on the robot: on all its joints, and on each where it has several."""
+    joints = tuple(dict.fromkeys(name.split("/")[0] for name in robot.actions))
+    out = []
+    for name, effect in applicable(robot).items():
+        if (only and name not in only) or name in without:
+            continue
+        out.append(Term(effect))
+        if effect.scope == "joint" and len(joints) > 1:
+            out += [Term(effect, (joint,)) for joint in joints]
+    return out
+
+
+def _effect_value(p: EffectParameter, scale: float, z: np.ndarray) -> np.ndarray:
+    if p.shape:
+        return scale * np.exp(np.log(3.0) * z)
+    return scale / np.maximum(z, SMALLEST) if p.inverse else scale * z
+
+
+def _sigma(p: Parameter, centre: float, tolerance: float) -> float:
+    """Standard deviation of the parameter's prior, in its (logarithmic) coordinate."""
+    if not np.isfinite(p.tolerance):
+        return FLAT * (np.log(p.high / p.low) if p.scale == "log" else p.high - p.low)
+    if p.scale == "log":
+        return tolerance * p.tolerance
+    return tolerance * p.tolerance * (abs(centre) if centre else p.high - p.low)
+
+
+def _has_influence(robot: Robot) -> np.ndarray:
+    """(P,) whether a parameter changes a rollout without motor noise."""
+    return np.array([any(a.root != "control" or a.path != "noise" for a in s) for s in robot.setters])

@@ -1,0 +1,289 @@
+"""Causes that no library has: on which signals of a joint does what is left of its acceleration depend?
+
+A small regression, judged on trajectories that it has not seen, against a null of the same residuals paired with
+the signals of other trajectories.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.rng import stream, stream_seed
+
+LEAST = 0.02  # held-out R^2 below which nothing is said
+MORE = 0.05  # of the whole R^2: the least that a further signal must add
+NULLS = 12  # residuals paired with the wrong signals
+MARGIN = 1.25  # times the best of which the true pairing must explain
+FEWEST = 60  # samples below which nothing can be said
+MOST = 3000  # samples that are fitted: more cost time and change little
+FOLDS = 4
+# where two signals explain the same within NEAR, the earlier is named: a sign is simpler than what it is the sign of
+NEAR = 0.02
+SIMPLEST = ("sign_of_velocity", "velocity", "position", "load", "command_error", "command", "time")
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """What a simulator leaves of one joint's acceleration, and what the joint was doing.
+
+    values : (N,) measured - predicted [unit]. signals : {name: (N,)}. trajectory : (N,) number of the trajectory,
+    rows in the order of time. NaN residuals are left out; NaN signals are unknown.
+    Raises UsageError where the lengths differ.
+    """
+
+    joint: str
+    unit: str
+    values: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    trajectory: np.ndarray
+
+    def __post_init__(self):
+        lengths = {"values": self.values.shape, "trajectory": self.trajectory.shape}
+        lengths |= {name: signal.shape for name, signal in self.signals.items()}
+        wrong = {name: shape for name, shape in lengths.items() if shape != (len(self.values),)}
+        if wrong:
+            name, shape = next(iter(wrong.items()))
+            raise UsageError(
+                f"{name!r} of joint {self.joint!r} has shape {shape}",
+                expected=f"({len(self.values)},), one for each residual",
+                do="give all of them at the same rows",
+            )
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """Of one joint and signal, as shares of the residual's variance on unseen trajectories.
+
+    share : what it adds to those named before it; the shares of a joint sum to what its few signals explain together.
+    alone : what it explains by itself. lost : what is lost without it, where all others stay.
+    """
+
+    joint: str
+    signal: str
+    share: float
+    alone: float
+    lost: float
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What can be predicted of a joint's residual: nothing where `explained` is 0, and all shares are then 0.
+
+    explained : held-out R^2 with all signals, or with those that have a share where that is more. null : the largest
+    of residuals that were paired with wrong signals.
+    rows : one for each signal, largest share first. size : standard deviation of the residual [unit].
+    """
+
+    joint: str
+    unit: str
+    explained: float
+    null: float
+    size: float
+    samples: int
+    trajectories: int
+    rows: tuple[Dependence, ...]
+
+    @property
+    def sentence(self) -> str:
+        """What a user is told."""
+        said = [f"{r.signal} ({r.share:.0%})" for r in self.rows if r.share > 0]
+        if not said:
+            return f"Nothing that is left of {self.joint} can be told from its signals."
+        return f"{self.explained:.0%} of what is left of {self.joint} can be told from its signals: {', '.join(said)}."
+
+
+def leftover(residuals: Residuals, *, seed: int = 0) -> Leftover:
+    """Fit what is left of a joint on its signals and say which of them tell it, and how much.
+
+    Regressions are ridge (with squares and sizes) and gradient-boosted trees, the better of both; held out by
+    trajectory, by blocks of rows where there are fewer than 8 trajectories.
+    """
+    import sklearn.ensemble  # noqa: F401  - limits reach only what is loaded
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):  # threads cost such small fits far more than they save
+        return _leftover(residuals, seed)
+
+
+def _leftover(residuals: Residuals, seed: int) -> Leftover:
+    y, table, names, block = _rows(residuals)
+    trajectories = len(np.unique(residuals.trajectory[np.isfinite(residuals.values)]))
+    about = (float(np.std(y)) if len(y) else 0.0, len(y), trajectories)
+    zeros = tuple(Dependence(residuals.joint, name, 0.0, 0.0, 0.0) for name in residuals.signals)
+    if len(y) < FEWEST or not names or about[0] == 0 or len(np.unique(block)) < FOLDS:
+        return Leftover(residuals.joint, residuals.unit, 0.0, 0.0, *about, zeros)
+    judge = _Judge(y, table, _folds(block, seed, residuals.joint), seed)
+    everything = list(range(len(names)))
+    whole = judge.explained(everything)
+    null = _null(judge, block, whole, residuals.joint, seed)
+    if whole < max(LEAST, MARGIN * null):
+        return Leftover(residuals.joint, residuals.unit, 0.0, null, *about, zeros)
+    alone = [judge.explained([i]) for i in everything]
+    without = [judge.explained([j for j in everything if j != i]) for i in everything]
+    share = dict(_shares(judge, names, alone, whole))
+    found = {
+        name: Dependence(
+            residuals.joint,
+            name,
+            share.get(i, 0.0),
+            max(alone[i], 0.0),
+            max(whole - max(without[i], 0.0), 0.0),
+        )
+        for i, name in enumerate(names)
+    }
+    rows = sorted((found.get(z.signal, z) for z in zeros), key=lambda r: -r.share)
+    told = max(whole, sum(share.values()))
+    return Leftover(residuals.joint, residuals.unit, told, null, *about, tuple(rows))
+
+
+class _Judge:
+    """Share of the variance of y (N,) that columns of a table (N, K) explain on folds (N,) that were not seen."""
+
+    def __init__(self, y: np.ndarray, table: np.ndarray, folds: np.ndarray, seed: int):
+        self.y, self.table, self.folds = y, table, folds
+        self.seed = stream_seed(seed, "leftover trees") % 2**31
+
+    def explained(self, columns: list[int]) -> float:
+        """R^2 of the better of two regressions, against the mean of what was seen; 0 without columns."""
+        if not columns:
+            return 0.0
+        x = self.table[:, columns]
+        best = -np.inf
+        for regression in (self._ridge, self._trees):
+            left, plain = 0.0, 0.0
+            for fold in range(FOLDS):
+                seen, unseen = self.folds != fold, self.folds == fold
+                predicted = regression(x[seen], self.y[seen], x[unseen])
+                left += np.sum((self.y[unseen] - predicted) ** 2)
+                plain += np.sum((self.y[unseen] - self.y[seen].mean()) ** 2)
+            best = max(best, 1.0 - left / plain)
+        return float(best)
+
+    @staticmethod
+    def _ridge(x: np.ndarray, y: np.ndarray, ask: np.ndarray) -> np.ndarray:
+        from sklearn.linear_model import Ridge
+
+        known = np.isfinite(x)
+        count = np.maximum(
+            known.sum(axis=0), 1
+        )  # a signal that no seen trajectory has is as good as constant
+        mean = np.where(known, x, 0.0).sum(axis=0) / count
+        size = np.maximum(np.sqrt(np.where(known, (x - mean) ** 2, 0.0).sum(axis=0) / count), 1e-12)
+
+        def features(a: np.ndarray) -> np.ndarray:
+            z = np.clip(np.nan_to_num((a - mean) / size), -5.0, 5.0)
+            return np.concatenate([z, z * np.abs(z), z**2, np.abs(z)], axis=1)
+
+        return Ridge(alpha=1.0).fit(features(x), y).predict(features(ask))
+
+    def _trees(self, x: np.ndarray, y: np.ndarray, ask: np.ndarray) -> np.ndarray:
+        from sklearn.ensemble import HistGradientBoostingRegressor
+
+        model = HistGradientBoostingRegressor(
+            max_iter=16,
+            learning_rate=0.35,
+            max_leaf_nodes=8,
+            min_samples_leaf=max(20, len(y) // 200),
+            l2_regularization=1.0,
+            max_bins=64,
+            early_stopping=False,
+            random_state=self.seed,
+        )
+        return model.fit(x, y).predict(ask)
+
+
+def _shares(judge: _Judge, names: list[str], alone: list[float], whole: float) -> list[tuple[int, float]]:
+    """(column, what it adds), signal by signal, until nothing adds enough; a pair where no single signal tells half."""
+    least = max(LEAST, MORE * whole)
+    chosen: list[tuple[int, float]] = []
+    total, scores = 0.0, dict(enumerate(alone))
+    if max(alone) < 0.5 * whole and len(names) > 1:
+        pairs = {(i, j): judge.explained([i, j]) for i in range(len(names)) for j in range(i)}
+        (i, j), together = max(pairs.items(), key=lambda item: item[1])
+        if together > max(alone) + least and together > 2 * max(alone):
+            # what only acts together is shared evenly
+            halves = [
+                (a, (together + max(alone[a], 0.0) - max(alone[b], 0.0)) / 2) for a, b in ((i, j), (j, i))
+            ]
+            chosen, total = [h for h in halves if h[1] > 0], together
+            scores = _next(judge, [c for c, _ in chosen], len(names))
+    while scores:
+        best = max(scores.values())
+        if best < total + least:
+            break
+        near = [i for i, score in scores.items() if score >= best - NEAR * max(whole, best)]
+        pick = min(near, key=lambda i: (_simplicity(names[i]), -scores[i]))
+        if scores[pick] < total + least:
+            pick = max(scores, key=lambda i: scores[i])
+        chosen.append((pick, scores[pick] - total))
+        total = scores[pick]
+        scores = _next(judge, [c for c, _ in chosen], len(names))
+    return chosen
+
+
+def _next(judge: _Judge, chosen: list[int], count: int) -> dict[int, float]:
+    return {i: judge.explained([*chosen, i]) for i in range(count) if i not in chosen}
+
+
+def _simplicity(name: str) -> int:
+    return SIMPLEST.index(name) if name in SIMPLEST else len(SIMPLEST)
+
+
+def _rows(residuals: Residuals) -> tuple[np.ndarray, np.ndarray, list[str], np.ndarray]:
+    """y (N,), table (N, K) of the signals that vary, their names, and the block (N,) each row is held out with."""
+    known = np.flatnonzero(np.isfinite(residuals.values))
+    known = known[np.argsort(residuals.trajectory[known], kind="stable")]
+    block = _blocks(residuals.trajectory[known])
+    every = -(-len(known) // MOST) if len(known) else 1
+    known, block = known[::every], block[::every]
+    y = residuals.values[known]
+    if len(y):  # a few wild samples (an impact, a lost packet) would decide the fit
+        y = np.clip(y, *np.quantile(y, [0.002, 0.998]))
+    columns = {}
+    for name, signal in residuals.signals.items():
+        values = np.where(np.isfinite(signal[known]), signal[known], np.nan)
+        if np.isfinite(values).any() and np.nanstd(values) > 1e-9 * max(np.nanmax(np.abs(values)), 1e-300):
+            columns[name] = values
+    table = np.stack(list(columns.values()), axis=1) if columns else np.empty((len(y), 0))
+    return y, table, list(columns), block
+
+
+def _blocks(trajectory: np.ndarray) -> np.ndarray:
+    """(N,) the trajectory of each row, or a run of rows within it where there are fewer than 8 trajectories."""
+    numbers, block = np.unique(trajectory, return_inverse=True)
+    if not len(numbers) or len(numbers) >= 2 * FOLDS:
+        return block
+    parts = -(-2 * FOLDS // len(numbers))
+    counts = np.bincount(block)
+    within = np.arange(len(block)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return block * parts + within * parts // counts[block]
+
+
+def _folds(block: np.ndarray, seed: int, joint: str) -> np.ndarray:
+    """(N,) fold of each row; a block is in one fold only."""
+    numbers, at = np.unique(block, return_inverse=True)
+    order = stream(seed, "leftover folds", joint).permutation(len(numbers))
+    return order[at] % FOLDS
+
+
+def _null(judge: _Judge, block: np.ndarray, whole: float, joint: str, seed: int) -> float:
+    """The best R^2 of residuals paired with the wrong signals, at least 0; the search ends where `whole` fails it."""
+    best = 0.0
+    for number in range(NULLS):
+        if whole < max(LEAST, MARGIN * best):
+            break
+        wrong = _mispaired(judge.y, block, seed, joint, number)
+        best = max(
+            best, _Judge(wrong, judge.table, judge.folds, seed).explained(list(range(judge.table.shape[1])))
+        )
+    return best
+
+
+def _mispaired(y: np.ndarray, block: np.ndarray, seed: int, joint: str, number: int) -> np.ndarray:
+    """The residuals (N,) in another order of blocks and shifted: as correlated in time, but of no signal's making."""
+    rng = stream(seed, "leftover null", joint, number)
+    order = rng.permutation(np.unique(block))
+    mixed = np.concatenate([y[block == b] for b in order])
+    return np.roll(mixed, int(rng.integers(len(y) // 10, len(y) - len(y) // 10)))

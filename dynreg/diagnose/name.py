@@ -1,0 +1,231 @@
+"""Name the cause: screen, refit, score, select, and stop when nothing passes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynreg.diagnose.fit import fit, information, sensitivities
+from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
+from dynreg.diagnose.problem import Point, Problem, effective_samples, log_likelihood, mean_squares
+from dynreg.rng import stream
+from dynreg.sim.effects import Term
+
+SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
+KEPT = 2  # starts of each hypothesis that are refitted,
+ROUGHLY = 2  # iterations for all of them,
+FINALISTS = 16  # and to the end for the best
+DRAWS = 4  # starts of the calibration besides the nameplate
+ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
+BETTER = 2.0  # nats better
+PER_PARAMETER = 2.0  # nats that a parameter of an effect must pay for itself
+NEAR = 0.05  # share of the best score, and
+NATS = 15.0  # nats below it, within which hypotheses count as equal
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A fitted hypothesis: its point, and by how many nats it beats the model without its last term."""
+
+    point: Point
+    nats: float
+    square: np.ndarray  # (W, C) mean squared residuals on fit and select
+
+    @property
+    def key(self) -> str:
+        return self.point.hypothesis.key
+
+
+@dataclass
+class Naming:
+    """One round: the calibrated model that it started from, the ranking, and what was chosen.
+
+    improved : whether the start turned out better than the calibration that the round began with.
+    """
+
+    start: Scored
+    ranking: list[Scored]
+    chosen: Scored | None = None
+    equivalent: list[Scored] = field(default_factory=list)
+    improved: bool = False
+
+
+def calibrate(problem: Problem, fit_on: np.ndarray, *, iterations: int = 8) -> tuple[Point, np.ndarray]:
+    """The plain model at its maximum a posteriori, and the independent samples (W, C) that its residual has.
+
+    Starts at the nameplate and at draws from its tolerances: dry friction makes local optima.
+    """
+    many = len(problem.coordinates)
+    draws = stream(0, "calibrate").standard_normal((DRAWS, many))
+    points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *draws)]
+    effective = np.full((len(fit_on), len(problem.use)), 20.0)
+    points, cost = fit(problem, points, fit_on, effective, iterations=3)
+    for rounds, kept in ((3, 2), (iterations, 1)):
+        points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]
+        effective = effective_samples(problem.residuals(points[:1], fit_on)[0])
+        points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
+    return points[0], effective_samples(problem.residuals(points[:1], fit_on)[0])
+
+
+def name_one(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    select_on: np.ndarray,
+    effective: np.ndarray,
+    *,
+    iterations: int = 5,
+) -> Naming:
+    """The term that, added to `base`, explains most of what `base` leaves: one round of naming.
+
+    effective : (W, C) independent samples of the fit windows.
+    """
+    for _ in range(ROUNDS):
+        naming = _one_round(problem, base, terms, fit_on, select_on, effective, iterations)
+        base = naming.start.point
+        if not naming.improved:
+            break
+    return naming
+
+
+def _one_round(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    select_on: np.ndarray,
+    effective: np.ndarray,
+    iterations: int,
+) -> Naming:
+    starts = screen(problem, base, terms, fit_on, effective)
+    rough, cost = fit(problem, starts, fit_on, effective, iterations=ROUGHLY)
+    fitted, _ = fit(problem, _finalists(rough, cost), fit_on, effective, iterations=iterations)
+    # the model without the term gets the same chance: it starts where the best of the others ended, too
+    others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in fitted[:3])]
+    again, price = fit(problem, others, fit_on, effective, iterations=iterations)
+    naming = select(problem, again[int(price.argmin())], fitted, np.concatenate([fit_on, select_on]))
+    naming.improved = float(price[0] - price.min()) > BETTER
+    return naming
+
+
+def screen(
+    problem: Problem, base: Point, terms: list[Term], fit_on: np.ndarray, effective: np.ndarray
+) -> list[Point]:
+    """For every term the most promising starts: sizes and signs tried, nominal coordinates moved along to first order.
+
+    A term's change of the rollouts counts after what the nominal parameters can do as well is taken off.
+    """
+    residual, slopes = sensitivities(problem, [base], fit_on)
+    curvature, _ = information(problem, base, residual[0], slopes[0], effective)
+    tried: list[Point] = []
+    for term in terms:
+        hypothesis = base.hypothesis.with_term(term)
+        for z in _starts(term):
+            tried.append(Point(hypothesis, base.nominal, np.concatenate([base.effect, z])))
+    made = problem.residuals(tried, fit_on)
+    squares = mean_squares(residual, problem.floor)[0]
+    weight = np.nan_to_num(effective / squares) / max(residual.shape[2], 1)
+    inverse = np.linalg.pinv(curvature)  # coordinates at a bound may do nothing
+    flat = np.nan_to_num(slopes[0]).reshape(len(slopes[0]), -1)
+    weights = np.broadcast_to(weight[:, None], residual.shape[1:]).reshape(-1)
+    gains, moves = np.empty(len(tried)), []
+    for i in range(len(tried)):
+        new = np.nan_to_num(made[i]).reshape(-1)
+        pull = -(flat * weights) @ new - _prior_slope(base)
+        move = inverse @ pull
+        after = new + flat.T @ move
+        # the size of the residual is unknown: gains count by the logarithm, as in the objective
+        gains[i] = -_log_square(problem, after, residual.shape[1:], effective) - 0.5 * np.sum(
+            (base.z + move)[: len(base.nominal)] ** 2
+        )
+        moves.append(move)
+    return _best_starts(problem, base, terms, tried, gains, moves)
+
+
+def select(problem: Problem, base: Point, fitted: list[Point], windows: np.ndarray) -> Naming:
+    """Score on all windows, drop what is below half its weak size, prefer fewer parameters among equals."""
+    everything = problem.residuals([base, *fitted], windows)
+    squares = mean_squares(everything, problem.floor)
+    rough = np.array([np.nansum(np.log(s)) for s in squares])
+    effective = effective_samples(everything[int(rough.argmin())])
+    likelihood = log_likelihood(squares, effective)
+    start = Scored(base, 0.0, squares[0])
+    best: dict[str, Scored] = {}
+    for i, point in enumerate(fitted, start=1):
+        more = len(point.effect) - len(base.effect)
+        nats = likelihood[i] - likelihood[0] - PER_PARAMETER * more - (point.penalty - base.penalty)
+        if not worth_naming(point.hypothesis, point.effect):
+            continue
+        scored = Scored(point, float(nats), squares[i])
+        if scored.key not in best or best[scored.key].nats < scored.nats:
+            best[scored.key] = scored
+    ranking = sorted(best.values(), key=lambda s: -s.nats)
+    naming = Naming(start, ranking)
+    if ranking and ranking[0].nats > 0:
+        top = ranking[0].nats
+        near = [s for s in ranking if s.nats >= (1 - NEAR) * top]
+        naming.chosen = min(near, key=lambda s: (len(s.point.effect), -s.nats))
+        within = max(NEAR * top, NATS)
+        naming.equivalent = [s for s in ranking if s.nats >= top - within and s is not naming.chosen]
+    return naming
+
+
+def _finalists(points: list[Point], cost: np.ndarray) -> list[Point]:
+    """The best start of each hypothesis, of the `FINALISTS` best hypotheses, best first."""
+    out: dict[str, Point] = {}
+    for i in np.argsort(cost, kind="stable"):
+        out.setdefault(points[i].hypothesis.key, points[i])
+    return list(out.values())[:FINALISTS]
+
+
+def _starts(term: Term) -> list[np.ndarray]:
+    """Effect coordinates to try: some sizes, both signs where it has one; shapes at their typical value."""
+    parameters = term.effect.parameters
+    low, high = effect_bounds(Hypothesis((term,))).T
+    sized = [i for i, p in enumerate(parameters) if not p.shape]
+    out = []
+    for size in SCREEN:
+        signs = [[1.0]]
+        if parameters[0].signed:
+            # two signed parameters (a phase): four quadrants
+            both = len(sized) > 1 and parameters[sized[1]].signed
+            signs = [[a, b] for a in (1.0, -1.0) for b in (1.0, -1.0)] if both else [[1.0], [-1.0]]
+        for sign in signs:
+            z = np.zeros(len(parameters))
+            for k, i in enumerate(sized):
+                z[i] = size * (sign[k] if k < len(sign) else 1.0)
+            out.append(np.clip(z, low, high))
+    return out
+
+
+def _best_starts(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    tried: list[Point],
+    gains: np.ndarray,
+    moves: list[np.ndarray],
+) -> list[Point]:
+    from dynreg.diagnose.fit import bounds
+
+    out, at = [], 0
+    for term in terms:
+        many = len(_starts(term))
+        order = np.argsort(-gains[at : at + many])[:KEPT] + at
+        for i in order:
+            limits = bounds(problem, tried[i])
+            z = tried[i].z.copy()
+            z[: len(moves[i])] += np.clip(moves[i], -3.0, 3.0)
+            out.append(tried[i].moved(np.clip(z, limits[:, 0], limits[:, 1])))
+        at += many
+    return out
+
+
+def _log_square(problem: Problem, flat: np.ndarray, shape: tuple, effective: np.ndarray) -> float:
+    squares = mean_squares(flat.reshape(1, *shape), problem.floor)
+    return -float(log_likelihood(squares, effective)[0])
+
+
+def _prior_slope(base: Point) -> np.ndarray:
+    shapes = [float(p.shape) for p in base.hypothesis.parameters]
+    return np.concatenate([base.nominal, np.array(shapes) * base.effect])

@@ -1,0 +1,113 @@
+"""One step ahead: every measured row as a start, and what a simulator leaves of each joint's acceleration."""
+
+import numpy as np
+
+from dynreg.diagnose.leftover import Residuals
+from dynreg.diagnose.signals import JointSignals, joint_signals, position_column, velocity_column
+from dynreg.errors import UsageError
+from dynreg.replay.windows import Windows
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+
+def one_step_run(robot: Robot, windows: Windows) -> Run:
+    """Every command of W windows as an episode of its own that starts from the measured row: W T episodes of one step.
+
+    Velocities that the log lacks are the slope of the positions around the row. Rollouts (n, W T, 2, S) of it become
+    predictions with `states[:, :, 1].reshape(n, W, T, S)`.
+    """
+    run, count = windows.run, len(windows) * windows.run.steps
+    initial = windows.measured[:, :-1].copy()
+    for joint, signals in joint_signals(robot, windows).items():
+        column = velocity_column(robot, joint)
+        if column is not None:
+            initial[..., column] = signals.velocity
+    begin = None
+    if run.begin is not None:
+        begin = (run.begin[:, None] + windows.period * np.arange(run.steps)).reshape(count)
+    return Run(
+        run.actions.reshape(count, 1, -1),
+        inputs=None if run.inputs is None else run.inputs.reshape(count, 1, -1),
+        settings=None if run.settings is None else np.repeat(run.settings, run.steps, axis=0),
+        initial=initial.reshape(count, -1),
+        period=run.period,
+        begin=begin,
+    )
+
+
+def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) -> tuple[Residuals, ...]:
+    """What one simulator leaves of every driven joint's acceleration: measured - predicted [unit of velocity / s].
+
+    predicted : (W, T, S) row t+1 from the measured row t (`one_step_run`). From velocities where they were measured,
+    else from the second difference of positions. Joints without a velocity channel are left out: no
+    simulator can be started as they moved. Raises UsageError where the shape does not fit the windows.
+    """
+    if predicted.shape != windows.measured[:, 1:].shape:
+        raise UsageError(
+            f"one-step predictions of shape {predicted.shape}",
+            expected=f"{windows.measured[:, 1:].shape}",
+            do="give one row for every command of every window",
+        )
+    out = []
+    for joint, signals in joint_signals(robot, windows).items():
+        found = _accelerations(robot, windows, predicted, joint, signals.velocity)
+        if found is None:
+            continue
+        values, unit = found
+        shape = values.shape
+        flat = {
+            name: np.broadcast_to(s, shape).reshape(-1)
+            for name, s in _signals(robot, windows, signals).items()
+        }
+        trajectory = np.repeat(windows.episode, shape[1])
+        out.append(Residuals(joint, unit, values.reshape(-1), flat, trajectory))
+    return tuple(out)
+
+
+def _accelerations(
+    robot: Robot, windows: Windows, predicted: np.ndarray, joint: str, velocity: np.ndarray
+) -> tuple[np.ndarray, str] | None:
+    """(W, T) measured - predicted acceleration and its unit; `velocity` is what the predictions started from."""
+    measured, period = windows.measured, windows.period
+    p, v = position_column(robot, joint), velocity_column(robot, joint)
+    if v is None:
+        return None
+    # the start counts too: a row whose own state was not measured was not predicted from it
+    if np.isfinite(measured[..., v]).any():
+        known = np.isfinite(measured[:, :-1, v])
+        difference = np.where(known, measured[:, 1:, v] - predicted[..., v], np.nan) / period
+    elif p is not None and np.isfinite(measured[..., p]).any():
+        # a second difference is the mean acceleration of the steps before and after its row
+        position, simulated = measured[..., p], (predicted[..., v] - velocity) / period
+        difference = np.full(simulated.shape, np.nan)
+        difference[:, 1:] = (
+            np.diff(position, n=2, axis=1) / period**2 - (simulated[:, 1:] + simulated[:, :-1]) / 2
+        )
+    else:
+        return None
+    difference = np.where(np.isfinite(difference), difference, np.nan)
+    return difference, f"{robot.file.channels[v].unit}/s".replace("/s/s", "/s^2")
+
+
+def _signals(robot: Robot, windows: Windows, own: JointSignals) -> dict[str, np.ndarray]:
+    """{name: broadcastable to (W, T)} of what a joint's residual may depend on."""
+    still = 2.0 * own.velocity_noise
+    with np.errstate(invalid="ignore"):
+        sign = np.where(np.abs(own.velocity) > still, np.sign(own.velocity), 0.0)
+    steps = np.arange(windows.run.steps) * windows.period
+    begin = windows.run.begin
+    out = {
+        "position": own.position,
+        "velocity": own.velocity,
+        "sign_of_velocity": np.where(np.isfinite(own.velocity), sign, np.nan),
+        "load": own.torque,
+        "command": own.command,
+        "command_error": own.command_error,
+        "time": steps[None] + (0.0 if begin is None else begin[:, None]),
+    }
+    run = windows.run
+    if run.inputs is not None:
+        out |= {name: run.inputs[..., i] for i, name in enumerate(robot.inputs)}
+    if run.settings is not None:
+        out |= {name: run.settings[:, i, None] for i, name in enumerate(robot.settings)}
+    return out

@@ -1,0 +1,139 @@
+"""The data of one diagnosis and what a hypothesis makes of it: batched rollouts, residuals, likelihood."""
+
+import warnings
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.replay.windows import Windows
+from dynreg.sim.effects import Term, Terms
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+
+FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
+
+
+@dataclass(frozen=True)
+class Point:
+    """One candidate: a hypothesis, its nominal coordinates (P',) and its effect coordinates (K,)."""
+
+    hypothesis: Hypothesis
+    nominal: np.ndarray
+    effect: np.ndarray
+
+    @property
+    def z(self) -> np.ndarray:
+        """(P' + K,) all coordinates."""
+        return np.concatenate([self.nominal, self.effect])
+
+    def moved(self, z: np.ndarray) -> "Point":
+        """The point of the same hypothesis at coordinates z (P' + K,)."""
+        return Point(self.hypothesis, z[: len(self.nominal)], z[len(self.nominal) :])
+
+    @property
+    def penalty(self) -> float:
+        """Half the squared nominal coordinates, and those of shapes: minus the logarithm of the prior."""
+        shapes = np.array([p.shape for p in self.hypothesis.parameters], dtype=bool)
+        return 0.5 * float(self.nominal @ self.nominal + self.effect[shapes] @ self.effect[shapes])
+
+
+@dataclass
+class Problem:
+    """A recording cut into windows and the robot that it is held against.
+
+    use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
+    candidates : how many simulators were run through windows so far (window by window).
+    """
+
+    robot: Robot
+    windows: Windows
+    coordinates: Coordinates
+    engine: str | None = None
+    threads: int = 1
+    candidates: int = field(default=0)
+
+    def __post_init__(self):
+        self.use = np.flatnonzero(self.windows.weight > 0)
+        noise = np.array([c.noise**2 + c.quantum**2 / 12 for c in self.robot.file.channels])
+        self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
+
+    def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
+        """(n, W, T+1, S) rollouts of the points through the chosen windows."""
+        self.candidates += len(points)
+        values = self.coordinates.values(np.array([p.nominal for p in points]))
+        run = self.windows.run.take(chosen)
+        return rollout(
+            self.robot, values, run, engine=self.engine, threads=self.threads, terms=self._terms(points)
+        ).states
+
+    def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
+        """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
+
+        A diverged simulation counts as ten times the motion.
+        """
+        states = self.states(points, chosen)[..., 1:, self.use]
+        measured = self.windows.measured[chosen][:, 1:, self.use]
+        scaled = (states - measured) / self.windows.spread[self.use]
+        lost = ~np.isfinite(scaled) & np.isfinite(measured)
+        return np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
+
+    def _terms(self, points: list[Point]) -> Terms | None:
+        """The terms of all points, NaN where a point does not have one."""
+        groups: dict[tuple, list[int]] = {}
+        for i, point in enumerate(points):
+            groups.setdefault(point.hypothesis.terms, []).append(i)
+        table: dict[str, tuple[Term, np.ndarray]] = {}
+        for terms, members in groups.items():
+            if not terms:
+                continue
+            z = np.array([points[i].effect for i in members])
+            values = self.coordinates.effect_values(points[members[0]].hypothesis, z)
+            for term, columns in zip(terms, values, strict=True):
+                if term.key not in table:
+                    table[term.key] = (term, np.full((len(points), columns.shape[1]), np.nan))
+                table[term.key][1][members] = columns
+        if not table:
+            return None
+        return Terms(tuple(t for t, _ in table.values()), tuple(v for _, v in table.values()))
+
+
+def mean_squares(residuals: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """(n, W, C) mean squared residual of every window and channel, on top of a share of the stated noise."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a channel that one window does not have
+        return np.nanmean(residuals**2, axis=2) + FLOOR * floor
+
+
+def log_likelihood(squares: np.ndarray, effective: np.ndarray) -> np.ndarray:
+    """(n,) sum over windows and channels of -(n_eff / 2) log(mean square): Gaussian, with its variance unknown.
+
+    squares : (n, W, C). effective : (W, C) independent samples in each.
+    """
+    return -0.5 * np.nansum(effective * np.log(squares), axis=(1, 2))
+
+
+def effective_samples(residuals: np.ndarray) -> np.ndarray:
+    """(W, C) independent samples in residuals (W, T, C): rows over the integrated autocorrelation time.
+
+    That time is the median over the windows: a window that happens to be fitted down to white noise must not count
+    for more, or the next fit would do nothing but fit it better still.
+    """
+    windows, rows, channels = residuals.shape
+    out, measured = np.full((windows, channels), np.nan), np.zeros((windows, channels))
+    for w in range(windows):
+        for c in range(channels):
+            x = residuals[w, :, c]
+            x = x[np.isfinite(x)]
+            measured[w, c] = len(x)
+            if len(x) < 8 or not np.any(x):
+                continue
+            x = x - x.mean()
+            power = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
+            correlation = np.fft.irfft(power)[: len(x)] / max(x @ x, 1e-300)
+            until = int(np.argmax(correlation < 0.05)) or len(x)
+            out[w, c] = max(2.0 * correlation[:until].sum() - 1.0, 1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a channel that nowhere moves
+        usual = np.nanmedian(out, axis=0)
+    return measured / np.where(np.isfinite(usual), usual, np.inf)

@@ -1,0 +1,239 @@
+"""How alike two runs of the same commands are: the floor that any model can reach; and what is white in a residual."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.data.recording import Episode, Recording
+from dynreg.diagnose.signals import sensor_noise
+from dynreg.sim.robot import Robot
+
+LONGEST_SHIFT = 0.5  # s by which the commands of two runs may lie apart in their episodes
+SHORTEST = 0.5  # s that two runs must have in common
+START = 0.25  # of a channel's spread: further apart at the start, two runs are not the same experiment
+WORLD = ("x", "y", "z", "yaw")  # of a base: where it happens to stand
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """The floor of one channel, in its unit.
+
+    spread : standard deviation of the difference of repeated runs over sqrt(2); None where nothing repeats.
+    stated : standard deviation by the channel's stated noise and quantum; 0 where none is stated.
+    pairs, samples : pairs of runs compared and rows in them.
+    """
+
+    channel: str
+    unit: str
+    spread: float | None
+    stated: float
+    pairs: int
+    samples: int
+
+    @property
+    def floor(self) -> float:
+        """What any model must leave: the measured spread, or without repeats the stated noise."""
+        return self.stated if self.spread is None else self.spread
+
+
+def repeatability(
+    robot: Robot, recording: Recording, *, tolerance: float = 0.01
+) -> tuple[Repeatability, ...]:
+    """The run-to-run spread of every channel of the robot, in their order.
+
+    Two episodes repeat each other where their settings are equal, their commands and enable flags agree within
+    `tolerance` (mean size of the difference, in standard deviations of each command over the recording) at one
+    shift of at most 0.5 s, and they start alike there. A constant offset between two runs is not counted.
+    """
+    stated = sensor_noise(robot)
+    pairs = repeated(robot, recording, tolerance=tolerance)
+    out = []
+    for c, channel in enumerate(robot.file.channels):
+        squares, freedom, used, samples = 0.0, 0, 0, 0
+        column = recording.names.index(channel.name) if channel.name in recording.names else None
+        for a, b in pairs if column is not None else ():
+            difference = a[:, column] - b[:, column]
+            difference = difference[np.isfinite(difference)]
+            if len(difference) < 2:
+                continue
+            squares += float(np.sum((difference - difference.mean()) ** 2))
+            freedom, used, samples = freedom + len(difference) - 1, used + 1, samples + len(difference)
+        spread = float(np.sqrt(squares / freedom / 2)) if freedom else None
+        out.append(Repeatability(channel.name, channel.unit, spread, float(stated[c]), used, samples))
+    return tuple(out)
+
+
+def repeated(
+    robot: Robot, recording: Recording, *, tolerance: float = 0.01
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Every pair of runs of the same commands, as rows (T, C) each that begin at the same command."""
+    enables = robot.inputs[len(robot.file.inputs) :]
+    told = [name for name in (*robot.actions, *enables) if name in recording.names]
+    if not told:
+        return []
+    commands = recording.columns(told)
+    everything = np.concatenate([e.values for e in recording.episodes])
+    spread = _spread(everything)
+    starts = [c for c in _columns(robot, recording) if np.isfinite(spread[c])]
+    out = []
+    for i, first in enumerate(recording.episodes):
+        for second in recording.episodes[i + 1 :]:
+            if not _same_settings(first.settings, second.settings):
+                continue
+            cut = _aligned(first, second, commands, spread, tolerance)
+            if cut is not None and _start_alike(
+                cut[0][0, starts], cut[1][0, starts], robot, recording, starts, spread
+            ):
+                out.append(cut)
+    return out
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Ljung-Box test: `p` is the chance that white noise shows at least this autocorrelation.
+
+    p is None where the series is too short (under 8 samples) or constant. correlation_time : integrated
+    autocorrelation time [samples]; samples over it is how many independent ones there are.
+    """
+
+    statistic: float
+    p: float | None
+    lags: int
+    samples: int
+    correlation_time: float
+
+    @property
+    def white(self) -> bool | None:
+        """Whether nothing speaks against white noise at 1 %; None where it cannot be told."""
+        return None if self.p is None else self.p > 0.01
+
+
+def whiteness(series: np.ndarray, *, lags: int | None = None) -> Whiteness:
+    """Test a residual (T,), or several of equal length (W, T), for autocorrelation.
+
+    NaN are gaps. Products reach across neither gaps nor rows; one mean is taken off all. lags : how far, by default
+    20 samples or a fifth of a row's length.
+    """
+    rows = np.atleast_2d(np.asarray(series, dtype=float))
+    known = np.isfinite(rows)
+    samples, longest = int(known.sum()), int(known.sum(axis=1).max(initial=0))
+    lags = max(1, min(20, longest // 5) if lags is None else min(lags, longest - 1))
+    correlation, counts = _autocorrelation(rows)
+    tau = autocorrelation_time(rows)
+    if samples < 8 or not np.isfinite(correlation[0]):
+        return Whiteness(0.0, None, 0, samples, tau)
+    from scipy.stats import chi2
+
+    at = np.arange(1, min(lags, len(correlation) - 1) + 1)
+    at = at[counts[at] > 0]
+    statistic = float(samples * (samples + 2) * np.sum(correlation[at] ** 2 / counts[at]))
+    return Whiteness(statistic, float(chi2.sf(statistic, len(at))), len(at), samples, tau)
+
+
+def autocorrelation_time(series: np.ndarray, *, window: float = 5.0) -> float:
+    """Integrated autocorrelation time [samples] of (T,) or (W, T): 1 + 2 sum of the correlations, 1 for white noise.
+
+    The sum ends at the first lag that is `window` times the result so far (Sokal), where noise takes over. Never
+    below 1: a series that alternates does not count as more samples than it has.
+    """
+    correlation, counts = _autocorrelation(np.atleast_2d(np.asarray(series, dtype=float)))
+    if not np.isfinite(correlation[0]):
+        return 1.0
+    tau = 1.0
+    for lag in range(1, len(correlation)):
+        if counts[lag] == 0:
+            break
+        tau += 2.0 * correlation[lag] * counts[0] / counts[lag]  # long lags have fewer products
+        if lag >= window * tau:
+            break
+    return float(max(tau, 1.0))
+
+
+def _autocorrelation(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) correlations by lag over all rows (W, T), and how many products each is made of; NaN for a constant."""
+    known = np.isfinite(rows)
+    steps = rows.shape[1]
+    if known.sum() < 2 or np.ptp(rows[known]) <= 1e-12 * np.abs(rows[known]).max():
+        return np.full(max(steps, 1), np.nan), np.zeros(max(steps, 1))
+    x = np.where(known, rows - rows[known].mean(), 0.0)
+    by_lag = lambda a: np.fft.irfft(np.abs(np.fft.rfft(a, 2 * steps)) ** 2, 2 * steps)[:, :steps].sum(axis=0)  # noqa: E731
+    products = by_lag(x)
+    return products / products[0], np.round(by_lag(known.astype(float)))
+
+
+def _aligned(
+    first: Episode, second: Episode, commands: np.ndarray, spread: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The rows that two episodes share at the shift where their commands agree best; None where they do not."""
+    if len(first.time) < 2 or len(second.time) < 2:
+        return None
+    period = float(np.median(np.diff(first.time)))
+    if abs(float(np.median(np.diff(second.time))) - period) > 0.01 * period:
+        return None
+    shorter = min(len(first.time), len(second.time))
+    if shorter < max(round(SHORTEST / period), 2):
+        return None
+    most = min(round(LONGEST_SHIFT / period), shorter // 5)
+    best, found = tolerance, None
+    for shift in _plausible(
+        first.values[:, commands], second.values[:, commands], most, spread[commands], tolerance
+    ):
+        a, b = first.values[max(shift, 0) :], second.values[max(-shift, 0) :]
+        rows = min(len(a), len(b))
+        apart = _apart(a[:rows, commands], b[:rows, commands], spread[commands])
+        if apart < best or (found is None and apart <= best):
+            best, found = apart, (a[:rows], b[:rows])
+        if apart == 0:
+            break
+    return found
+
+
+def _plausible(a: np.ndarray, b: np.ndarray, most: int, spread: np.ndarray, tolerance: float) -> list[int]:
+    """Shifts, small ones first, at which commands (T, A) agree roughly in at most 64 rows: most pairs have none."""
+    rows = np.unique(np.linspace(most, min(len(a), len(b) - most) - 1, 64).astype(int))
+    shifts = np.array(sorted(range(-most, most + 1), key=abs))
+    near = _apart(a[rows], b[rows - shifts[:, None]], spread)
+    return [int(s) for s in shifts[near <= 5 * tolerance]]
+
+
+def _apart(a: np.ndarray, b: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """(...) largest over the commands (..., T, A) of the mean size of their difference, in units of spread (A,)."""
+    difference = np.abs(a - b)
+    # a command that one of two runs lacks is a difference; one that both lack is none
+    difference = np.where(np.isnan(a) & np.isnan(b), 0.0, np.where(np.isnan(difference), np.inf, difference))
+    scale = np.where(np.isfinite(spread) & (spread > 0), spread, 1.0)
+    return np.max(difference.mean(axis=-2) / scale, axis=-1)
+
+
+def _start_alike(
+    a: np.ndarray, b: np.ndarray, robot: Robot, recording: Recording, columns: list[int], spread: np.ndarray
+) -> bool:
+    """Whether two first rows (C,) of state columns differ by no more than START and what the sensors' noise does."""
+    stated = dict(zip(robot.channels, sensor_noise(robot), strict=True))
+    noise = np.array([stated[recording.names[c]] for c in columns])
+    difference = np.abs(a - b)
+    allowed = np.maximum(START * spread[columns], 6.0 * noise)
+    return bool(np.all(~np.isfinite(difference) | (difference <= allowed)))
+
+
+def _columns(robot: Robot, recording: Recording) -> list[int]:
+    """Columns of the state in which two starts are compared: not where a base stands in the world."""
+    return [
+        recording.names.index(name)
+        for name in robot.channels
+        if name in recording.names and name.split("/")[-1] not in WORLD
+    ]
+
+
+def _spread(values: np.ndarray) -> np.ndarray:
+    """(C,) standard deviation of each column; NaN where it was never measured."""
+    known = np.isfinite(values)
+    count = np.maximum(known.sum(axis=0), 1)
+    mean = np.where(known, values, 0.0).sum(axis=0) / count
+    square = np.where(known, (values - mean) ** 2, 0.0).sum(axis=0) / count
+    return np.where(known.any(axis=0), np.sqrt(square), np.nan)
+
+
+def _same_settings(a: Mapping[str, float], b: Mapping[str, float]) -> bool:
+    return a.keys() == b.keys() and all(np.isclose(a[k], b[k]) for k in a)

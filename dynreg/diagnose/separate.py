@@ -1,0 +1,245 @@
+"""How well commands separate two hypotheses: the evidence that one of them, refitted, lacks where the other holds.
+
+To first order: every rival (a hypothesis at some coordinates) is simulated once, and refitted to each truth of the
+other hypothesis with the derivatives of its rollouts by the nominal parameters (within their nameplate) and by its
+own. Evidence of episodes adds up, so any choice of them is judged without another simulation.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from dynreg.diagnose.candidates import Pool, joint_range
+from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, effect_bounds
+from dynreg.diagnose.problem import effective_samples
+from dynreg.diagnose.truth import DISTURBANCE, LEAST_NOISE, Disturbance
+from dynreg.rng import stream
+from dynreg.sim.effects import Term, Terms
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Rollout, Run
+
+STEP = 0.3  # central differences, wide: these derivatives have to hold as far as a parameter is pulled
+REACH = 2.0  # times its size that a refit moves an effect
+ROUNDS = 4  # of reweighting, for the size of a residual counts by its logarithm
+AT_ONCE = 3_000_000  # numbers in one batch of rollouts
+BEYOND = 0.02  # of its range that a joint may be expected to pass its stops
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two effects on a robot, and the coordinates in which both are fitted."""
+
+    robot: Robot
+    terms: tuple[Term, Term]
+    seed: int = 0
+    threads: int = 0
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Those of a log that tells the rate of its commands."""
+        told = [
+            p.known and any(a.root == "control" and a.path == "rate" for a in setters)
+            for p, setters in zip(self.robot.space.parameters, self.robot.setters, strict=True)
+        ]
+        return Coordinates(self.robot, np.where(told, self.robot.space.nominal, np.nan))
+
+    @cached_property
+    def hypotheses(self) -> tuple[Hypothesis, Hypothesis]:
+        return tuple(Hypothesis((one,)) for one in self.terms)
+
+    @cached_property
+    def truths(self) -> tuple[tuple[int, np.ndarray], ...]:
+        """(hypothesis, coordinates (D,)) of every case that is taken for true."""
+        return tuple((which, z) for which in (0, 1) for z in self.medium(which))
+
+    def medium(self, number: int) -> np.ndarray:
+        """(N, D) coordinates at which hypothesis `number` is true: the nameplate, medium size, either sign."""
+        parameters = self.hypotheses[number].parameters
+        sizes = np.array([0.0 if p.shape else 1.0 for p in parameters])
+        size = np.stack([sizes, np.where(np.arange(len(sizes)) == 0, -1.0, 1.0) * sizes])
+        free = len(self.coordinates)
+        return np.pad(size[: 2 if parameters[0].signed else 1], ((0, 0), (free, 0)))
+
+    def bounds(self, number: int) -> np.ndarray:
+        """(D, 2) lowest and highest coordinates of hypothesis `number`."""
+        return np.concatenate([self.coordinates.nominal_bounds, effect_bounds(self.hypotheses[number])])
+
+    def simulate(self, rows: list[tuple[int, np.ndarray]], run: Run, disturbed: bool = False) -> Rollout:
+        """Rollouts of rows (hypothesis, coordinates (D,)); `disturbed` with torque noise as hidden robots have."""
+        c = self.coordinates
+        free = len(c)
+        terms, values = [], []
+        for number, (one, hypothesis) in enumerate(zip(self.terms, self.hypotheses, strict=True)):
+            z = np.full((len(rows), len(one.effect.parameters)), np.nan)
+            for i, (which, at) in enumerate(rows):
+                if which == number:
+                    z[i] = at[free:]
+            if np.isfinite(z).any():
+                terms.append(one)
+                values.append(c.effect_values(hypothesis, z)[0])
+        if disturbed:
+            terms.append(Term(self._disturbance(run)))
+            values.append(np.full((len(rows), 1), DISTURBANCE * c.scales["torque"].mean()))
+        nominal = c.values(np.array([at[:free] for _, at in rows]))
+        acting = Terms(tuple(terms), tuple(values))
+        return rollout(self.robot, nominal, run, threads=self.threads, terms=acting)
+
+    def _disturbance(self, run: Run) -> Disturbance:
+        draw = stream(self.seed, "excite", self.robot.name, "disturbance")
+        noise = draw.standard_normal((run.steps, len(self.robot.actions)))
+        substeps = int(np.ceil(run.period / self.robot.file.robot.timestep - 1e-9))
+        return Disturbance(np.broadcast_to(noise, (run.episodes, *noise.shape)), substeps)
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A hypothesis at coordinates `begin` (D,), next to N truths of the other one, in E episodes.
+
+    gram (E, C, D, D), pull (N, E, C, D), square (N, E, C) : sums over the rows of an episode of the products of
+    derivatives and residuals, in units of each channel's noise. low, high (D,) : how far a refit may move it;
+    prior (D,) : curvature of its coordinates' penalty.
+    """
+
+    begin: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    prior: np.ndarray
+    gram: np.ndarray
+    pull: np.ndarray
+    square: np.ndarray
+
+    def lacks(self, truth: int, chosen: np.ndarray, noise: np.ndarray, effective: np.ndarray, rows: int):
+        """(n,) evidence [nats] that the rival, refitted to a truth, lacks in the episodes chosen (n, k).
+
+        noise, effective : (E, C) variance of what nothing explains, and its independent samples, in `rows` rows.
+        """
+        gram, pull, square = self.gram[chosen], self.pull[truth][chosen], self.square[truth][chosen]
+        noise, effective = noise[chosen], effective[chosen]
+        out = np.full(len(chosen), np.inf)
+        # two valleys: parameters stay near the nameplate, or the residual becomes as small as it can
+        for mean in (square / rows, np.zeros_like(square)):
+            for _ in range(ROUNDS):
+                weight = effective / (rows * (mean + noise))
+                move = self._moved(
+                    np.einsum("nec,necij->nij", weight, gram), np.einsum("nec,neci->ni", weight, pull)
+                )
+                left = square + 2 * np.einsum("neci,ni->nec", pull, move)
+                left = left + np.einsum("ni,necij,nj->nec", move, gram, move, optimize=True)
+                mean = np.maximum(left, 0.0) / rows
+                nats = 0.5 * (effective * np.log1p(mean / noise)).sum(axis=(1, 2))
+                out = np.minimum(out, nats + 0.5 * (self.prior * (self.begin + move) ** 2).sum(axis=1))
+        return out
+
+    def _moved(self, gram: np.ndarray, pull: np.ndarray) -> np.ndarray:
+        """(n, D) best moves; coordinates that leave their room stay on its edge."""
+        matrix = gram + np.diag(self.prior + 1e-9)
+        wanted = -pull - self.prior * self.begin
+        move = np.linalg.solve(matrix, wanted[..., None])[..., 0]
+        stuck = np.zeros(move.shape, dtype=bool)
+        for _ in range(2):
+            stuck |= (move < self.low) | (move > self.high)
+            if not stuck.any():
+                break
+            edge = np.where(stuck, np.clip(move, self.low, self.high), 0.0)
+            rest = np.where(stuck, edge, wanted - np.einsum("nij,nj->ni", matrix, edge))
+            kept = np.where(stuck[:, :, None] | stuck[:, None, :], np.eye(len(self.begin)), matrix)
+            move = np.linalg.solve(kept, rest[..., None])[..., 0]
+        return np.clip(move, self.low, self.high)
+
+
+@dataclass
+class Judge:
+    """What the episodes of a pool are expected to tell between two hypotheses, given the rivals found so far.
+
+    noise, effective : (E, C), as `Rival.lacks` takes them. reached : (E, 2, S) lowest and highest true states.
+    usable : (E,) where nothing fell, diverged or left its range. rivals : of each hypothesis.
+    """
+
+    pair: Pair
+    pool: Pool
+    rivals: tuple[list[Rival], list[Rival]] = field(default_factory=lambda: ([], []))
+
+    def __post_init__(self):
+        pair, robot = self.pair, self.pair.robot
+        self.truths = list(pair.truths)
+        plain = [(-1, np.zeros(len(pair.coordinates)))]
+        made = pair.simulate(plain + self.truths, self.pool.run)
+        disturbed = pair.simulate(plain, self.pool.run, disturbed=True)
+        rows = self.pool.run.steps
+        fell = np.concatenate([made.fell, disturbed.fell]) <= rows
+        lost = ~np.isfinite(np.concatenate([made.states, disturbed.states])).all(axis=(2, 3))
+        self.usable = ~(fell | lost).any(axis=0)
+        states = np.where(self.usable[None, :, None, None], made.states, 0.0)
+        self.reached = np.stack([states.min(axis=(0, 2)), states.max(axis=(0, 2))], axis=1)
+        self.usable &= _within(robot, self.reached)
+        seen = self._seen(made)
+        self._true = seen[1:]
+        draw = stream(pair.seed, "excite", robot.name, "sensors")
+        unexplained = self._seen(disturbed)[0] - seen[0] + draw.standard_normal(seen[0].shape)
+        self.noise = (unexplained**2).mean(axis=1)
+        self.effective = np.maximum(effective_samples(unexplained), 1.0)
+
+    def add(self, number: int, z: np.ndarray) -> None:
+        """Let hypothesis `number` at coordinates z (D,) be a rival wherever the other one is true."""
+        limits = self.pair.bounds(number)
+        up, down = np.minimum(z + STEP, limits[:, 1]), np.maximum(z - STEP, limits[:, 0])
+        ends = [np.where(np.eye(len(z), dtype=bool), end, z) for end in (up, down)]
+        points = [(number, at) for at in (z, *ends[0], *ends[1])]
+        truths = [i for i, (which, _) in enumerate(self.truths) if which != number]
+        grams, pulls, squares = [], [], []
+        many = max(1, AT_ONCE // (len(points) * self.pool.run.steps * len(self.pair.robot.channels)))
+        for start in range(0, len(self.pool), many):
+            some = np.arange(start, min(start + many, len(self.pool)))
+            seen = self._seen(self.pair.simulate(points, self.pool.run.take(some)))
+            slope = (seen[1 : 1 + len(z)] - seen[1 + len(z) :]) / (up - down)[:, None, None, None]
+            residual = seen[0] - self._true[truths][:, some]
+            grams.append(np.einsum("ietc,jetc->ecij", slope, slope, optimize=True))
+            pulls.append(np.einsum("ietc,netc->neci", slope, residual, optimize=True))
+            squares.append((residual**2).sum(axis=2))
+        low, high, prior = self._room(number, z)
+        sums = np.concatenate(grams), np.concatenate(pulls, axis=1), np.concatenate(squares, axis=1)
+        self.rivals[number].append(Rival(z, low, high, prior, *sums))
+
+    def nats(self, chosen: np.ndarray) -> np.ndarray:
+        """(n, N) evidence expected of the episodes chosen (n, k), for each truth: against its best rival."""
+        out, seen = [], [0, 0]
+        for which, _ in self.truths:
+            lacks = [
+                rival.lacks(seen[which], chosen, self.noise, self.effective, self.pool.run.steps)
+                for rival in self.rivals[1 - which]
+            ]
+            seen[which] += 1
+            out.append(np.min(lacks, axis=0))
+        return np.stack(out, axis=1)
+
+    def _seen(self, made: Rollout) -> np.ndarray:
+        """(n, E, T, C) weighted channels after the start, in units of their noise; zero where nothing can be used."""
+        robot = self.pair.robot
+        use = np.flatnonzero([c.weight > 0 for c in robot.file.channels])
+        stated = np.sqrt([c.noise**2 + c.quantum**2 / 12 for c in robot.file.channels])
+        scaled = made.states[:, :, 1:, use] / np.where(stated > 0, stated, LEAST_NOISE)[use]
+        return np.clip(np.nan_to_num(scaled, posinf=0.0, neginf=0.0), -1e6, 1e6)
+
+    def _room(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(D,) each: how far a refit may move down and up from z, and the prior's curvature."""
+        limits, free = self.pair.bounds(number), len(self.pair.coordinates)
+        low, high = limits[:, 0] - z, limits[:, 1] - z
+        prior = np.ones(len(z))
+        for i, p in enumerate(self.pair.hypotheses[number].parameters, start=free):
+            if not p.shape:
+                prior[i] = 0.0
+                high[i] = min(high[i], (REACH - 1.0) * abs(z[i]) if z[i] > 0 else -z[i])
+                low[i] = max(low[i], (1.0 - REACH) * abs(z[i]) if z[i] < 0 else -z[i])
+        return low, high, prior
+
+
+def _within(robot: Robot, reached: np.ndarray) -> np.ndarray:
+    """(E,) whether every joint with a range is expected to stay inside, from what is reached (E, 2, S)."""
+    out = np.ones(len(reached), dtype=bool)
+    for column, name in enumerate(robot.channels):
+        low, high = joint_range(robot, name)
+        slack = BEYOND * (high - low) if np.isfinite(high - low) else 0.0
+        out &= (reached[:, 0, column] >= low - slack) & (reached[:, 1, column] <= high + slack)
+    return out

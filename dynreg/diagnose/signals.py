@@ -1,0 +1,174 @@
+"""What each joint was doing at every command of a log: motion, command, and what its drive was asked for.
+
+Only measured rows, commands and the robot's nominal servo law go in; nothing is simulated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.replay.windows import Windows
+from dynreg.sim.ports import Ports, nominal_ports, servo_law, takes_positions
+from dynreg.sim.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class JointSignals:
+    """One driven joint over W windows of T commands; every array is (W, T), NaN where nothing was measured.
+
+    joint : its name; of a planar base the driven quantity, such as "base/speed".
+    position, velocity : as measured when the command was given; the velocity from positions where the log has none.
+    command : clipped to the action's range. command_error : command - position (or - velocity), NaN for torques.
+    torque : of the drive by the nominal servo law [N m or N]; NaN for drives that follow velocities.
+    saturated : whether that law is at its limit. enabled : whether the drive is on.
+    velocity_noise : 1 sigma of the velocity by the stated noise and quantum.
+    """
+
+    joint: str
+    position: np.ndarray
+    velocity: np.ndarray
+    command: np.ndarray
+    command_error: np.ndarray
+    torque: np.ndarray
+    saturated: np.ndarray
+    enabled: np.ndarray
+    velocity_noise: float
+
+    @property
+    def load(self) -> np.ndarray:
+        """(W, T) size of what the drive is asked for: its torque, or the command error where that is not known."""
+        return np.abs(self.torque if np.isfinite(self.torque).any() else self.command_error)
+
+
+def joint_signals(robot: Robot, windows: Windows) -> dict[str, JointSignals]:
+    """{joint: its signals} of every driven joint, in the order of the actions."""
+    ports = window_ports(robot, windows)
+    planar = "velocity" in ports.types
+    commands = _clipped(robot, windows.run.actions)
+    joints = joints_of_actions(robot)
+    motions = [motion_of(robot, windows, name) for name in joints]
+    drives = (
+        _velocity_drives(robot, commands)
+        if planar
+        else _torque_drives(robot, windows, ports, commands, motions)
+    )
+    follows = np.full(len(robot.actions), planar) | takes_positions(ports)
+    out: dict[str, JointSignals] = {}
+    for a, name in enumerate(joints):
+        position, velocity, noise = motions[a]
+        followed = velocity if planar else position
+        error = commands[..., a] - followed if follows[a] else np.full(followed.shape, np.nan)
+        torque, saturated, enabled = (x[..., a] for x in drives)
+        signals = JointSignals(
+            name, position, velocity, commands[..., a], error, torque, saturated, enabled, noise
+        )
+        out.setdefault(name, signals)
+    return out
+
+
+def joints_of_actions(robot: Robot) -> list[str]:
+    """(A,) what each action drives: its joint, or the velocity of a planar base that it commands."""
+    types = nominal_ports(robot, 1).types
+    return [
+        name.removesuffix("_command") if kind == "velocity" else name.split("/")[0]
+        for name, kind in zip(robot.actions, types, strict=True)
+    ]
+
+
+def joint_of_channel(channel: str, joints: list[str] | dict[str, JointSignals]) -> str | None:
+    """The driven joint that a channel belongs to; None for those of a floating base and of passive joints."""
+    owner = channel.split("/")[0]
+    return channel if channel in joints else owner if owner in joints else None
+
+
+def velocity_column(robot: Robot, joint: str) -> int | None:
+    """Column of the joint's velocity in the state vector; None where the robot has no such channel."""
+    names = [joint] if "/" in joint else [f"{joint}/velocity"]
+    return robot.channels.index(names[0]) if names[0] in robot.channels else None
+
+
+def position_column(robot: Robot, joint: str) -> int | None:
+    """Column of the joint's position in the state vector; None where the robot has no such channel."""
+    name = f"{joint}/position"
+    return robot.channels.index(name) if name in robot.channels else None
+
+
+def motion_of(robot: Robot, windows: Windows, joint: str) -> tuple[np.ndarray, np.ndarray, float]:
+    """(W, T) positions and velocities of a joint at the commands, and 1 sigma of the velocities."""
+    measured, noise = windows.measured, sensor_noise(robot)
+    nothing = np.full(measured.shape[:2], np.nan)
+    p, v = position_column(robot, joint), velocity_column(robot, joint)
+    position = nothing if p is None else measured[..., p]
+    slope = np.gradient(position, windows.period, axis=1)
+    slope_noise = 0.0 if p is None else noise[p] / (np.sqrt(2) * windows.period)
+    if v is None or not np.isfinite(measured[..., v]).any():
+        return position[:, :-1], slope[:, :-1], float(slope_noise)
+    velocity = np.where(np.isfinite(measured[..., v]), measured[..., v], slope)
+    return position[:, :-1], velocity[:, :-1], float(noise[v])
+
+
+def sensor_noise(robot: Robot) -> np.ndarray:
+    """(S,) standard deviation of each channel by its stated noise and quantum, in its unit; 0 where none is stated."""
+    return np.array([np.sqrt(c.noise**2 + c.quantum**2 / 12) for c in robot.file.channels])
+
+
+def window_ports(robot: Robot, windows: Windows) -> Ports:
+    """Ports of the nominal robot under each window's known settings: W simulators."""
+    count = len(windows)
+    ports = nominal_ports(robot, count)
+    settings = windows.run.settings
+    if settings is None:
+        settings = np.tile([s.nominal for s in robot.file.settings], (count, 1))
+    columns = [(a, np.full(count, robot.space.nominal[i])) for i, s in enumerate(robot.setters) for a in s]
+    columns += [(a, settings[:, i]) for i, s in enumerate(robot.setting_setters) for a in s]
+    for assignment, column in columns:
+        if assignment.root == "port":
+            ports.apply(assignment, column)
+    return ports
+
+
+def _clipped(robot: Robot, actions: np.ndarray) -> np.ndarray:
+    """(W, T, A) commands within the range of each action."""
+    return np.clip(actions, *_ranges(robot))
+
+
+def _ranges(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
+    high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
+    return low, high
+
+
+def _torque_drives(
+    robot: Robot, windows: Windows, ports: Ports, commands: np.ndarray, motions: list[tuple]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(W, T, A) torque by the nominal law, whether it is at its limit, whether the drive is on."""
+    steps = windows.run.steps
+    inputs = windows.run.inputs
+    if inputs is None:
+        inputs = np.tile(robot.input_defaults, (len(windows), steps, 1))
+    flat = inputs.reshape(len(windows) * steps, -1)
+    law = servo_law(ports.repeat(steps), flat)
+    q, v = (np.stack([m[i] for m in motions], axis=-1).reshape(law.gain.shape) for i in (0, 1))
+    # a drive without stiffness needs no position, and one without rate no velocity: NaN must not pass
+    asked = law.gain * commands.reshape(law.gain.shape) + law.bias
+    asked = (
+        asked
+        - np.where(law.stiffness == 0, 0.0, law.stiffness * q)
+        - np.where(law.rate == 0, 0.0, law.rate * v)
+    )
+    drag = np.where(law.damping == 0, 0.0, law.damping * v)
+    enabled = np.ones(law.gain.shape, dtype=bool)
+    if (ports.enable_input >= 0).any():
+        flags = flat[:, np.maximum(ports.enable_input, 0)] >= 0.5
+        enabled = np.where(ports.enable_input >= 0, flags, True)
+    with np.errstate(invalid="ignore"):
+        saturated = enabled & (np.abs(asked) >= law.limit * (1 - 1e-9))
+    torque = np.where(enabled, np.clip(asked, -law.limit, law.limit) - drag, 0.0)
+    return tuple(x.reshape(commands.shape) for x in (torque, saturated, enabled))
+
+
+def _velocity_drives(robot: Robot, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same for drives that follow velocities: no torque is known, the limit is the command's range."""
+    low, high = _ranges(robot)
+    saturated = (commands <= low) | (commands >= high)  # they are clipped
+    return np.full(commands.shape, np.nan), saturated, np.ones(commands.shape, dtype=bool)

@@ -1,0 +1,122 @@
+"""The threshold: how much evidence this robot gives for causes that it does not have, under these very commands."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dynreg.diagnose.name import calibrate, name_one
+from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.truth import hide, measured_states
+from dynreg.registry import Registry
+from dynreg.rng import stream_seed
+from dynreg.sim.effects import Term
+
+LEAST = 8.0  # nats: no simulation lowers the threshold below this,
+USUAL = 20.0  # and this is it where nothing was simulated
+MARGIN = 2.0  # nats above the largest score that robots without an effect reached
+KIND = "threshold"
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A threshold [nats], and the best scores of the simulated robots without an effect that it comes from."""
+
+    nats: float
+    scores: tuple[float, ...]
+    cached: bool = False
+
+
+def threshold(
+    registry: Registry | None,
+    problem: Problem,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    select_on: np.ndarray,
+    *,
+    runs: int,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Calibrated:
+    """The evidence above which a cause is named: simulated robots of the nameplate, without effects, diagnosed alike.
+
+    Kept in the registry for the same robot, commands, settings, engine, effects, runs and seed.
+    """
+    if runs == 0:
+        return Calibrated(USUAL, ())
+    key = _key(problem, terms, fit_on, select_on, runs, seed)
+    known = _known(registry, key)
+    if known is not None:
+        return Calibrated(known["nats"], tuple(known["scores"]), cached=True)
+    scores = []
+    for i in range(runs):
+        scores.append(
+            null_score(problem, terms, fit_on, select_on, stream_seed(seed, "no effect", i) % 2**31)
+        )
+        if progress:
+            progress("threshold", i + 1, runs)
+    found = Calibrated(max(LEAST, max(scores) + MARGIN), tuple(scores))
+    if registry is not None:
+        registry.put_result(KIND, None, {"key": key, "nats": found.nats, "scores": scores})
+    return found
+
+
+def null_score(
+    problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, seed: int
+) -> float:
+    """[nats] of the best cause for one simulated robot that has none, under the commands of the problem."""
+    chosen = np.concatenate([fit_on, select_on])
+    windows = problem.windows.take(chosen)
+    hidden = hide(problem.robot, (), None, seed, problem.coordinates.tolerance)
+    measured = measured_states(
+        problem.robot, hidden, windows.run, engine=problem.engine, threads=problem.threads
+    )
+    measured = np.where(np.isnan(windows.measured), np.nan, measured)
+    initial = np.where(np.isnan(windows.run.initial), np.nan, measured[:, 0])
+    windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
+    same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)
+    fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
+    base, effective = calibrate(same, fits)
+    ranking = name_one(same, base, terms, fits, selects, effective).ranking
+    return max(0.0, ranking[0].nats) if ranking else 0.0
+
+
+def _key(
+    problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, runs: int, seed: int
+) -> str:
+    run = problem.windows.run.take(np.concatenate([fit_on, select_on]))
+    digest = hashlib.sha256()
+    says: dict[str, Any] = {
+        "robot": problem.robot.hash,
+        "engine": problem.engine,
+        "terms": [t.key for t in terms],
+        "runs": runs,
+        "seed": seed,
+        "parts": [len(fit_on), len(select_on)],
+        "tolerance": problem.coordinates.tolerance,
+        "centre": [float(c) for c in problem.coordinates.centre],
+    }
+    digest.update(json.dumps(says, sort_keys=True).encode())
+    for array in (run.actions, run.settings, np.nan_to_num(run.inputs) if run.inputs is not None else None):
+        if array is not None:
+            digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
+    return digest.hexdigest()
+
+
+def _known(registry: Registry | None, key: str) -> dict[str, Any] | None:
+    from dynreg.errors import NoMatchError
+
+    if registry is None:
+        return None
+    for identity in registry.ids("result"):
+        try:
+            record = registry.result(identity)
+        except NoMatchError:
+            continue
+        if record.kind == KIND and record.document.get("key") == key:
+            return dict(record.document)
+    return None

@@ -1,0 +1,217 @@
+"""Trials: hide an effect in a simulated robot, diagnose its log blind, and score the answer."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from dynreg.diagnose.diagnose import Found, pose, search
+from dynreg.diagnose.evidence import Evidence, rivals, verdict_of
+from dynreg.diagnose.fit import fit
+from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.diagnose.name import calibrate
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.settings import Settings, TrialSettings
+from dynreg.diagnose.threshold import USUAL, threshold
+from dynreg.diagnose.truth import Hidden, Protocol, hide, log_of, protocol
+from dynreg.errors import UsageError
+from dynreg.registry import Registry
+from dynreg.results.trials import TrialResult, TrialTable
+from dynreg.rng import stream, stream_seed
+from dynreg.sim.effects import Term, term
+from dynreg.sim.robot import Robot
+
+Progress = Callable[[str, int, int], None]
+
+
+def trial(
+    registry: Registry | None,
+    robot: Robot,
+    settings: TrialSettings,
+    progress: Progress | None = None,
+) -> TrialTable:
+    """Hide, diagnose and score `settings.count` robots (of each effect, with hide = "every").
+
+    All robots get the same commands, so that one threshold serves them all.
+    """
+    report = progress or (lambda *_: None)
+    plan = protocol(robot, seed=settings.seed, seconds=settings.seconds)
+    jobs = _jobs(robot, settings)
+    needed = trial_threshold(registry, robot, plan, settings, progress)
+    results = []
+    for number, (terms, size, seed) in enumerate(jobs):
+        report("trials", number, len(jobs))
+        results.append(one_trial(robot, plan, terms, size, seed, needed, settings))
+    report("trials", len(jobs), len(jobs))
+    notes = [f"threshold {needed:.3g} nats, from {settings.threshold_runs} robots without an effect"]
+    return TrialTable.of(robot.name, results, notes)
+
+
+def trial_threshold(
+    registry: Registry | None,
+    robot: Robot,
+    plan: Protocol,
+    settings: TrialSettings,
+    progress: Progress | None = None,
+) -> float:
+    """[nats] that a cause needs under the protocol's commands."""
+    if settings.threshold_runs == 0:
+        return USUAL
+    seed = stream_seed(settings.seed, "threshold") % 2**31
+    recording = log_of(robot, hide(robot, (), None, seed), plan, engine=_truth_engine(robot, settings))
+    problem, split = pose(None, robot, recording, _blind(plan, settings))
+    found = threshold(
+        registry,
+        problem,
+        single_terms(robot),
+        np.flatnonzero(split.fit),
+        np.flatnonzero(split.select),
+        runs=settings.threshold_runs,
+        seed=seed,
+        progress=progress,
+    )
+    return found.nats
+
+
+def one_trial(
+    robot: Robot,
+    plan: Protocol,
+    terms: tuple[Term, ...],
+    size: str | None,
+    seed: int,
+    needed: float,
+    settings: TrialSettings,
+    *,
+    without: tuple[str, ...] = (),
+    max_causes: int = 1,
+) -> TrialResult:
+    """Hide `terms` at `size` in the robot of `seed`, diagnose its log, score the first cause."""
+    hidden = hide(robot, terms, size, seed)
+    recording = log_of(robot, hidden, plan, engine=_truth_engine(robot, settings))
+    began = time.perf_counter()
+    blind = _blind(plan, settings, without=without, max_causes=max_causes)
+    problem, split = pose(None, robot, recording, blind)
+    fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
+    found = search(None, problem, single_terms(robot, (), without), fit_on, select_on, blind, needed=needed)
+    evidence = Evidence.of(
+        robot, recording, problem, split, found.base, found.extended, found.rounds, found.accepted
+    )
+    verdict = verdict_of(evidence, found.rounds, found.accepted)
+    seconds = time.perf_counter() - began
+    return _scored(robot, problem, split, hidden, found, verdict, seconds)
+
+
+def _scored(
+    robot: Robot, problem: Problem, split, hidden: Hidden, found: Found, verdict, seconds: float
+) -> TrialResult:
+    first = found.rounds[0].chosen.point.hypothesis.terms[-1] if found.accepted else None
+    stated = (
+        {first.key, *(s.point.hypothesis.terms[-1].key for s in found.rounds[0].equivalent)}
+        if first
+        else set()
+    )
+    truths = {t.key for t in hidden.terms} | {
+        g.key
+        for t in hidden.terms
+        if t.effect.group
+        for g in single_terms(robot)
+        if g.effect.group == t.effect.group
+    }
+    if hidden.terms:
+        right = verdict in ("named", "ambiguous") and first is not None and first.key in truths
+    else:
+        right = first is None
+    values = {
+        p.name if len(hidden.terms) == 1 else f"{t.key}.{p.name}": float(v)
+        for t, row in zip(hidden.terms, hidden.values, strict=True)
+        for p, v in zip(t.effect.parameters, row, strict=True)
+    }
+    same = first is not None and len(hidden.terms) == 1 and first.key == hidden.terms[0].key
+    return TrialResult(
+        robot=robot.name,
+        seed=hidden.seed,
+        hidden="+".join(t.effect.id for t in hidden.terms) or None,
+        size=hidden.size if hidden.terms else None,
+        joints=tuple(j for t in hidden.terms for j in t.joints),
+        hidden_values=values,
+        true_parameters=robot.space.as_dict(hidden.parameters),
+        named=first.key if first else None,
+        verdict=verdict,
+        right=right,
+        false_alarm=not hidden.terms and first is not None,
+        in_set=bool(stated & truths) if hidden.terms and first else None,
+        size_of_set=1 + len(rivals(found.rounds[0])) if first else 0,
+        share_of_attainable_gain=_share(problem, split, hidden, found) if hidden.terms and first else None,
+        parameter_error=_size_error(problem, hidden, found) if same else None,
+        seconds=seconds,
+    )
+
+
+def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | None:
+    """(calibrated - extended) / (calibrated - true structure refitted) on test; None where nothing can be won."""
+    from dynreg.diagnose.outcome import _window_errors
+
+    if not split.test.any():
+        return None
+    c = problem.coordinates
+    effect = np.concatenate(
+        [c.effect_coordinates(t, v) for t, v in zip(hidden.terms, hidden.values, strict=True)]
+    )
+    true = Point(Hypothesis(hidden.terms), c.from_values(hidden.parameters), effect)
+    _, effective = calibrate(problem, split.chosen[:2], iterations=1)
+    pooled = np.tile(effective.mean(axis=0), (len(split.chosen), 1))
+    (refitted,), _ = fit(problem, [true], split.chosen, pooled, iterations=2)
+    test = np.flatnonzero(split.test)
+    base, extended, best = (
+        _window_errors(problem, s, test).mean()
+        for s in problem.states([found.base, found.extended, refitted], test)
+    )
+    return float((base - extended) / (base - best)) if base - best > 0.02 * base else None
+
+
+def _size_error(problem: Problem, hidden: Hidden, found: Found) -> float:
+    """Relative error of the effect's size."""
+    c = problem.coordinates
+    size = c.effect_values(found.extended.hypothesis, found.extended.effect[None])[0][0][0]
+    return float(abs(size - hidden.values[0][0]) / abs(hidden.values[0][0]))
+
+
+def _jobs(robot: Robot, settings: TrialSettings) -> list[tuple[tuple[Term, ...], str | None, int]]:
+    """(terms, size, seed) of every robot."""
+    shared = [t for t in single_terms(robot) if not t.joints]
+    seeds = [stream_seed(settings.seed, "trial", i) % 2**31 for i in range(settings.count)]
+    if settings.hide == "nothing":
+        return [((), None, s) for s in seeds]
+    if settings.hide == "every":
+        return [((t,), settings.size, stream_seed(s, t.key) % 2**31) for t in shared for s in seeds]
+    if settings.hide == "drawn":
+        draw = stream(settings.seed, "hidden effects").integers(0, len(shared), settings.count)
+        return [((shared[d],), settings.size, s) for d, s in zip(draw, seeds, strict=True)]
+    chosen = tuple(term(key) for key in settings.effects)
+    for t in chosen:
+        reason = t.effect.why_not(robot)
+        if reason:
+            raise UsageError(
+                f"effect {t.key!r} on robot {robot.name!r}: {reason}",
+                expected="an effect that can act there",
+                do=f"see `dynreg effects {robot.name}`",
+            )
+    return [(chosen, settings.size, s) for s in seeds]
+
+
+def _truth_engine(robot: Robot, settings: TrialSettings) -> str | None:
+    """Another engine than the diagnosis runs on, where the robot has one."""
+    mine = settings.engine or robot.file.robot.engines[0]
+    others = [e for e in robot.file.robot.engines if e != mine]
+    return others[0] if others else mine
+
+
+def _blind(plan: Protocol, settings: TrialSettings, **more) -> Settings:
+    tests = ",".join(n for n in plan.names if n.startswith("test"))
+    return Settings(
+        hold_out=tests,
+        engine=settings.engine,
+        threshold_runs=settings.threshold_runs,
+        threads=settings.threads,
+        **more,
+    )

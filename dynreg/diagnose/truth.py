@@ -1,0 +1,209 @@
+"""Hidden robots for trials: a truth that is not the model itself, with one effect hidden in it, or none.
+
+The truth has errors of its nameplate, a finer time step than the model, a torque disturbance, sensor noise and
+quantisation; where the robot's engines allow, it runs on another engine than the diagnosis.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.errors import UsageError
+from dynreg.rng import stream
+from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms, Values
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+FINER = 10  # physics steps of the truth for one of the model
+DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
+COUNTS = 4096  # a turn, of encoders that state no quantum
+LEAST_NOISE = 0.0005  # rad or m, of positions that state none
+REACH = 0.45  # of the bank's excitation: a robot that topples or whirls says less about causes than one that follows
+TILES = 2.5  # nameplate errors are drawn within so many sigma
+
+
+class Disturbance(Effect):
+    """Torque noise of a hidden robot: held for one command, 1 sigma `torque`, drawn before the run."""
+
+    id, acts_on, title = "disturbance", "drive", "torque noise"
+    parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
+
+    def __init__(self, noise: np.ndarray, substeps: int):
+        self.noise, self.substeps = noise, substeps  # (rows, steps, joints)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        count = x.memory.get("count", 0)
+        x.memory["count"] = count + 1
+        return torque + p["torque"] * self.noise[:, min(count // self.substeps, self.noise.shape[1] - 1)]
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """What a trial hides: terms with their values [units of the effects], and the robot's true parameters (P,)."""
+
+    terms: tuple[Term, ...]
+    values: tuple[np.ndarray, ...]
+    parameters: np.ndarray
+    seed: int
+    size: str | None = None
+
+    @property
+    def key(self) -> str:
+        """The terms' key; "" where nothing is hidden."""
+        return Hypothesis(self.terms).key
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """The commands of a trial: episodes (E, T, A) that fit, those again to select by, and others to test.
+
+    names : of the episodes, that begin with the part they are for. run : with the time each begins at.
+    """
+
+    run: Run
+    names: tuple[str, ...]
+
+
+def protocol(robot: Robot, *, seed: int = 0, seconds: float = 50.0, episode: float = 2.5) -> Protocol:
+    """Random levels that saturate, a chirp, slow triangles, a torque-off drop, each twice; others to test.
+
+    Two fifths of `seconds` to fit, the same commands again to select, a fifth of new ones to test.
+    Raises UsageError where there is no room for two episodes to fit and one to test.
+    """
+    rate = robot.rate
+    steps = round(episode * rate)
+    fits, tests = round(0.4 * seconds / episode), round(0.2 * seconds / episode)
+    if fits < 2 or tests < 1 or steps < 20:
+        raise UsageError(
+            f"{seconds:g} s in episodes of {episode:g} s",
+            expected=f"at least {5 * episode:g} s, two episodes to fit, two to select, one to test",
+            do="ask for more seconds or shorter episodes",
+        )
+    first = excitation(robot, seed=seed, name="diagnose", episodes=fits, steps=steps, reach=REACH)
+    last = excitation(robot, seed=seed, name="diagnose test", episodes=tests, steps=steps, reach=REACH)
+    join = lambda a: (  # noqa: E731
+        None if getattr(first, a) is None else np.concatenate([getattr(first, a)] * 2 + [getattr(last, a)])
+    )
+    count = 2 * fits + tests
+    names = [f"fit_{i}" for i in range(fits)] + [f"select_{i}" for i in range(fits)]
+    names += [f"test_{i}" for i in range(tests)]
+    run = Run(
+        join("actions"),
+        inputs=join("inputs"),
+        settings=np.concatenate([trial_settings(robot, fits)] * 2 + [trial_settings(robot, tests)]),
+        initial=join("initial"),
+        period=1.0 / rate,
+        begin=np.arange(count) * (steps + 1) / rate,
+    )
+    return Protocol(run, tuple(names))
+
+
+def trial_settings(robot: Robot, episodes: int) -> np.ndarray:
+    """(E, K) settings of the episodes of a protocol: the `trial` values of robot.toml in turn, else nominal ones."""
+    choices = [s.trial or [s.nominal] for s in robot.file.settings]
+    return np.array([[c[e % len(c)] for c in choices] for e in range(episodes)]).reshape(
+        episodes, len(choices)
+    )
+
+
+def hide(
+    robot: Robot, terms: tuple[Term, ...], size: str | None, seed: int, tolerance: float = 1.0
+) -> Hidden:
+    """A robot drawn from its nameplate with `terms` at a size (weak, medium, strong), signs and shapes drawn too.
+
+    tolerance : factor on the nameplate's tolerances.
+    """
+    rng = stream(seed, "hidden robot", robot.name)
+    coordinates = Coordinates(robot, _known(robot), tolerance=tolerance)
+    z = np.clip(rng.standard_normal(len(coordinates)), -TILES, TILES)
+    known = [
+        np.isfinite(p.tolerance) for p in np.array(robot.space.parameters, dtype=object)[coordinates.free]
+    ]
+    parameters = coordinates.values(np.where(known, z, 0.0))
+    values = []
+    for term in terms:
+        row = []
+        for p in term.effect.parameters:
+            base = coordinates.scale(term, p) / p.medium * p.size(size or "medium")
+            if p.shape:
+                row.append(base * 3.0 ** rng.uniform(-0.5, 0.5))
+            else:
+                row.append(base * (rng.choice([-1.0, 1.0]) if p.signed else 1.0))
+        values.append(np.array(row))
+    return Hidden(terms, tuple(values), parameters, seed, size)
+
+
+def log_of(robot: Robot, hidden: Hidden, plan: Protocol, *, engine: str | None = None) -> Recording:
+    """What the hidden robot's logger writes under the commands of `plan`."""
+    measured = measured_states(robot, hidden, plan.run, engine=engine)
+    return _logged(robot, measured, plan)
+
+
+def measured_states(
+    robot: Robot, hidden: Hidden, run: Run, *, engine: str | None = None, threads: int = 1
+) -> np.ndarray:
+    """(E, T+1, S) what the hidden robot's sensors say in the episodes of `run`: noise and quantisation included."""
+    truth = finer(robot)
+    active = Terms(
+        (*hidden.terms, _disturbance(truth, hidden, run)),
+        (*(v[None] for v in hidden.values), np.array([[DISTURBANCE * _limit(robot)]])),
+    )
+    states = rollout(
+        truth, hidden.parameters[None], run, engine=engine, terms=active, threads=threads
+    ).states[0]
+    noise = np.array([c.noise for c in robot.file.channels])
+    quantum = np.array([c.quantum for c in robot.file.channels])
+    position = np.array([name.endswith("/position") for name in robot.channels])
+    noise = np.where(position, np.maximum(noise, LEAST_NOISE), noise)
+    quantum = np.where(position & (quantum == 0), 2 * np.pi / COUNTS, quantum)
+    states = states + noise * stream(hidden.seed, "sensors", robot.name).standard_normal(states.shape)
+    grid = np.where(quantum > 0, quantum, 1.0)
+    return np.where(quantum > 0, np.round(states / grid) * grid, states)
+
+
+def finer(robot: Robot) -> Robot:
+    """The robot with a physics time step `FINER` times finer."""
+    table = robot.file.robot.model_copy(update={"timestep": robot.file.robot.timestep / FINER})
+    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
+
+
+def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
+    run = plan.run
+    parts = [states, np.concatenate([run.actions, run.actions[:, -1:]], axis=1)]
+    channels = [Channel(c.name, c.unit) for c in robot.file.channels]
+    channels += [Channel(a.name, a.unit) for a in robot.file.actions]
+    if run.inputs is not None and run.inputs.shape[-1]:
+        parts.append(np.concatenate([run.inputs, run.inputs[:, -1:]], axis=1))
+        units = {i.name: i.unit for i in robot.file.inputs}
+        channels += [Channel(name, units.get(name, "1")) for name in robot.inputs]
+    values = np.concatenate(parts, axis=2)
+    episodes = []
+    for e, name in enumerate(plan.names):
+        time = run.begin[e] + np.arange(values.shape[1]) * run.period
+        settings = {} if run.settings is None else dict(zip(robot.settings, run.settings[e], strict=True))
+        episodes.append(Episode(name, time, values[e], settings))
+    return Recording(tuple(channels), tuple(episodes), measured=False)
+
+
+def _disturbance(robot: Robot, hidden: Hidden, run: Run) -> Term:
+    rng = stream(hidden.seed, "disturbance", robot.name)
+    noise = rng.standard_normal((run.episodes, run.steps, len(robot.actions)))
+    substeps = int(np.ceil(run.period / robot.file.robot.timestep - 1e-9))
+    return Term(Disturbance(noise, substeps))
+
+
+def _limit(robot: Robot) -> float:
+    return float(Coordinates(robot, _known(robot)).scales["torque"].mean())
+
+
+def _known(robot: Robot) -> np.ndarray:
+    """(P,) the parameters that every log tells, at their nominal value; NaN elsewhere."""
+    known = np.full(len(robot.space), np.nan)
+    for i, setters in enumerate(robot.setters):
+        if robot.space.parameters[i].known and any(a.root == "control" and a.path == "rate" for a in setters):
+            known[i] = robot.space.parameters[i].nominal
+    return known

@@ -1,0 +1,255 @@
+"""Where a simulator is wrong: its errors split by channel, joint and regime of motion.
+
+An error belongs to the command interval that led to it. Regimes overlap: a reversal is mostly slow, too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.diagnose.signals import JointSignals, joint_of_channel, joint_signals
+from dynreg.errors import UsageError
+from dynreg.replay.windows import Windows
+from dynreg.sim.robot import Robot
+
+REVERSAL = 0.1  # s around a change of direction
+SLOW = 0.1  # of the 95th percentile of the speed
+TURNING = 0.25  # the same, for what still counts as part of a reversal
+TOP = 0.8  # quantile above which speed and load are high
+DIVERGED = 10.0  # times the motion: the most that any error counts, and what a diverged simulation does
+
+WORDS = {
+    "reversals": "where the motion reverses",
+    "low_speed": "at low speed",
+    "high_speed": "at high speed",
+    "high_load": "under high load",
+    "saturation": "where the drive is at its limit",
+    "drive_off": "while the drive is off",
+    "stance": "while the foot is on the ground",
+    "swing": "while the foot is in the air",
+    "early": "in the first third of the rollouts",
+    "late": "in the last third of the rollouts",
+    "log_begin": "in the first third of the log",
+    "log_end": "in the last third of the log",
+}
+_DRIFT = ("overall", "early", "late")  # a rollout's error grows anyway: that names no place
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """The error of one simulator on one channel in one regime; "overall" stands for all samples.
+
+    error : mean absolute rollout error in the channel's unit; a diverged simulation counts as ten times the motion.
+    share : of this simulator's whole error, in units of the channels' spread times their weights.
+    ratio : mean error in the regime over the mean elsewhere; None where there is no elsewhere, or no error there.
+    step_error, step_share, step_ratio : the same for predictions one step ahead; None without them.
+    """
+
+    channel: str
+    unit: str
+    joint: str | None
+    regime: str
+    simulator: int
+    error: float
+    share: float
+    ratio: float | None
+    samples: int
+    step_error: float | None = None
+    step_share: float | None = None
+    step_ratio: float | None = None
+
+
+def split_errors(
+    robot: Robot,
+    windows: Windows,
+    states: np.ndarray,
+    one_step: np.ndarray | None = None,
+    stance: Mapping[str, np.ndarray] | None = None,
+) -> tuple[ErrorRow, ...]:
+    """Rows for every measured channel, regime with samples and simulator.
+
+    states : (n, W, T+1, S) rollouts of n simulators through the windows.
+    one_step : (n, W, T, S) what they predict for row t+1 from the measured row t.
+    stance : {joint: (W, T)} 1 where its foot is on the ground, 0 where not, NaN where not known.
+    Raises UsageError where the shapes do not fit the windows.
+    """
+    _check(windows, states, one_step)
+    signals = joint_signals(robot, windows)
+    everywhere = _of_the_clock(windows)
+    by_joint = {
+        j: everywhere | motion_regimes(s, windows.period, (stance or {}).get(j)) for j, s in signals.items()
+    }
+    rest = everywhere | _of_any_joint(signals)
+    rollouts = [scaled_errors(windows, s[:, 1:]) for s in states]
+    steps = [None] * len(states) if one_step is None else [scaled_errors(windows, s) for s in one_step]
+    rows = []
+    for c, channel in enumerate(robot.file.channels):
+        if not np.isfinite(windows.measured[:, 1:, c]).any():
+            continue
+        joint = joint_of_channel(channel.name, signals)
+        for regime, mask in (rest if joint is None else by_joint[joint]).items():
+            for i, (error, step) in enumerate(zip(rollouts, steps, strict=True)):
+                found = _measure(error, mask, c, windows)
+                if found is None:
+                    continue
+                size, share, ratio, samples = found
+                ahead = (
+                    (None, None, None)
+                    if step is None
+                    else (_measure(step, mask, c, windows) or (None,) * 3)[:3]
+                )
+                where = (channel.name, channel.unit, joint, regime, i)
+                rows.append(ErrorRow(*where, size, share, ratio, samples, *ahead))
+    return tuple(rows)
+
+
+def scaled_errors(windows: Windows, predicted: np.ndarray) -> np.ndarray:
+    """(W, T, S) absolute errors of predicted rows 1..T in units of the spread; NaN where nothing was measured."""
+    measured = windows.measured[:, 1:]
+    with np.errstate(invalid="ignore", over="ignore"):
+        scaled = np.abs(predicted - measured) / windows.spread
+    lost = np.isfinite(measured) & ~np.isfinite(scaled)
+    scaled = np.minimum(np.where(lost, DIVERGED, scaled), DIVERGED)
+    return np.where(np.isfinite(measured), scaled, np.nan)
+
+
+def motion_regimes(
+    signals: JointSignals, period: float, stance: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """{regime: (W, T)} of one joint; regimes that its motion does not have are empty masks.
+
+    reversals : slower than a quarter of the lively speed within 0.1 s of a change of direction that stands out of
+        the noise. low_speed : below a tenth of it. high_speed, high_load : the top fifth. The lively speed is the
+        95th percentile. saturation : the drive is at the limit of its nominal law.
+    """
+    speed = np.abs(signals.velocity)
+    lively = _quantile(speed, 0.95)
+    with np.errstate(invalid="ignore"):
+        out = {
+            "reversals": (speed < TURNING * lively) & _near_turns(signals, lively, period),
+            "low_speed": speed < SLOW * lively,
+            "high_speed": speed > _quantile(speed, TOP),
+            "high_load": _top(np.where(signals.enabled, signals.load, np.nan)),
+            "saturation": signals.saturated,
+            "drive_off": ~signals.enabled,
+        }
+    if stance is not None:
+        out |= {"stance": stance == 1, "swing": stance == 0}
+    return out
+
+
+def finding(rows: tuple[ErrorRow, ...], simulator: int = 0) -> str:
+    """One sentence: where most of a simulator's error is that would not be there at the mean error elsewhere."""
+    own = [r for r in rows if r.simulator == simulator]
+    overall = {r.channel: r for r in own if r.regime == "overall"}
+    excess: dict[str, float] = {}
+    candidates = [r for r in own if r.regime not in _DRIFT and r.ratio and r.ratio > 1.2 and r.samples >= 10]
+    for r in candidates:
+        excess[r.regime] = excess.get(r.regime, 0.0) + _excess(r)
+    regime = max(excess, key=lambda k: excess[k], default=None)
+    if regime is None or excess[regime] < 0.05:
+        worst = max(overall.values(), key=lambda r: r.share, default=None)
+        if worst is None or not worst.share > 0:
+            return "No error was measured."
+        return f"{worst.share:.0%} of the error is on {worst.channel}; no regime of its motion stands out."
+    inside = [r for r in own if r.regime == regime]
+    top = max((r for r in candidates if r.regime == regime), key=_excess)
+    said = f"{sum(r.share for r in inside):.0%} of the error lies {WORDS[regime]}"
+    among = "" if len(inside) == 1 else f", most of it on {top.channel}"
+    ahead = "" if not top.step_ratio else f", one step ahead {top.step_ratio:.2g} times"
+    return (
+        f"{said}{among}: {top.error:.3g} {top.unit} there in {top.samples / overall[top.channel].samples:.0%} "
+        f"of the samples of {top.channel}, {top.ratio:.2g} times the error elsewhere{ahead}."
+    )
+
+
+def _excess(row: ErrorRow) -> float:
+    """Share of the error that would go if the regime were as good as elsewhere."""
+    return row.share * (1.0 - 1.0 / row.ratio) if row.ratio else 0.0
+
+
+def _measure(
+    errors: np.ndarray, mask: np.ndarray, channel: int, windows: Windows
+) -> tuple[float, float, float | None, int] | None:
+    """Mean error [channel unit], share, ratio and samples; None where the regime has no samples."""
+    own = errors[..., channel]
+    known = np.isfinite(own)
+    inside = known & mask
+    samples = int(inside.sum())
+    if not samples:
+        return None
+    total = float(np.nansum(errors * windows.weight))
+    share = float(own[inside].sum() * windows.weight[channel]) / total if total > 0 else 0.0
+    mean, elsewhere = float(own[inside].mean()), own[known & ~mask]
+    ratio = mean / float(elsewhere.mean()) if elsewhere.any() else None
+    return mean * float(windows.spread[channel]), share, ratio, samples
+
+
+def _of_the_clock(windows: Windows) -> dict[str, np.ndarray]:
+    """Regimes by time alone: thirds of the rollouts, and of the log where it is known when each window began."""
+    shape = (len(windows), windows.run.steps)
+    t = np.broadcast_to((np.arange(shape[1]) + 0.5) / shape[1], shape)
+    out = {"overall": np.ones(shape, dtype=bool), "early": t < 1 / 3, "late": t > 2 / 3}
+    begin = windows.run.begin
+    if begin is not None and np.ptp(begin) > 0:
+        at = begin[:, None] + windows.period * np.arange(shape[1])
+        part = (at - at.min()) / np.ptp(at)
+        out |= {"log_begin": part < 1 / 3, "log_end": part > 2 / 3}
+    return out
+
+
+def _of_any_joint(signals: Mapping[str, JointSignals]) -> dict[str, np.ndarray]:
+    """What can be said of a channel that belongs to no driven joint."""
+    if not signals:
+        return {}
+    return {
+        "saturation": np.any([s.saturated for s in signals.values()], axis=0),
+        "drive_off": np.any([~s.enabled for s in signals.values()], axis=0),
+    }
+
+
+def _near_turns(signals: JointSignals, lively: float, period: float) -> np.ndarray:
+    """(W, T) within REVERSAL of a change of direction; what moves less than the noise keeps its direction."""
+    least = max(0.05 * lively, 3.0 * signals.velocity_noise)
+    velocity = np.nan_to_num(signals.velocity)
+    moving = np.abs(velocity) > least
+    rows = np.arange(velocity.shape[1])
+    last = np.maximum.accumulate(np.where(moving, rows, -1), axis=1)
+    direction = np.where(last >= 0, np.sign(np.take_along_axis(velocity, np.maximum(last, 0), axis=1)), 0.0)
+    turned = np.zeros(velocity.shape, dtype=bool)
+    turned[:, 1:] = direction[:, 1:] * direction[:, :-1] < 0
+    near = turned.copy()
+    for shift in range(1, max(1, round(REVERSAL / period)) + 1):
+        near[:, shift:] |= turned[:, :-shift]
+        near[:, :-shift] |= turned[:, shift:]
+    return near
+
+
+def _top(load: np.ndarray) -> np.ndarray:
+    """(W, T) the top fifth of a load; ties with its limit are all in, as a saturated drive's are."""
+    limit = _quantile(load, TOP)
+    with np.errstate(invalid="ignore"):
+        return (load >= limit) & (load > 0)
+
+
+def _quantile(values: np.ndarray, q: float) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, q)) if len(known) else np.nan
+
+
+def _check(windows: Windows, states: np.ndarray, one_step: np.ndarray | None) -> None:
+    shape = windows.measured.shape
+    if states.ndim != 4 or states.shape[1:] != shape:
+        raise UsageError(
+            f"states of shape {states.shape}",
+            expected=f"(simulators, {', '.join(map(str, shape))})",
+            do="roll the simulators out through these windows",
+        )
+    wanted = (len(states), shape[0], shape[1] - 1, shape[2])
+    if one_step is not None and one_step.shape != wanted:
+        raise UsageError(
+            f"one-step predictions of shape {one_step.shape}",
+            expected=f"{wanted}",
+            do="give one row for every command of every window, of every simulator",
+        )

@@ -1,0 +1,43 @@
+"""The library of effects, as a result."""
+
+from collections.abc import Mapping
+
+from dynreg.results import EffectRow, EffectSize, EffectsList
+from dynreg.sim.effects import Effect, effects
+from dynreg.sim.robot import Robot
+
+
+def effects_list(robot: Robot | None = None) -> EffectsList:
+    """Every effect, in the order in which they act; for a robot with whether it can have it, and why not."""
+    table = effects()
+    return EffectsList(
+        robot=None if robot is None else robot.name,
+        effects=tuple(_row(e, table, robot) for e in table.values()),
+    )
+
+
+def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> EffectRow:
+    why_not = None if robot is None else effect.why_not(robot)
+    same = [e.id for e in table.values() if effect.group and e.group == effect.group and e.id != effect.id]
+    return EffectRow(
+        id=effect.id,
+        acts_on=effect.acts_on,
+        title=effect.title,
+        parameters=tuple(
+            EffectSize(
+                name=p.name,
+                unit=p.unit,
+                meaning=p.meaning,
+                weak=p.weak,
+                medium=p.medium,
+                strong=p.strong,
+                per=p.per,
+            )
+            for p in effect.parameters
+        ),
+        group=tuple(same),
+        near=effect.near,
+        separate_by=effect.separate_by,
+        applies=None if robot is None else why_not is None,
+        why_not=why_not,
+    )

@@ -1,0 +1,191 @@
+"""What the page of a diagnosis draws."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from dynreg.report.diagnosis_tables import gain_cell
+from dynreg.report.diagnosis_words import (
+    PART,
+    VERDICTS,
+    diagnosis_steps,
+    noise_words,
+    residual_words,
+    size_word,
+    standing,
+    threshold_words,
+    unsaid,
+)
+from dynreg.report.drawing import Chart, chart, ruler, track
+from dynreg.report.words import number
+from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
+
+SHOWN_RANKS = 12
+SHOWN_CHANNELS = 10
+FEW_CHANNELS = 3  # as many stand side by side on a phone
+SIMULATORS = ("nominal", "calibrated", "extended")
+
+
+def diagnosis_page(result: Diagnosis) -> dict[str, Any]:
+    """The template's variables."""
+    return {
+        "result": result,
+        "title": f"{result.recording_name or result.recording[:12]} · {result.robot} · diagnosis",
+        "verdict": VERDICTS[result.verdict],
+        "tiles": _tiles(result),
+        "steps": diagnosis_steps(result),
+        "causes": [_cause(cause) for cause in result.causes],
+        "part": PART[result.error.part],
+        "charts": _charts(result),
+        "drawn": [s for s in SIMULATORS if any(getattr(t, s) is not None for t in result.traces)],
+        "rankings": _rankings(result),
+        "threshold": threshold_words(result),
+        "maps": _maps(result.where),
+        "errors": [_error_bars(e) for e in (result.errors or (result.error,))[:SHOWN_CHANNELS]],
+        "more_errors": max(0, len(result.errors) - SHOWN_CHANNELS),
+        "compared": [s for s in SIMULATORS if getattr(result.error, s) is not None],
+        "tracks": {
+            name: track(e.value, e.low, e.high, e.nominal, (), e.limits)
+            for name, e in result.parameters.items()
+        },
+        "noise": noise_words(result.noise),
+        "residual": residual_words(result),
+        "unsaid": unsaid(result),
+    }
+
+
+def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
+    """(figure, what it is)."""
+    error = result.error
+    best = next(s for s in reversed(SIMULATORS) if getattr(error, s) is not None)
+    tiles = [
+        (f"{number(error.nominal)} {error.unit}", f"nominal error of {error.channel}, {PART[error.part]}"),
+        (f"{number(getattr(error, best))} {error.unit}", f"{best} model's error, {PART[error.part]}"),
+    ]
+    if result.causes:
+        first = result.causes[0]
+        tiles.append(
+            (
+                f"{number(first.evidence_nats)} nats",
+                f"for {first.key}; needed {number(result.threshold_nats)}",
+            )
+        )
+    elif result.ranking:
+        first = max(result.ranking, key=lambda r: r.score_nats)
+        tiles.append(
+            (
+                f"{number(first.score_nats)} nats",
+                f"for {first.key}, the best; needed {number(result.threshold_nats)}",
+            )
+        )
+    if result.noise is not None and result.noise.ratio is not None:
+        floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
+        tiles.append((f"{result.noise.ratio:.2g} x", f"what is left, over the {floor[result.noise.basis]}"))
+    return tiles
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    rulers = {}
+    for name, e in cause.parameters.items():
+        if e.sizes is not None:
+            marks = dict(zip(("weak", "medium", "strong"), e.sizes, strict=True))
+            rulers[name] = ruler(e.value, e.low, e.high, marks) if len(set(e.sizes)) == 3 else None
+    return {
+        "of": cause,
+        "verdict": VERDICTS[cause.verdict],
+        "gain": gain_cell(cause.gain) if cause.gain else "",
+        "rulers": rulers,
+        "sizes": {name: size_word(e) for name, e in cause.parameters.items()},
+    }
+
+
+def _charts(result: Diagnosis) -> list[Chart]:
+    """One for each trace; the dotted and the dashed line on top, so that lines which run together still show."""
+    drawn = []
+    for t in result.traces:
+        curves = {
+            "measured": t.measured,
+            "extended": t.extended,
+            "calibrated": t.calibrated,
+            "nominal": t.nominal,
+        }
+        known = {name: curve for name, curve in curves.items() if curve is not None}
+        drawn.append(chart(f"{t.channel} [{t.unit}], episode {t.episode}", "time [s]", t.time, known))
+    return [c for c in drawn if c is not None]
+
+
+def _rankings(result: Diagnosis) -> list[dict[str, Any]]:
+    """Of each round the bars in percent and where the threshold stands."""
+    out = []
+    for number_of_round in sorted({r.round for r in result.ranking}):
+        ranked = [r for r in result.ranking if r.round == number_of_round]
+        most = max(result.threshold_nats, *(r.score_nats for r in ranked), 1e-9) * 1.04
+        before = [c.key for c in result.causes[: number_of_round - 1]]
+        out.append(
+            {
+                "title": f"After {' and '.join(before)}" if before else "",
+                "threshold": 100 * max(result.threshold_nats, 0.0) / most,
+                "bars": [_rank(result, r, most) for r in ranked[:SHOWN_RANKS]],
+                "more": max(0, len(ranked) - SHOWN_RANKS),
+            }
+        )
+    return out
+
+
+def _rank(result: Diagnosis, ranked: Ranked, most: float) -> dict[str, Any]:
+    said = standing(result, ranked)
+    kind = "chosen" if said in VERDICTS.values() else "tied" if said == "explains it as well" else ""
+    width = 100 * max(ranked.score_nats, 0.0) / most
+    return {"key": ranked.key, "nats": f"{ranked.score_nats:.1f}", "said": said, "kind": kind, "width": width}
+
+
+def _maps(where: Sequence[Where]) -> list[dict[str, Any]]:
+    """Of each simulator a table of shares [%], channels by regimes; few channels stand side by side."""
+    out = []
+    for simulator in SIMULATORS:
+        mine = {(w.channel, w.regime): w for w in where if w.simulator == simulator}
+        if not mine:
+            continue
+        regimes = list(dict.fromkeys(regime for _, regime in mine))
+        channels = _by_share(mine)
+        shown = channels[:SHOWN_CHANNELS]
+        upright = len(shown) <= FEW_CHANNELS
+        rows, columns = (regimes, shown) if upright else (shown, regimes)
+        cells = [[_cell(mine.get((c, r) if upright else (r, c))) for c in columns] for r in rows]
+        out.append(
+            {
+                "simulator": simulator,
+                "columns": [c if upright else _regime(c) for c in columns],
+                "rows": list(zip([_regime(r) if upright else r for r in rows], cells, strict=True)),
+                "most": 100 * max(*(w.share for w in mine.values()), 1e-9),
+                "more": len(channels) - len(shown),
+            }
+        )
+    return out
+
+
+def _by_share(mine: dict[tuple[str, str], Where]) -> list[str]:
+    """Channels, those with the largest share first."""
+    share: dict[str, float] = {}
+    for (channel, regime), w in mine.items():
+        share[channel] = max(share.get(channel, 0.0), 2.0 + w.share if regime == "overall" else w.share)
+    return sorted(share, key=lambda channel: -share[channel])
+
+
+def _regime(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _cell(w: Where | None) -> dict[str, Any] | None:
+    return (
+        None if w is None else {"percent": 100 * w.share, "ratio": w.ratio, "error": w.error, "unit": w.unit}
+    )
+
+
+def _error_bars(e: RolloutError) -> dict[str, Any]:
+    sizes = {s: getattr(e, s) for s in SIMULATORS if getattr(e, s) is not None}
+    largest = max(*sizes.values(), e.repeatability or 0.0) or 1.0
+    return {
+        "of": e,
+        "bars": [(name, size, 100 * size / largest) for name, size in sizes.items()],
+        "floor": None if e.repeatability is None else 100 * e.repeatability / largest,
+    }

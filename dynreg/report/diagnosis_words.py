@@ -1,0 +1,125 @@
+"""What a diagnosis says, does not say and asks for, in sentences."""
+
+from dynreg.report.words import count, number
+from dynreg.results import Cause, Diagnosis, EffectEstimate, Noise, Ranked
+
+FLOORS = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
+PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
+VERDICTS = {
+    "named": "named",
+    "ambiguous": "ambiguous",
+    "partly_explained": "partly explained",
+    "unknown": "unknown cause",
+    "none": "nothing missing",
+}
+
+
+def standing(result: Diagnosis, ranked: Ranked) -> str:
+    """What became of a ranked hypothesis: the verdict of a cause, a tie with one, or why it lost."""
+    cause = result.causes[ranked.round - 1] if ranked.round <= len(result.causes) else None
+    if cause is not None and cause.key == ranked.key:
+        return VERDICTS[cause.verdict]
+    if cause is not None and ranked.key in cause.equivalent:
+        return "explains it as well"
+    if ranked.note:
+        return ranked.note
+    return "explains less" if ranked.score_nats >= result.threshold_nats else "below the threshold"
+
+
+def threshold_words(result: Diagnosis) -> str:
+    """How much evidence a cause needs, and how that was found."""
+    needed = f"A cause needs {number(result.threshold_nats)} nats"
+    if not result.threshold.runs:
+        return f"{needed}, the usual threshold."
+    kept = ", kept from an earlier diagnosis" if result.threshold.cached else ""
+    runs = count(result.threshold.runs, "simulation")
+    note = f". {result.threshold.note}" if result.threshold.note else ""
+    return f"{needed}, by {runs} of this robot without any effect{kept}{note}."
+
+
+def size_word(e: EffectEstimate) -> str:
+    """How large the value is among the sizes of its effect; "-" where these are not known.
+
+    >>> size_word(EffectEstimate(value=-0.1, low=-0.2, high=0, unit="1", sizes=(0.03, 0.08, 0.2)))
+    'medium'
+    """
+    if e.sizes is None:
+        return "-"
+    weak, medium, strong = (abs(s) for s in e.sizes)
+    # a limit: the lower, the larger the effect
+    larger = (lambda size: abs(e.value) <= size) if strong < weak else (lambda size: abs(e.value) >= size)
+    names = (("strong", strong), ("medium", medium), ("weak", weak))
+    return next((name for name, size in names if larger(size)), "below weak")
+
+
+def noise_words(noise: Noise | None) -> str:
+    """What is left, against what no simulator can explain."""
+    if noise is None:
+        return "There is nothing to hold what is left against: no run was repeated and no noise is stated."
+    left = f"{number(noise.left)} {noise.unit} is left of {noise.channel}"
+    if noise.ratio is None:
+        return f"{left}; {FLOORS[noise.basis]} is not known."
+    white = {True: "; it looks like white noise", False: "; it is not white noise", None: ""}[noise.white]
+    return (
+        f"{left}, {noise.ratio:.2g} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
+    )
+
+
+def residual_words(result: Diagnosis) -> str:
+    """On what the rest depends; "" where that was not asked."""
+    if result.residual is None:
+        return ""
+    told = sorted((r for r in result.residual if r.share > 0), key=lambda r: -r.share)
+    if not told:
+        return "No signal of the joints tells anything of what is left."
+    parts = [f"{r.joint}'s {r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told]
+    return f"Signals that tell what is left, on unseen data: {', '.join(parts)}."
+
+
+def unsaid(result: Diagnosis) -> tuple[str, ...]:
+    """What the recording cannot tell, and where a number says less than it seems to."""
+    said = [_tie(cause) for cause in result.causes if cause.equivalent]
+    for cause in result.causes:
+        edge = [name for name, e in cause.parameters.items() if e.at_bound]
+        said += [f"{name} of {cause.key} lies on the edge of what a fit may reach." for name in edge]
+        if cause.gain and cause.gain.low is not None and cause.gain.low <= 0:
+            said.append(f"On held-out data {cause.key} does not clearly help.")
+    for name, e in result.parameters.items():
+        if e.at_bound:
+            said.append(f"{name} lies on the edge of its range: its interval says little.")
+    if result.noise is None or result.noise.basis == "stated_noise":
+        said.append("No run was repeated, so the robot's own scatter is not known.")
+    if not result.parts.get("test"):
+        said.append("Nothing was held out: the errors are those of data that the choice was made by.")
+    if not result.threshold.runs:
+        said.append("The threshold is the usual one, not one found by simulating this robot.")
+    return tuple(said)
+
+
+def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
+    """What to do next, the first thing first."""
+    steps = list(result.experiments)
+    for cause in result.causes:
+        for other in [key for key in cause.equivalent if key not in cause.inseparable][:1]:
+            pair = f"'{cause.key},{other}'" if "[" in cause.key + other else f"{cause.key},{other}"
+            steps.append(
+                f"Commands that tell them apart: dynreg excite {result.robot} --for {pair} -o next.csv"
+            )
+    if result.verdict == "unknown":
+        steps.append(f"Check the log first: dynreg doctor LOG --robot {result.robot}")
+    if not result.parts.get("test"):
+        steps.append("Record more episodes, or name some with --hold-out.")
+    if result.extended_simulator:
+        steps.append(
+            f"Take the extended simulator along: dynreg export {result.extended_simulator[:12]} --to FOLDER"
+        )
+    return tuple(steps)
+
+
+def _tie(cause: Cause) -> str:
+    how = f": {cause.separate_by}" if cause.separate_by else ""
+    others = " and ".join(cause.equivalent)
+    explain = "explains" if len(cause.equivalent) == 1 else "explain"
+    return (
+        f"{others} {explain} it as well as {cause.key}. What would tell them apart{how or ' is not known'}."
+    )

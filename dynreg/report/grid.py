@@ -1,0 +1,29 @@
+"""One table of text, at most as wide as the console."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from dynreg.report.words import number
+
+KEPT_WHOLE = 32  # a first cell shorter than this is not broken
+_LINES = box.SIMPLE_HEAD
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | None = None) -> RenderableType:
+    """A table whose numbers stand to the right; its title is a line of its own above it."""
+    rows = [tuple(row) for row in rows]
+    out = Table(box=_LINES, show_edge=False, show_header=any(columns), pad_edge=False, header_style="bold")
+    for i, name in enumerate(columns):
+        numeric = bool(rows) and all(isinstance(row[i], int | float | None) for row in rows)
+        short = all(len(str(row[i])) < KEPT_WHOLE for row in rows)
+        out.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", no_wrap=i == 0 and short
+        )
+    for row in rows:
+        out.add_row(*(cell if isinstance(cell, str) else number(cell) for cell in row))
+    return Group(Text(f"\n{title}", style="bold"), out) if title else out

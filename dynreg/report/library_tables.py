@@ -1,0 +1,56 @@
+"""The library of effects, and an experiment, as text."""
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from dynreg.report.grid import table
+from dynreg.report.words import number
+from dynreg.results import EffectSize, EffectsList, Experiment
+
+PER = {
+    "torque": ("tau", "the drive's torque limit"),
+    "stiffness": ("1/k", "over the stiffness of the servo"),
+    "inertia": ("I", "the joint's inertia"),
+    "length": ("l", "from the joint to the centre of mass"),
+}
+
+
+def effects_table(result: EffectsList, near: bool = False) -> Group:
+    """What each effect is and how large, what nothing usual tells apart; `near`: also what the right commands do."""
+    fitting = [e for e in result.effects if e.applies is not False]
+    rows = [(e.id, e.acts_on, e.title, _size(e.parameters[0]) if e.parameters else "-") for e in fitting]
+    title = f"effects of {result.robot}" if result.robot else "effects"
+    parts = [table(("effect", "acts on", "what it is", "weak / medium / strong"), rows, title)]
+    used = [per for per in PER if any(e.parameters and e.parameters[0].per == per for e in fitting)]
+    parts += [Text("; ".join(f"{PER[per][0]}: {PER[per][1]}" for per in used))] if used else []
+    groups = {tuple(sorted((e.id, *e.group))): e.separate_by for e in reversed(fitting) if e.group}
+    if groups:
+        rows = [(", ".join(group), how) for group, how in reversed(groups.items())]
+        parts.append(table(("effects", "what tells them apart"), rows, "the same to any usual log"))
+    near_ones = [(e.id, ", ".join(e.near), e.separate_by) for e in fitting if e.near and near]
+    if near_ones:
+        columns = ("effect", "is near", "what tells them apart")
+        parts.append(table(columns, near_ones, "told apart by the right commands only"))
+    lacking = [(e.id, e.why_not or "") for e in result.effects if e.applies is False]
+    if lacking:
+        parts.append(table(("effect", "why not"), lacking, f"not on {result.robot}"))
+    return Group(*parts)
+
+
+def experiment_table(result: Experiment) -> Group:
+    """How well it separates, and what it uses of the robot's limits."""
+    usual = (
+        "" if result.usual is None else f"; the usual commands of that length: {number(result.usual)} nats"
+    )
+    parts: list[RenderableType] = [Text(str(result) + usual, style="bold")]
+    if result.limits:
+        rows = [(k.name, k.low, k.high, k.least, k.most, k.unit) for k in result.limits]
+        parts.append(table(("limit", "low", "high", "least used", "most used", "unit"), rows))
+    parts += [Text(f"note: {result.note}")] if result.note else []
+    return Group(*parts)
+
+
+def _size(size: EffectSize) -> str:
+    numbers = " / ".join(number(value) for value in (size.weak, size.medium, size.strong))
+    unit = PER[size.per][0] if size.per in PER else "" if size.unit == "1" else size.unit
+    return f"{numbers} {unit}".rstrip()

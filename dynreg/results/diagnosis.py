@@ -1,0 +1,260 @@
+"""The answer of `diagnose`: which physical causes a simulator lacks, how sure that is, and what is left."""
+
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from dynreg.results.result import Cost, Estimate, Gain, Result
+
+Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
+CauseVerdict = Literal["named", "ambiguous", "partly_explained"]
+Simulator = Literal["nominal", "calibrated", "extended"]
+
+
+def cause_key(effect: str, joints: tuple[str, ...]) -> str:
+    """The name of an effect on some joints, as the ranking and the equivalents give it.
+
+    >>> cause_key("load_friction", ()), cause_key("backlash", ("hip", "knee"))
+    ('load_friction', 'backlash[hip,knee]')
+    """
+    return effect + (f"[{','.join(joints)}]" if joints else "")
+
+
+class EffectEstimate(Result):
+    """A parameter of a cause with its 90 % interval, in `unit`; the interval holds if the cause is the right one.
+
+    at_bound : the value lies on the edge of what a fit may reach. sizes : the weak, medium and strong size.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    at_bound: bool = False
+    sizes: tuple[float, float, float] | None = None
+
+
+class Cause(Result):
+    """A physical effect that the simulator lacks.
+
+    joints : those that have it; none for all of them, or for the robot as a whole.
+    evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost.
+    equivalent : keys of the causes that explain the data as well; separate_by : the experiment that tells them apart.
+    inseparable : those of them that no commands tell apart, the rest of its exact group.
+    gain : by how much it lowers the error on the test part; null where nothing was held out.
+    """
+
+    effect: str
+    joints: tuple[str, ...] = ()
+    title: str = ""
+    verdict: CauseVerdict
+    parameters: dict[str, EffectEstimate]
+    evidence_nats: float
+    equivalent: tuple[str, ...] = ()
+    inseparable: tuple[str, ...] = ()
+    separate_by: str = ""
+    gain: Gain | None = None
+
+    @property
+    def key(self) -> str:
+        """`effect[joints]`."""
+        return cause_key(self.effect, self.joints)
+
+
+class Ranked(Result):
+    """A hypothesis and what it scored in round `round` (the first cause is found in round 1); note : why it lost."""
+
+    effect: str
+    joints: tuple[str, ...] = ()
+    score_nats: float
+    round: int = 1
+    note: str = ""
+
+    @property
+    def key(self) -> str:
+        """`effect[joints]`."""
+        return cause_key(self.effect, self.joints)
+
+
+class Pulled(Estimate):
+    """A parameter of the model beside the cause, in the extended simulator (the calibrated one without a cause).
+
+    pulled_sigma : how far it lies from its nameplate, in standard deviations of that; null where none is stated.
+    """
+
+    pulled_sigma: float | None = None
+
+
+class Moved(Result):
+    """A parameter that took another value when the cause was added: before it had made up for the cause."""
+
+    name: str
+    before: float
+    after: float
+    unit: str
+
+
+class Threshold(Result):
+    """How the evidence that a cause needs was found: from `runs` simulations of this robot without any effect.
+
+    cached : they were run for an earlier diagnosis. runs is 0 where a default was taken.
+    """
+
+    runs: int
+    cached: bool = False
+    note: str = ""
+
+
+class RolloutError(Result):
+    """The error of one channel on one part of the recording, in `unit`.
+
+    repeatability : by how much two runs of the same commands differ; null where no run was repeated.
+    """
+
+    channel: str
+    unit: str
+    metric: Literal["rollout_mae"] = "rollout_mae"
+    nominal: float
+    calibrated: float | None
+    extended: float | None
+    repeatability: float | None = None
+    part: Literal["test", "select", "fit"] = "test"
+
+
+class Where(Result):
+    """The share of a simulator's whole error that lies on one channel in one regime of the motion.
+
+    Regimes overlap: a reversal is mostly slow, too; "overall" stands for all samples. error : mean error there in
+    `unit`. ratio : that over the mean error elsewhere; null where there is no elsewhere.
+    """
+
+    channel: str
+    regime: str
+    share: float
+    simulator: Simulator = "calibrated"
+    joint: str | None = None
+    unit: str = ""
+    error: float | None = None
+    ratio: float | None = None
+
+
+class Noise(Result):
+    """What the best simulator leaves of one channel, against what no simulator can explain; both 1 sigma in `unit`.
+
+    basis : what the floor comes from. white : whether what is left looks like white noise; null where unknown.
+    """
+
+    channel: str
+    unit: str
+    left: float
+    floor: float
+    basis: Literal["repeatability", "stated_noise"]
+    ratio: float | None
+    white: bool | None = None
+
+
+class ResidualShare(Result):
+    """The share of what is left of a joint's motion that one signal of it tells, on trajectories not seen before."""
+
+    joint: str
+    signal: str
+    share: float
+
+
+class DiagnosisTrace(Result):
+    """Measured and simulated values of one channel in one episode; time [s]; null where there is no such simulator."""
+
+    episode: str
+    channel: str
+    unit: str
+    time: list[float]
+    measured: list[float | None]
+    nominal: list[float | None]
+    calibrated: list[float | None] | None = None
+    extended: list[float | None] | None = None
+
+
+class Diagnosis(Result):
+    """What a simulator lacks, by a recording of the robot.
+
+    start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
+    verdict : of the first cause; "unknown": something is amiss that no effect explains; "none": nothing is.
+    sentence : the verdict for a person. threshold_nats : the evidence below which no cause is named.
+    error : of the channel that matters most; errors : of every channel. finding : the sentence of `where`.
+    residual : on what the rest depends; null where that was not asked.
+    inputs : what the log measured and the simulators were driven by. notes : what else a reader must know.
+    """
+
+    schema_: Literal["dynreg/diagnosis/1"] = Field(default="dynreg/diagnosis/1", alias="schema")
+    robot: str
+    recording: str
+    recording_name: str = ""
+    start: str = "nominal"
+    simulator: str | None
+    verdict: Verdict
+    sentence: str
+    causes: tuple[Cause, ...]
+    ranking: tuple[Ranked, ...]
+    threshold_nats: float
+    threshold: Threshold
+    parameters: dict[str, Pulled]
+    moved: tuple[Moved, ...] = ()
+    error: RolloutError
+    errors: tuple[RolloutError, ...] = ()
+    where: tuple[Where, ...]
+    finding: str = ""
+    noise: Noise | None
+    residual: tuple[ResidualShare, ...] | None = None
+    experiments: tuple[str, ...]
+    parts: dict[Literal["fit", "select", "test"], tuple[str, ...]]
+    traces: tuple[DiagnosisTrace, ...] = ()
+    inputs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    calibrated_simulator: str | None = None
+    extended_simulator: str | None
+    engine: str = ""
+    seed: int = 0
+    cost: Cost
+
+    @model_validator(mode="after")
+    def _verdict_fits_causes(self) -> "Diagnosis":
+        stated = self.verdict in ("named", "ambiguous", "partly_explained")
+        if stated and (not self.causes or self.causes[0].verdict != self.verdict):
+            raise ValueError(f"verdict {self.verdict!r} without a first cause of that verdict")
+        if self.verdict == "none" and self.causes:
+            raise ValueError(f"verdict 'none' with the cause {self.causes[0].key!r}")
+        return self
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The ranking."""
+        return [
+            {"effect": r.effect, "joints": ", ".join(r.joints), "nats": r.score_nats} for r in self.ranking
+        ]
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        """Causes with their parameters, the ranking, the other parameters, and the error of every channel."""
+        causes = [
+            {
+                "cause": c.key,
+                "verdict": c.verdict,
+                "nats": c.evidence_nats,
+                "parameter": name,
+                **e.model_dump(),
+            }
+            for c in self.causes
+            for name, e in c.parameters.items()
+        ]
+        hidden = {"sizes", "at_bound"}
+        errors = [e.model_dump() for e in self.errors or (self.error,)]
+        return {
+            "causes": [{k: v for k, v in row.items() if k not in hidden} for row in causes],
+            f"ranking (a cause needs {self.threshold_nats:.3g} nats)": self.rows(),
+            "parameters": [
+                {"parameter": name, **{k: v for k, v in p.model_dump().items() if k != "limits"}}
+                for name, p in self.parameters.items()
+            ],
+            "error": [{k: v for k, v in row.items() if k != "metric"} for row in errors],
+        }
+
+    def __str__(self) -> str:
+        return self.sentence

@@ -1,0 +1,85 @@
+"""What all results have in common, and the small ones that several hold."""
+
+import html
+import json
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Result(BaseModel):
+    """Base of all results: frozen, strict about its fields, shown as a table in notebooks."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="null", populate_by_name=True)
+
+    def to_json(self, indent: int | None = None) -> str:
+        """The JSON document of the result, as its schema says; numbers that are not finite become null."""
+        return json.dumps(self.to_dict(), indent=indent)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document as plain data."""
+        return json.loads(self.model_dump_json(by_alias=True))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The result as a table, one dict a row."""
+        return [self.to_dict()]
+
+    def to_frame(self):
+        """The rows as a pandas DataFrame."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows())
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        """What a notebook shows, by title: the rows, where a result has no more to show."""
+        return {"": self.rows()}
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        # a sentence of its own, not pydantic's field by field
+        said = type(self).__str__ is not BaseModel.__str__
+        parts = [f"<p>{html.escape(str(self))}</p>"] if said else []
+        for title, rows in self.tables().items():
+            if title and rows:
+                parts.append(f"<h4>{html.escape(title)}</h4>")
+            if rows or not title:
+                parts.append(pd.DataFrame(rows).to_html(index=False, float_format="%.4g", na_rep="-"))
+        return "".join(parts)
+
+
+class Estimate(Result):
+    """A parameter with its 90 % interval, in `unit`; the interval holds if the model is right.
+
+    at_bound : the value lies on the edge of the population's range, so the interval says little.
+    limits : that range (low, high), where there is one.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    nominal: float
+    at_bound: bool = False
+    limits: tuple[float, float] | None = None
+
+
+class Gain(Result):
+    """A relative gain with a 90 % bootstrap interval over episodes; null where there are too few."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+class Cost(Result):
+    """What a result cost.
+
+    evaluations : distances evaluated; rollouts : simulators run through the fit and select parts to choose the
+    answer; test_rollouts : simulators run through the test part to judge it; seconds : wall time.
+    """
+
+    evaluations: int
+    rollouts: int
+    test_rollouts: int = 0
+    seconds: float

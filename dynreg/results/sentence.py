@@ -1,0 +1,86 @@
+"""A diagnosis in one sentence, for a person."""
+
+from collections.abc import Sequence
+
+from dynreg.results.diagnosis import Cause, EffectEstimate, Noise, ResidualShare, RolloutError, Verdict
+
+
+def diagnosis_sentence(
+    name: str,
+    verdict: Verdict,
+    causes: Sequence[Cause],
+    *,
+    error: RolloutError,
+    threshold_nats: float,
+    noise: Noise | None = None,
+    residual: Sequence[ResidualShare] | None = None,
+) -> str:
+    """What the verdict about the recording `name` means: the cause, how large it is, what it explains, what is left."""
+    if verdict == "none":
+        return (
+            f"No effect of the library explains {name} better than chance could (that takes {threshold_nats:.3g}"
+            f" nats): the calibrated model stands{_error(error)}{_left(noise, '; ')}."
+        )
+    if verdict == "unknown":
+        return (
+            f"Something is amiss in {name} that no effect of the library explains{_left(noise, ', and ')}"
+            f"{_depends(residual)}."
+        )
+    first = causes[0]
+    said = f"{_effect(first)} ({_sizes(first)})"
+    also = f", and {' and '.join(_effect(c) for c in causes[1:])}" if causes[1:] else ""
+    if verdict == "named":
+        text = f"{name} shows {said}{also}"
+    elif verdict == "ambiguous":
+        others = " or ".join(first.equivalent) or "another cause"
+        text = f"{name} shows {said} or {others}, which it cannot tell apart{also}"
+    else:
+        text = f"{name} is explained in part by {said}{also}"
+    return f"{text}{_gain(first)}{_left(noise, '; ')}."
+
+
+def _effect(cause: Cause) -> str:
+    return cause.effect + (f" of {', '.join(cause.joints)}" if cause.joints else "")
+
+
+def _sizes(cause: Cause) -> str:
+    return ", ".join(_estimate(name, e) for name, e in cause.parameters.items()) or "no size"
+
+
+def _estimate(name: str, e: EffectEstimate) -> str:
+    unit = "" if e.unit == "1" else f" {e.unit}"
+    return f"{name} {e.value:.3g} [{e.low:.3g}, {e.high:.3g}]{unit}{' at its bound' if e.at_bound else ''}"
+
+
+def _gain(cause: Cause) -> str:
+    gain = cause.gain
+    if gain is None:
+        return ""
+    size = f"{100 * abs(gain.value):.0f} %"
+    if gain.low is None or gain.high is None:
+        return f"; with it the held-out error is {size} {'lower' if gain.value >= 0 else 'higher'}"
+    interval = f"90 % interval of the gain {100 * gain.low:.0f} to {100 * gain.high:.0f} %"
+    if gain.low <= 0 <= gain.high:
+        return f"; on held-out data it does not clearly help ({interval})"
+    return f"; with it the held-out error is {size} {'lower' if gain.low > 0 else 'higher'} ({interval})"
+
+
+def _error(error: RolloutError) -> str:
+    if error.calibrated is None:
+        return ""
+    return f"; it errs by {error.calibrated:.3g} {error.unit} on {error.channel}"
+
+
+def _left(noise: Noise | None, joint: str) -> str:
+    if noise is None or noise.ratio is None:
+        return ""
+    floors = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
+    floor = floors[noise.basis]
+    return f"{joint}what is left is {noise.ratio:.2g} times {floor}"
+
+
+def _depends(residual: Sequence[ResidualShare] | None) -> str:
+    most = max(residual or (), key=lambda r: r.share, default=None)
+    if most is None or most.share <= 0:
+        return ""
+    return f"; {100 * most.share:.0f} % of what is left of {most.joint} goes with its {most.signal.replace('_', ' ')}"

@@ -1,0 +1,202 @@
+"""The answer of `trial`: how often a diagnosis is right about robots whose truth is known."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import Any, Literal
+
+from pydantic import Field
+
+from dynreg.results.diagnosis import Verdict
+from dynreg.results.result import Result
+
+
+class Rate(Result):
+    """`hits` of `of` with the exact (Clopper-Pearson) 90 % interval."""
+
+    hits: int
+    of: int
+    value: float
+    low: float
+    high: float
+
+
+def rate(found: Iterable[bool]) -> Rate | None:
+    """The share of those that are true; None of none at all.
+
+    >>> r = rate([True] * 9 + [False])
+    >>> r.value, round(r.low, 3), round(r.high, 3)
+    (0.9, 0.606, 0.995)
+    """
+    from scipy.stats import beta
+
+    all_ = list(found)
+    hits, of = sum(all_), len(all_)
+    if not of:
+        return None
+    low = float(beta.ppf(0.05, hits, of - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(0.95, hits + 1, of - hits)) if hits < of else 1.0
+    return Rate(hits=hits, of=of, value=hits / of, low=low, high=high)
+
+
+class TrialResult(Result):
+    """One hidden robot and what was said of it.
+
+    hidden : id of the effect ("a+b" of two), null where there was none; size : weak, medium or strong.
+    hidden_values : the effect's true values; true_parameters : those of the robot. named : key of the first cause.
+    right : the verdict is named or ambiguous, and the first cause is the truth or one of its exact group; with
+    nothing hidden, that no cause was stated. false_alarm : one was. in_set : the truth is among the first cause and
+    its equivalents; size_of_set : how many these are. share_of_attainable_gain : (calibrated - extended) /
+    (calibrated - true structure refitted) of the error on the test part. parameter_error : of the effect's size,
+    relative to the truth. seconds : of the diagnosis.
+    """
+
+    schema_: Literal["dynreg/trial/1"] = Field(default="dynreg/trial/1", alias="schema")
+    robot: str
+    seed: int
+    hidden: str | None
+    size: Literal["weak", "medium", "strong"] | None = None
+    joints: tuple[str, ...] = ()
+    hidden_values: dict[str, float] = {}
+    true_parameters: dict[str, float] = {}
+    named: str | None
+    verdict: Verdict
+    right: bool
+    false_alarm: bool
+    in_set: bool | None = None
+    size_of_set: int = 0
+    share_of_attainable_gain: float | None = None
+    parameter_error: float | None = None
+    seconds: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether a cause was stated that is none; an unknown or missed one is not right, but not wrong either."""
+        return self.named is not None and not self.right
+
+
+class TrialGroup(Result):
+    """The trials that hid the same effect; hidden null: those without any."""
+
+    hidden: str | None
+    trials: int
+    right: Rate
+    in_set: Rate | None
+
+
+class Confusion(Result):
+    """How often a hidden effect was given another name; null stands for no effect, on either side."""
+
+    hidden: str | None
+    named: str | None
+    count: int
+
+
+class TrialTable(Result):
+    """Many trials with their rates; make one with `TrialTable.of`.
+
+    right, in_set, wrong : of the trials that hid an effect; false_alarm : of those that hid none. wrong counts stated
+    causes that are none. by_size and by_effect : the same trials, apart. set_median, set_p95 : of the sizes of sets.
+    """
+
+    schema_: Literal["dynreg/trials/1"] = Field(default="dynreg/trials/1", alias="schema")
+    robot: str
+    trials: tuple[TrialResult, ...]
+    right: Rate | None
+    in_set: Rate | None
+    wrong: Rate | None
+    false_alarm: Rate | None
+    by_size: dict[str, Rate]
+    by_effect: tuple[TrialGroup, ...]
+    confusions: tuple[Confusion, ...]
+    set_median: float | None
+    set_p95: float | None
+    gain_share_median: float | None
+    parameter_error_median: float | None
+    seconds_median: float | None
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, robot: str, trials: Sequence[TrialResult], notes: Sequence[str] = ()) -> "TrialTable":
+        """The table of these trials."""
+        with_effect = [t for t in trials if t.hidden is not None]
+        sets = sorted(t.size_of_set for t in with_effect if t.size_of_set)
+        sizes = [s for s in ("weak", "medium", "strong") if any(t.size == s for t in with_effect)]
+        return cls(
+            robot=robot,
+            trials=tuple(trials),
+            right=rate(t.right for t in with_effect),
+            in_set=_in_set(with_effect),
+            wrong=rate(t.wrong for t in with_effect),
+            false_alarm=rate(t.false_alarm for t in trials if t.hidden is None),
+            by_size={s: rate(t.right for t in with_effect if t.size == s) for s in sizes},
+            by_effect=_groups(trials),
+            confusions=_confusions(trials),
+            set_median=median(sets) if sets else None,
+            set_p95=float(sets[math.ceil(0.95 * len(sets)) - 1]) if sets else None,
+            gain_share_median=_median(t.share_of_attainable_gain for t in with_effect),
+            parameter_error_median=_median(t.parameter_error for t in with_effect if t.right),
+            seconds_median=_median(t.seconds for t in trials),
+            notes=tuple(notes),
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a trial."""
+        left_out = ("schema", "hidden_values", "true_parameters")
+        rows = [t.to_dict() | {"joints": ", ".join(t.joints)} for t in self.trials]
+        return [{k: v for k, v in row.items() if k not in left_out} for row in rows]
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        """Rates with their intervals, and the trials."""
+        named = [("right", self.right), ("in set", self.in_set), ("wrong name", self.wrong)]
+        named += [("false alarm", self.false_alarm), *((f"right, {s}", r) for s, r in self.by_size.items())]
+        named += [(f"right, {g.hidden or 'nothing hidden'}", g.right) for g in self.by_effect]
+        return {
+            "rates": [{"": name} | r.to_dict() for name, r in named if r is not None],
+            "trials": self.rows(),
+        }
+
+    def __str__(self) -> str:
+        parts = [
+            f"{name} {r.hits} of {r.of}"
+            for name, r in (
+                ("right", self.right),
+                ("wrong name", self.wrong),
+                ("false alarm", self.false_alarm),
+            )
+            if r is not None
+        ]
+        return f"{self.robot}: {', '.join(parts) or 'no trials'}"
+
+
+def _in_set(trials: Iterable[TrialResult]) -> Rate | None:
+    return rate(t.in_set for t in trials if t.in_set is not None)
+
+
+def _groups(trials: Sequence[TrialResult]) -> tuple[TrialGroup, ...]:
+    found = []
+    for hidden in dict.fromkeys(t.hidden for t in trials):
+        mine = [t for t in trials if t.hidden == hidden]
+        found.append(
+            TrialGroup(
+                hidden=hidden,
+                trials=len(mine),
+                right=rate(t.right for t in mine),
+                in_set=_in_set(mine),
+            )
+        )
+    return tuple(sorted(found, key=lambda g: (g.hidden is None, g.hidden or "")))
+
+
+def _confusions(trials: Sequence[TrialResult]) -> tuple[Confusion, ...]:
+    """What was wrong, most often first; joints do not make another name."""
+    plain = [(t.hidden, t.named and re.sub(r"\[[^]]*\]", "", t.named)) for t in trials if not t.right]
+    pairs = sorted(Counter(plain).items(), key=lambda item: (-item[1], item[0][0] or "", item[0][1] or ""))
+    return tuple(Confusion(hidden=hidden, named=named, count=n) for (hidden, named), n in pairs)
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return median(known) if known else None

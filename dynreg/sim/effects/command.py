@@ -1,0 +1,88 @@
+"""Effects on commands: what reaches the drive is not what was sent."""
+
+import numpy as np
+
+from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Values, drives
+from dynreg.sim.robot import Robot
+
+DEGREE = np.pi / 180
+
+
+class CommandDelay(Effect):
+    """u(t) -> u(t - delay)."""
+
+    id, acts_on, title = "command_delay", "command", "commands arrive late"
+    parameters = (EffectParameter("delay", "s", "from sending to acting", 0.005, 0.010, 0.020, 0.4),)
+    group = "time shift"
+    near = ("command_lag", "sensor_delay")
+    separate_by = "a hardware loop-back: log when the drive itself sees the command"
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return x.past(p["delay"])
+
+
+class CommandGain(Effect):
+    """u -> (1 + gain) u."""
+
+    id, acts_on, title = "command_gain", "command", "commands are scaled on their way"
+    parameters = (
+        EffectParameter("gain", "1", "relative error of the command", 0.02, 0.06, 0.15, 0.6, signed=True),
+    )
+    near = ("encoder_scale",)
+    separate_by = "hold three distant targets without load and measure the angles by hand"
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return u * (1.0 + p["gain"])
+
+
+class RateLimit(Effect):
+    """The command that acts follows the one sent at most at `rate`."""
+
+    id, acts_on, title = "rate_limit", "command", "commands change at a limited rate"
+    parameters = (EffectParameter("rate", "rad/s", "fastest change", 10.0, 5.0, 2.5, 0.3, inverse=True),)
+    near = ("speed_limit", "command_lag")
+    separate_by = "steps of different height without load: a rate limit takes time in proportion to height"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if drives(robot, "position", "duty_servo") else "no drive takes positions"
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        last = x.memory.get("u")
+        last = x.q.copy() if last is None else last
+        reach = p["rate"] * x.h
+        x.memory["u"] = last + np.clip(u - last, -reach, reach)
+        return x.memory["u"]
+
+
+class CommandLag(Effect):
+    """First-order low pass: rate of y = (u - y) / time."""
+
+    id, acts_on, title = "command_lag", "command", "commands are smoothed by a first-order lag"
+    parameters = (EffectParameter("time", "s", "time constant", 0.005, 0.012, 0.030, 0.5),)
+    near = ("command_delay", "joint_elasticity")
+    separate_by = "a chirp: a lag damps fast commands, a delay does not"
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        last = x.memory.get("u")
+        last = u.copy() if last is None else last
+        steps = x.h / np.maximum(p["time"], 1e-6)
+        keep = np.exp(-steps)
+        x.memory["u"] = u + keep * (last - u)
+        return u + (1.0 - keep) / steps * (last - u)  # the mean over the time step
+
+
+class CommandDeadband(Effect):
+    """The servo ignores position errors within +-width."""
+
+    id, acts_on, title = "command_deadband", "command", "the servo ignores small position errors"
+    parameters = (
+        EffectParameter("width", "rad", "half of the band", 0.3 * DEGREE, 1 * DEGREE, 2.5 * DEGREE, 0.3),
+    )
+    near = ("coulomb_friction", "backlash")
+    separate_by = "a slow triangle under load in both directions, and holds with the load reversed"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if drives(robot, "position", "duty_servo") else "no drive takes positions"
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return u - np.clip(u - x.q, -p["width"], p["width"])

@@ -1,0 +1,100 @@
+"""Effects of contact: what the robot stands on is not what the model has."""
+
+import mujoco
+import numpy as np
+
+from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
+from dynreg.sim.robot import Robot
+
+
+class _OnGround(Effect):
+    """Needs geoms that can touch."""
+
+    acts_on = "contact"
+    scope = "robot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if len(touching_geoms(robot)) > 1 else "nothing in the model can touch anything"
+
+
+class GroundFriction(_OnGround):
+    """The ground's friction differs from the model's by a factor 1 + change."""
+
+    id, title = "ground_friction", "the ground is more or less slippery"
+    parameters = (
+        EffectParameter("change", "1", "relative change of friction", 0.15, 0.30, 0.50, 0.9, signed=True),
+    )
+    near = ("second_friction_material",)
+    separate_by = "pull the standing robot sideways with a spring scale, on each ground"
+
+    def configure(self, site: Site, p: Values) -> None:
+        _scale(site, "geom_friction", touching_geoms(site.robot), 0, 1.0 + p["change"])
+
+
+class SecondFrictionMaterial(_OnGround):
+    """Under the feet of the left side the ground is slippery: another floor, or worn pads."""
+
+    id, title = "second_friction_material", "one side stands on a more slippery material"
+    parameters = (EffectParameter("loss", "1", "friction lost on the left", 0.3, 0.5, 0.8, 0.97),)
+    near = ("ground_friction",)
+    separate_by = "turn the robot by 180 degrees on the spot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return super().why_not(robot) or (None if len(left_feet(robot)) else "no feet on a left side")
+
+    def configure(self, site: Site, p: Values) -> None:
+        # contact takes the larger of both friction coefficients: the ground steps back for the other feet
+        ground = grounds(site.robot)
+        feet = np.setdiff1d(touching_geoms(site.robot), ground)
+        friction = site.expand("geom_friction")
+        rows = np.arange(len(friction))[site.rows]
+        common = np.maximum(
+            friction[np.ix_(rows, feet)][..., 0], friction[rows][:, ground, 0].max(1, keepdims=True)
+        )
+        left = np.isin(feet, left_feet(site.robot))
+        friction[np.ix_(rows, feet, [0])] = (common * np.where(left, 1.0 - p["loss"], 1.0))[..., None]
+        friction[np.ix_(rows, ground, [0])] = 1e-3
+
+
+class ContactCompliance(_OnGround):
+    """Softer ground: the time constant of contacts grows by a factor 1 + softening."""
+
+    id, title = "contact_compliance", "the ground or the feet are softer"
+    parameters = (EffectParameter("softening", "1", "of the contact's time constant", 0.5, 1.5, 3.0, 10.0),)
+    near = ("joint_elasticity",)
+    separate_by = "press the standing robot down with a known mass and log its height"
+
+    def configure(self, site: Site, p: Values) -> None:
+        _scale(site, "geom_solref", touching_geoms(site.robot), 0, 1.0 + p["softening"])
+
+
+def touching_geoms(robot: Robot) -> np.ndarray:
+    """Numbers of the geoms that can touch others."""
+    model = robot.model
+    return np.flatnonzero((model.geom_contype > 0) | (model.geom_conaffinity > 0))
+
+
+def grounds(robot: Robot) -> np.ndarray:
+    """Touching geoms that belong to the world."""
+    touching = touching_geoms(robot)
+    return touching[robot.model.geom_bodyid[touching] == 0]
+
+
+def left_feet(robot: Robot) -> np.ndarray:
+    """Touching spheres and capsules on the side of positive y at the reset pose, where both sides have some."""
+    from dynreg.sim.effects.body import at_reset
+
+    model = robot.model
+    touching = np.setdiff1d(touching_geoms(robot), grounds(robot))
+    round_ones = [int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE)]
+    feet = touching[np.isin(model.geom_type[touching], round_ones)]
+    if len(feet) < 2:
+        return np.zeros(0, dtype=int)
+    y = at_reset(robot).geom_xpos[feet, 1]
+    return feet[y > 1e-3] if (y < -1e-3).any() else np.zeros(0, dtype=int)
+
+
+def _scale(site: Site, field: str, geoms: np.ndarray, index: int, factor: np.ndarray) -> None:
+    array = site.expand(field)
+    where = np.ix_(np.arange(len(array))[site.rows], geoms, [index])
+    array[where] = array[where] * factor[:, :, None]

@@ -1,0 +1,132 @@
+"""Effects on drives: the torque that comes is not the torque that the nameplate promises."""
+
+import numpy as np
+
+from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values
+from dynreg.sim.robot import Robot
+
+
+class TorqueLimit(Effect):
+    """The drive saturates at (1 - loss) of its stated torque."""
+
+    id, acts_on, title = "torque_limit", "drive", "the drive saturates below its stated torque"
+    parameters = (EffectParameter("loss", "1", "share of the stated limit", 0.12, 0.25, 0.40, 0.9),)
+    near = ("speed_limit", "voltage_sag")
+    separate_by = "fast large steps: a speed limit shows in motion, a torque limit when stalled too"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return _limited(robot)
+
+    def configure(self, site: Site, p: Values) -> None:
+        site.drive("limit_factor", lambda f: f * (1.0 - p["loss"]))
+
+
+class SpeedLimit(Effect):
+    """Torque in the direction of motion falls linearly to nothing at the no-load speed."""
+
+    id, acts_on, title = "speed_limit", "drive", "torque falls with speed"
+    parameters = (
+        EffectParameter("no_load_speed", "rad/s", "speed without torque", 25.0, 12.5, 6.3, 0.5, inverse=True),
+    )
+    near = ("torque_limit", "rate_limit", "viscous_friction")
+    separate_by = "fast large steps with and without load"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return _limited(robot)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        room = x.limit * np.maximum(1.0 - np.abs(x.v) / p["no_load_speed"], 0.0)
+        return np.where(torque * x.v > 0, np.clip(torque, -room, room), torque)
+
+
+class DriveGain(Effect):
+    """The drive's gain is (1 + gain) of the stated one."""
+
+    id, acts_on, title = "drive_gain", "drive", "the drive is stronger or weaker than stated"
+    parameters = (
+        EffectParameter("gain", "1", "relative error of the gain", 0.10, 0.25, 0.40, 0.8, signed=True),
+    )
+    near = ("voltage_sag", "thermal_fade")
+    separate_by = "log the supply voltage; rest and repeat"
+
+    def configure(self, site: Site, p: Values) -> None:
+        site.drive("gain_factor", lambda f: f * (1.0 + p["gain"]))
+
+
+class VoltageSag(Effect):
+    """The supply drops in proportion to the torque drawn: `sag` of it at full torque."""
+
+    id, acts_on, title = "voltage_sag", "drive", "the supply sags under load"
+    parameters = (EffectParameter("sag", "1", "drop at full torque", 0.03, 0.08, 0.20, 0.8),)
+    near = ("torque_limit", "thermal_fade", "drive_gain")
+    separate_by = "log the supply voltage"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return _limited(robot)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        drawn = np.minimum(np.abs(torque) / x.limit, 1.0)
+        return torque * (1.0 - p["sag"] * drawn)
+
+
+class ThermalFade(Effect):
+    """Torque fades as the motor warms: heat follows (torque / limit)^2 with a time constant of `WARMING`."""
+
+    WARMING = 4.0  # s
+
+    id, acts_on, title = "thermal_fade", "drive", "the motor weakens as it warms"
+    parameters = (EffectParameter("fade", "1", "loss when warmed by full torque", 0.15, 0.40, 0.90, 3.0),)
+    near = ("voltage_sag", "drive_gain", "friction_drift")
+    separate_by = "rest, then repeat the first run"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return _limited(robot)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        heat = x.memory.get("heat", 0.0)
+        x.memory["heat"] = heat + x.h / self.WARMING * (np.minimum((torque / x.limit) ** 2, 1.0) - heat)
+        return torque * np.maximum(1.0 - p["fade"] * heat, 0.05)
+
+
+class Cogging(Effect):
+    """Torque ripple over position, `CYCLES` a turn, of any phase."""
+
+    CYCLES = 12
+
+    id, acts_on, title = "cogging", "drive", "the torque ripples with position"
+    parameters = (
+        EffectParameter(
+            "sine", "N*m", "ripple in sin(12 q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
+        ),
+        EffectParameter(
+            "cosine", "N*m", "ripple in cos(12 q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
+        ),
+    )
+    near = ("coulomb_friction",)
+    separate_by = "a slow sweep of the whole range without load"
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        angle = self.CYCLES * x.q
+        return torque + p["sine"] * np.sin(angle) + p["cosine"] * np.cos(angle)
+
+
+class ForceOffset(Effect):
+    """A constant torque, whatever is commanded."""
+
+    id, acts_on, title = "force_offset", "drive", "a constant torque pushes the joint"
+    parameters = (
+        EffectParameter("torque", "N*m", "constant torque", 0.01, 0.03, 0.08, 0.5, per="torque", signed=True),
+    )
+    near = ("asymmetric_friction", "gravity_tilt")
+    separate_by = "slow sweeps in both directions over the whole range"
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + p["torque"]
+
+
+def _limited(robot: Robot) -> str | None:
+    """A drive needs a torque limit that it can reach."""
+    limited = [
+        t for t in robot.file.drives if t.type == "duty_servo" or getattr(t, "torque_limit", 1e6) < 1e5
+    ]
+    return None if limited and robot.actions else "no drive states a torque limit"

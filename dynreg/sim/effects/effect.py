@@ -1,0 +1,192 @@
+"""What an effect is: one physical cause that a plain model leaves out, written against ports.
+
+An effect changes a simulator at the ports that it overrides, for the simulators (rows) that have it; every
+engine that offers a port calls it there, so an effect is written once. Rows are independent of each other.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from dynreg.sim.ports import Ports
+from dynreg.sim.robot import Robot
+
+Values = Mapping[str, np.ndarray]  # the effect's parameters by name, each (rows, 1)
+SIZES = ("weak", "medium", "strong")
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect.
+
+    unit : of the value. per : the quantity that sizes are multiples of: "1", "torque" (the joint's torque limit),
+    "stiffness" (of its servo), "inertia" (of the joint), "length" (joint to centre of mass).
+    weak, medium, strong : sizes in multiples of `per`; below weak the effect is not worth naming. A parameter
+    of shape (how fast, how wide) has the same three sizes: its typical value.
+    most : largest size that a fit may reach. signed : whether the size can be negative. inverse : the effect
+    grows as the value falls (a limit), so that fits work on 1 / value.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    weak: float
+    medium: float
+    strong: float
+    most: float
+    per: Literal["1", "torque", "stiffness", "inertia", "length"] = "1"
+    signed: bool = False
+    inverse: bool = False
+    shape: bool = False
+
+    def size(self, name: str) -> float:
+        """The size called weak, medium or strong, in multiples of `per`."""
+        return {"weak": self.weak, "medium": self.medium, "strong": self.strong}[name]
+
+
+@dataclass
+class Moment:
+    """What an effect sees of its rows at one time step: shapes (rows, joints) unless stated.
+
+    time : (rows, 1) [s] since the log began. h : (rows, 1) the time step [s].
+    q, v : position and velocity of the joints. u : their commands. load : gravity and spring torque [N m].
+    torque : what the drives give [N m]. limit, gain, stiffness, inertia : the drive's torque limit, gain and
+    stiffness, and the joint's inertia. memory : the effect's own state, kept between time steps.
+    past : command `delay` (rows, 1) [s] ago, averaged over the time step.
+    """
+
+    time: Any = 0.0
+    h: Any = 0.0
+    q: Any = None
+    v: Any = None
+    u: Any = None
+    torque: Any = None
+    load: Any = None
+    limit: Any = None
+    stiffness: Any = None
+    inertia: Any = None
+    damping: Any = None
+    past: Callable[[np.ndarray], np.ndarray] | None = None
+    memory: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where a static effect writes: the ports and the model fields of its rows.
+
+    rows : index of its simulators. joints : numbers of its drives (columns of the ports). expand(field) is the
+    MjModel field of all simulators (B, ...), to be changed in place at `rows`; an engine without a MuJoCo model
+    has no such fields. memory : the effect's own state, which `Moment.memory` then holds.
+    """
+
+    robot: Robot
+    ports: Ports
+    rows: Any
+    joints: np.ndarray
+    expand: Callable[[str], np.ndarray]
+    memory: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def drive(self, key: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Replace one key of the drives of these rows and joints by `change` of it."""
+        self._change(self.ports.drive[key], change)
+
+    def friction(self, key: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Replace one key of the joints' friction."""
+        self._change(self.ports.friction[key], change)
+
+    def sensor(self, key: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Replace one key of the joints' encoders."""
+        self._change(self.ports.sensor[key], change)
+
+    def _change(self, array: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> None:
+        where = np.ix_(np.arange(len(array))[self.rows], self.joints)
+        array[where] = change(array[where])
+
+
+class Effect:
+    """One cause. Subclass it, set the attributes, write the ports it acts on; the others stay None.
+
+    id : stable name. acts_on : command, drive, friction, transmission, body, contact or sensor.
+    group : the exact equivalence group; no excitation of the standard protocol separates its members.
+    near : effects that only the right excitation separates from this one. separate_by : that experiment.
+    scope : "joint" (one, several or all joints), "robot" (the whole).
+
+    Ports
+    -----
+    configure(site, p) : write model fields and port constants once, before anything moves.
+    command(u, x, p) : (rows, joints) commands -> commands.
+    drive(torque, x, p) : (rows, joints) drive torque -> torque that reaches the joint.
+    friction(x, p) : (rows, joints) dry friction [N m] to add to the bound, at the present speed and load.
+    observe(states, columns, times, p) : (rows, T+1, S) state vectors -> what the log holds; `columns` by kind
+        ("position", "velocity", "base") of the effect's joints, times (rows, T+1) [s] since the episode began.
+    """
+
+    id: ClassVar[str]
+    acts_on: ClassVar[str]
+    title: ClassVar[str]
+    parameters: ClassVar[tuple[EffectParameter, ...]]
+    group: ClassVar[str] = ""
+    near: ClassVar[tuple[str, ...]] = ()
+    separate_by: ClassVar[str] = ""
+    scope: ClassVar[Literal["joint", "robot"]] = "joint"
+
+    configure: ClassVar[Callable | None] = None
+    command: ClassVar[Callable | None] = None
+    drive: ClassVar[Callable | None] = None
+    friction: ClassVar[Callable | None] = None
+    observe: ClassVar[Callable | None] = None
+
+    def why_not(self, robot: Robot) -> str | None:
+        """Why the effect cannot act on this robot; None where it can."""
+        return None if drives(robot, "position", "duty_servo", "torque", "dcmotor") else "no driven joint"
+
+    @property
+    def size(self) -> EffectParameter:
+        """The parameter that says how large the effect is: the first."""
+        return self.parameters[0]
+
+    def __repr__(self) -> str:
+        return f"<effect {self.id}>"
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect on some joints of a robot; no joints for all of them, or for the robot as a whole."""
+
+    effect: Effect
+    joints: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """ "load_friction", or "load_friction[arm]" where not all joints have it."""
+        return self.effect.id + (f"[{','.join(self.joints)}]" if self.joints else "")
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The effects of B simulators: for each term its values (B, K), NaN in the rows that do not have it."""
+
+    terms: tuple[Term, ...] = ()
+    values: tuple[np.ndarray, ...] = ()
+
+    def rows(self, number: int, repeat: int) -> Any:
+        """Simulations that have term `number` when each simulator runs `repeat` episodes: a slice where possible."""
+        has = np.repeat(np.isfinite(self.values[number]).all(axis=1), repeat)
+        at = np.flatnonzero(has)
+        if len(at) and at[-1] - at[0] + 1 == len(at):
+            return slice(int(at[0]), int(at[-1]) + 1)
+        return at
+
+    def at(self, number: int, repeat: int) -> Values:
+        """{name: (rows, 1)} values of term `number` in its rows."""
+        values = np.repeat(self.values[number], repeat, axis=0)[self.rows(number, repeat)]
+        names = [p.name for p in self.terms[number].effect.parameters]
+        return MappingProxyType({name: values[:, i, None].copy() for i, name in enumerate(names)})
+
+
+def drives(robot: Robot, *types: str) -> bool:
+    """Whether the robot has a drive of one of these types."""
+    return bool(robot.actions) and any(t.type in types for t in robot.file.drives)

@@ -1,0 +1,103 @@
+"""Effects of sensors: the log is not what the robot did."""
+
+import numpy as np
+
+from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
+from dynreg.sim.robot import Robot
+
+DEGREE = np.pi / 180
+
+
+class EncoderOffset(Effect):
+    """Encoders read q + offset, to the servo and to the log."""
+
+    id, acts_on, title = "encoder_offset", "sensor", "the encoder's zero is off"
+    parameters = (
+        EffectParameter(
+            "offset", "rad", "reading - truth", 1 * DEGREE, 3 * DEGREE, 8 * DEGREE, 0.5, signed=True
+        ),
+    )
+    group = "gravity phase"
+    near = ("force_offset",)
+    separate_by = "turn the base by 180 degrees, and remove the load"
+
+    def configure(self, site: Site, p: Values) -> None:
+        site.sensor("offset", lambda o: o + p["offset"])
+
+
+class EncoderScale(Effect):
+    """Encoders read (1 + error) q, to the servo and to the log."""
+
+    id, acts_on, title = "encoder_scale", "sensor", "the encoder's scale is off"
+    parameters = (
+        EffectParameter("error", "1", "relative error of angles", 0.01, 0.03, 0.08, 0.4, signed=True),
+    )
+    near = ("command_gain",)
+    separate_by = "hold three distant targets without load and measure the angles by hand"
+
+    def configure(self, site: Site, p: Values) -> None:
+        site.sensor("scale", lambda s: s * (1.0 + p["error"]))
+
+
+class SensorDelay(Effect):
+    """The log holds states of `delay` ago."""
+
+    id, acts_on, title = "sensor_delay", "sensor", "measurements are logged late"
+    parameters = (EffectParameter("delay", "s", "from moving to logging", 0.004, 0.008, 0.015, 0.4),)
+    group = "time shift"
+    near = ("command_delay",)
+    separate_by = "a hardware loop-back: log when the drive itself sees the command"
+    scope = "robot"
+
+    def observe(self, states: np.ndarray, columns: dict, times: np.ndarray, p: Values) -> np.ndarray:
+        back = p["delay"] / (times[:, 1:2] - times[:, :1])
+        rows = np.arange(states.shape[1]) - back
+        low = np.clip(np.floor(rows).astype(int), 0, states.shape[1] - 1)
+        high = np.minimum(low + 1, states.shape[1] - 1)
+        share = np.clip(rows - low, 0.0, 1.0)[..., None]
+        at = np.arange(len(states))[:, None]
+        return (1.0 - share) * states[at, low] + share * states[at, high]
+
+
+class ClockError(Effect):
+    """The log's seconds are (1 + error) of true ones."""
+
+    id, acts_on, title = "clock_error", "sensor", "the log's clock runs fast or slow"
+    parameters = (
+        EffectParameter("error", "1", "relative error of time", 0.01, 0.03, 0.08, 0.3, signed=True),
+    )
+    group = "time scale"
+    near = ("inertia",)
+    separate_by = "an external clock"
+    scope = "robot"
+
+    def configure(self, site: Site, p: Values) -> None:
+        site.ports.control["clock"][site.rows] *= 1.0 / (1.0 + p["error"][:, 0])
+
+
+class ImuMisalignment(Effect):
+    """The IMU is mounted askew: roll and pitch of the base are read off by constants."""
+
+    id, acts_on, title = "imu_misalignment", "sensor", "the IMU is mounted askew"
+    parameters = (
+        EffectParameter(
+            "pitch", "rad", "reading - truth", 1 * DEGREE, 3 * DEGREE, 8 * DEGREE, 0.5, signed=True
+        ),
+        EffectParameter(
+            "roll", "rad", "reading - truth", 1 * DEGREE, 3 * DEGREE, 8 * DEGREE, 0.5, signed=True
+        ),
+    )
+    near = ("gravity_tilt", "com_offset")
+    separate_by = "put the robot on a level table, then turn it by 180 degrees"
+    scope = "robot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        has = {name.split("/")[-1] for name in robot.channels}
+        return None if {"roll", "pitch"} <= has else "no roll and pitch of a base are measured"
+
+    def observe(self, states: np.ndarray, columns: dict, times: np.ndarray, p: Values) -> np.ndarray:
+        out = states.copy()
+        for name in ("pitch", "roll"):
+            for column in columns.get(name, ()):
+                out[..., column] += p[name]
+        return out

@@ -1,0 +1,97 @@
+"""Effects between motor and joint: the motor is a body of its own, seen by neither encoder nor log.
+
+The encoder sits on the output. The motor is a part of the joint's reflected inertia (`armature`) and taken off it:
+the torque that reaches the joint is the drive's, plus what the loose transmission passes, minus what a rigid one
+passes. So a transmission without play and compliance is the plain model, to the bit.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values, drives
+from dynreg.sim.robot import Robot
+
+ROTOR = 0.5  # of the joint's armature that turns with the motor, at least
+LIGHT = 0.02  # of the joint's inertia
+RIGID = (
+    0.2  # stiffness of a rigid transmission, in joint inertia / time step^2, which the time step can follow
+)
+DEGREE = np.pi / 180
+
+
+class _Transmission(Effect):
+    """Splits the motor off the joint."""
+
+    acts_on = "transmission"
+
+    def configure(self, site: Site, p: Values) -> None:
+        from dynreg.sim.effects.body import driven_dofs
+
+        armature = site.expand("dof_armature")[site.rows]  # parameters set it too
+        site.memory["rotor"] = ROTOR * armature[:, driven_dofs(site.robot)[site.joints]]
+
+
+class Backlash(_Transmission):
+    """Play between motor and joint: no torque passes within +-gap / 2."""
+
+    id, title = "backlash", "play between motor and joint"
+    parameters = (EffectParameter("gap", "rad", "the whole play", 0.3 * DEGREE, 1 * DEGREE, 3 * DEGREE, 0.3),)
+    near = ("command_deadband", "joint_elasticity")
+    separate_by = "small fast reversals, with the load on one side and then without"
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + loosened(torque, x, gap=p["gap"], compliance=0.0)
+
+
+class JointElasticity(_Transmission):
+    """A spring between motor and joint."""
+
+    id, title = "joint_elasticity", "a spring between motor and joint"
+    parameters = (
+        EffectParameter(
+            "compliance", "rad/(N*m)", "angle per torque", 0.0125, 0.0375, 0.1125, 0.5, per="stiffness"
+        ),
+    )
+    near = ("command_lag", "backlash")
+    separate_by = "a chirp beyond 5 Hz, and static loads on the locked motor"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return (
+            None if drives(robot, "position", "duty_servo") else "no servo whose stiffness could be compared"
+        )
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + loosened(torque, x, gap=0.0, compliance=p["compliance"])
+
+
+def loosened(torque: np.ndarray, x: Moment, *, gap: Any, compliance: Any) -> np.ndarray:
+    """Torque that a transmission passes from a motor driven by `torque`, minus what a rigid one passes."""
+    rigid = x.h**2 / (RIGID * x.inertia)  # compliance [rad/(N m)]; it cancels to first order
+    passed = _passed(torque, x, "motor", gap, 1.0 / (rigid + compliance))
+    return passed - _passed(torque, x, "rigid", 0.0, 1.0 / rigid)
+
+
+def _passed(torque: np.ndarray, x: Moment, motor: str, gap: Any, stiffness: np.ndarray) -> np.ndarray:
+    """Torque that reaches the joint; the motor's angle and speed are kept in the memory.
+
+    The motor side is implicit (it is stiff and light), the joint explicit. It starts where the spring is at rest
+    under the torque of the drive.
+    """
+    rotor = np.maximum(x.memory["rotor"], LIGHT * x.inertia)
+    angle = x.memory.get(f"{motor} angle")
+    if angle is None:
+        angle, speed = x.q + torque / stiffness + 0.5 * gap * np.sign(torque), x.v
+    else:
+        speed = x.memory[f"{motor} speed"]
+    damping = 1.4 * np.sqrt(stiffness * rotor)
+    twist = angle - x.q
+    free = twist + x.h * (speed - x.v)
+    touching = np.abs(free) >= 0.5 * gap
+    k, c = np.where(touching, stiffness, 0.0), np.where(touching, damping, 0.0)
+    bent = twist - 0.5 * gap * np.sign(free)
+    # implicit Euler of the motor: rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v)
+    after = rotor * speed + x.h * (torque - k * (bent - x.h * x.v) + c * x.v)
+    after = after / (rotor + x.h * (c + x.h * k))
+    x.memory[f"{motor} angle"], x.memory[f"{motor} speed"] = angle + x.h * after, after
+    return k * (bent + x.h * (after - x.v)) + c * (after - x.v)

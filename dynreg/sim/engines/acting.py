@@ -1,0 +1,270 @@
+"""Effects at work in an engine: which simulations have them, what they see, when they are called."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.sim.effects.effect import Effect, Moment, Site, Terms, Values
+from dynreg.sim.ports import Ports, ServoLaw
+from dynreg.sim.robot import Robot
+
+
+@dataclass
+class Acting:
+    """One term in one batch of simulations.
+
+    rows : its simulations (slice or numbers). joints : its drives (A',). where : both, to index (n, A) arrays.
+    """
+
+    effect: Effect
+    rows: Any
+    joints: np.ndarray
+    where: tuple
+    values: Values
+    moment: Moment = field(default_factory=Moment)
+
+    def see(self, **arrays: np.ndarray) -> Moment:
+        """The moment with these (n, A) arrays cut to the term's rows and joints."""
+        for name, array in arrays.items():
+            setattr(self.moment, name, array[self.where])
+        return self.moment
+
+    def ask(self, port: Callable, clock: "Clock", *arguments: Any) -> np.ndarray:
+        """What a port of the effect answers now; the memory of simulations that are done with this command stays.
+
+        Simulations of all command rates share the arrays, and a motor must not go on warming in one that waits.
+        """
+        done, memory = clock.done(self.rows), self.moment.memory
+        before = {} if done is None else {key: np.array(value) for key, value in memory.items()}
+        answer = port(*arguments, self.values)
+        for key, value in before.items():
+            memory[key] = np.where(done, value, memory[key])
+        return answer
+
+
+def acting(robot: Robot, terms: Terms | None, episodes: int, n: int) -> list[Acting]:
+    """The terms that any of n simulations has, in the order of the table of effects.
+
+    Raises UsageError where a term names a joint that no action drives, or cannot act on this robot.
+    """
+    if terms is None:
+        return []
+    owners = [name.split("/")[0] for name in robot.actions]
+    out = []
+    for number, term in enumerate(terms.terms):
+        reason = term.effect.why_not(robot)
+        unknown = sorted(set(term.joints) - set(owners))
+        if reason or unknown:
+            raise UsageError(
+                f"effect {term.key!r} on robot {robot.name!r}: {reason or f'no action drives {unknown[0]!r}'}",
+                expected="an effect that can act there" if reason else f"joints out of {sorted(set(owners))}",
+                do="see `dynreg effects`",
+            )
+        rows = terms.rows(number, episodes)
+        if not isinstance(rows, slice) and not len(rows):
+            continue
+        chosen = [i for i, owner in enumerate(owners) if not term.joints or owner in term.joints]
+        joints = np.array(chosen, dtype=int)
+        where = _where(rows, joints, len(owners))
+        out.append(Acting(term.effect, rows, joints, where, terms.at(number, episodes)))
+    from dynreg.sim.effects import effects
+
+    order = {name: i for i, name in enumerate(effects())}
+    return sorted(out, key=lambda a: order.get(a.effect.id, len(order)))
+
+
+def configure_terms(
+    robot: Robot, active: list[Acting], ports: Ports, expand: Callable[[str], np.ndarray]
+) -> None:
+    """Let static effects write ports and model fields, after the parameters and before anything moves."""
+    for a in active:
+        if a.effect.configure is not None:
+            a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory), a.values)
+
+
+def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, h: np.ndarray) -> None:
+    """Tell the terms the constants of their rows: the drive's law (n, A), inertia (n, A), time step (n,) [s]."""
+    for a in active:
+        a.see(limit=law.limit, stiffness=law.stiffness, damping=law.damping, inertia=inertia)
+        a.moment.h = h[a.rows, None]
+
+
+def on(active: list[Acting], port: str) -> list[Acting]:
+    """The terms that act on a port."""
+    return [a for a in active if getattr(a.effect, port) is not None]
+
+
+@dataclass
+class Clock:
+    """Where a rollout is: command step, substep, and the commands so far; for delays and drifts.
+
+    commands : (n, T, A). period, h : (n,) [s]. begin : (n,) [s] from the log's start to the episode's.
+    substeps : (n,) time steps of each simulation in one command.
+    """
+
+    commands: np.ndarray
+    period: np.ndarray
+    h: np.ndarray
+    begin: np.ndarray
+    step: int = 0
+    substep: int = 0
+
+    @cached_property
+    def substeps(self) -> np.ndarray:
+        return np.rint(self.period / self.h).astype(int)
+
+    @cached_property
+    def _fewest(self) -> int:
+        return int(self.substeps.min())
+
+    def done(self, rows: Any) -> np.ndarray | None:
+        """(rows, 1) which simulations have taken all their time steps of this command; None where none has."""
+        if self.substep < self._fewest:
+            return None
+        return (self.substeps[rows] <= self.substep)[:, None]
+
+    def time(self, rows: Any) -> np.ndarray:
+        """(rows, 1) seconds since the log began."""
+        now = self.step * self.period[rows] + self.substep * self.h[rows]
+        return (self.begin[rows] + now)[:, None]
+
+    def past(self, a: Acting) -> Callable[[np.ndarray], np.ndarray]:
+        """What `Moment.past` answers for one term now."""
+
+        def past(delay: np.ndarray) -> np.ndarray:
+            rows = np.arange(len(self.commands))[a.rows]
+            period, h = self.period[a.rows], self.h[a.rows]
+            begins = self.step * period + self.substep * h - delay[:, 0]
+            ends = begins + h
+            last = np.floor(ends / period - 1e-9)
+            # share of the time step after the change
+            share = np.clip((ends - last * period) / h, 0.0, 1.0)[:, None]
+            late = np.clip(last, 0, self.step).astype(int)
+            early = np.clip(last - 1, 0, self.step).astype(int)
+            joints = a.joints
+            now = self.commands[rows[:, None], late[:, None], joints]
+            return share * now + (1.0 - share) * self.commands[rows[:, None], early[:, None], joints]
+
+        return past
+
+
+def commanded(
+    active: list[Acting], u: np.ndarray, measured: np.ndarray, v: np.ndarray, clock: Clock
+) -> np.ndarray:
+    """(n, A) commands after the effects on them; `measured` (n, A) is what the encoders say."""
+    if not active:
+        return u
+    u = u.copy()
+    for a in active:
+        x = a.see(q=measured, v=v)
+        x.past = clock.past(a)
+        u[a.where] = a.ask(a.effect.command, clock, u[a.where], x)
+    return u
+
+
+def driven(
+    active: list[Acting], torque: np.ndarray, q: np.ndarray, v: np.ndarray, load: np.ndarray, clock: Clock
+) -> np.ndarray:
+    """(n, A) torque after the effects on drives and transmissions."""
+    if not active:
+        return torque
+    torque = torque.copy()
+    for a in active:
+        x = a.see(q=q, v=v, torque=torque, load=load)
+        x.time = clock.time(a.rows)
+        torque[a.where] = a.ask(a.effect.drive, clock, torque[a.where], x)
+    return torque
+
+
+def bound(
+    active: list[Acting],
+    friction: np.ndarray,
+    torque: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    load: np.ndarray,
+    clock: Clock,
+) -> np.ndarray:
+    """(n, A) dry friction after the effects on it; `friction` is that of the plain model."""
+    if not active:
+        return friction
+    friction = friction.copy()
+    for a in active:
+        x = a.see(q=q, v=v, torque=torque, load=load)
+        x.time = clock.time(a.rows)
+        friction[a.where] += a.ask(a.effect.friction, clock, x)
+    return friction
+
+
+def observed(
+    robot: Robot, active: list[Acting], states: np.ndarray, ports: Ports, period: np.ndarray
+) -> np.ndarray:
+    """(n, T+1, S) what the log holds of true states: encoders, then the effects on sensors."""
+    states = read_encoders(robot, states, ports)
+    for a in on(active, "observe"):
+        times = np.arange(states.shape[1]) * period[a.rows, None]
+        columns = _columns(robot, a.joints)
+        states[a.rows] = a.effect.observe(states[a.rows], columns, times, a.values)
+    return states
+
+
+def read_encoders(robot: Robot, states: np.ndarray, ports: Ports) -> np.ndarray:
+    """States (n, T, S) as encoders read them; in place."""
+    if not has_sensors(ports):
+        return states
+    for kind, column, joint in _encoders(robot):
+        scale, offset = ports.sensor["scale"][:, joint, None], ports.sensor["offset"][:, joint, None]
+        states[..., column] = scale * (states[..., column] + (offset if kind == "position" else 0.0))
+    return states
+
+
+def true_states(robot: Robot, measured: np.ndarray, ports: Ports) -> np.ndarray:
+    """(n, S) true states behind encoder readings: the inverse of `read_encoders`."""
+    if not has_sensors(ports):
+        return measured
+    out = measured.copy()
+    for kind, column, joint in _encoders(robot):
+        offset = ports.sensor["offset"][:, joint] if kind == "position" else 0.0
+        out[:, column] = out[:, column] / ports.sensor["scale"][:, joint] - offset
+    return out
+
+
+def has_sensors(ports: Ports) -> bool:
+    """Whether any encoder reads something else than the truth."""
+    return bool((ports.sensor["scale"] != 1.0).any() or (ports.sensor["offset"] != 0.0).any())
+
+
+def _encoders(robot: Robot) -> list[tuple[str, int, int]]:
+    """(kind, channel column, drive number) of every joint channel that a drive's encoder measures."""
+    owners = [name.split("/")[0] for name in robot.actions]
+    out = []
+    for column, name in enumerate(robot.channels):
+        owner, _, kind = name.partition("/")
+        if owner in owners and kind in ("position", "velocity"):
+            out.append((kind, column, owners.index(owner)))
+    return out
+
+
+def _columns(robot: Robot, joints: np.ndarray) -> dict[str, list[int]]:
+    """{quantity: channel columns} of the drives `joints`, and of the base's own quantities."""
+    out: dict[str, list[int]] = {}
+    owners = [name.split("/")[0] for name in robot.actions]
+    for column, name in enumerate(robot.channels):
+        owner, _, kind = name.partition("/")
+        if owner not in owners or owners.index(owner) in joints:
+            out.setdefault(kind, []).append(column)
+    return out
+
+
+def _where(rows: Any, joints: np.ndarray, count: int) -> tuple:
+    if len(joints) == count:
+        return (rows, slice(None))
+    if len(joints) and joints[-1] - joints[0] + 1 == len(joints):
+        return (rows, slice(int(joints[0]), int(joints[-1]) + 1))
+    if isinstance(rows, slice):
+        return (rows, joints)
+    return (rows[:, None], joints)

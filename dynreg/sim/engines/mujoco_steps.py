@@ -1,0 +1,165 @@
+"""How the mujoco engine holds a command: many time steps at once, one at a time where effects act in between."""
+
+import numpy as np
+from mujoco.batch import Batch
+
+from dynreg.sim.engines.acting import Acting, Clock, bound, commanded, driven, has_sensors, on, prepare
+from dynreg.sim.layout import Layout
+from dynreg.sim.ports import Ports, ServoLaw
+
+BETWEEN = ("command", "drive", "friction")  # the ports that are called between time steps
+SLOW = 0.02  # rad/s (m/s) below which dry friction may hold with less than its bound
+
+
+class Drives:
+    """The model fields that servo laws are written into, with the model's own damping and friction underneath.
+
+    law : the one in force. plain, friction : (n, A) dry friction without and with effects [N m].
+    """
+
+    def __init__(self, batch: Batch, layout: Layout):
+        self._at = layout.action_actuator
+        self._dof = slice_of(layout.action_dof)
+        self._gain, self._bias = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
+        self._range = batch.expand("actuator_forcerange")
+        self._damping, self._friction = batch.expand("dof_damping"), batch.expand("dof_frictionloss")
+        self._own_damping = self._damping[:, self._dof].copy()
+        self._own_friction = self._friction[:, self._dof].copy()
+
+    def apply(self, law: ServoLaw, ports: Ports) -> None:
+        """Let every drive follow `law` from here on."""
+        self.law = law
+        self._gain[:, self._at, 0] = law.gain
+        self._bias[:, self._at, 0] = law.bias
+        self._bias[:, self._at, 1] = -law.stiffness
+        self._bias[:, self._at, 2] = -law.rate
+        self._range[:, self._at, 0] = -law.limit
+        self._range[:, self._at, 1] = law.limit
+        self._damping[:, self._dof] = self._own_damping + law.damping + ports.friction["viscous"]
+        self.plain = self._own_friction + ports.friction["coulomb"]
+        self.rub(self.plain)
+
+    def rub(self, friction: np.ndarray) -> None:
+        """Set the dry friction (n, A) of the driven joints [N m]."""
+        self.friction = friction
+        self._friction[:, self._dof] = friction
+
+    def torque(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(n, A) torque that the drives give for commands u at the state q, v, damping left out."""
+        law = self.law
+        return np.clip(law.gain * u + law.bias - law.stiffness * q - law.rate * v, -law.limit, law.limit)
+
+
+class Steps:
+    """Advances a batch by one command. Simulations without effects in between take all their time steps at once.
+
+    clock : the commands (n, T, A) and where the rollout is in them. busy : numbers of the other simulations.
+    """
+
+    def __init__(self, batch: Batch, layout: Layout, drives: Drives, clock: Clock, busy: np.ndarray):
+        self._batch, self._drives, self.clock = batch, drives, clock
+        self._ctrl, self._actuators = batch.bind("ctrl"), layout.action_actuator
+        idle = np.setdiff1d(np.arange(batch.nsim), busy)
+        counts = clock.substeps[idle]
+        self._groups = [(idle[counts == count], int(count)) for count in np.unique(counts)]
+
+    def hold(self, step: int) -> None:
+        """Advance every simulation to the end of command number `step`."""
+        self._ctrl[:, self._actuators] = self.clock.commands[:, step]
+        for group, count in self._groups:
+            self._step(group, count)
+
+    def _step(self, simulations: np.ndarray, count: int) -> None:
+        whole = len(simulations) == self._batch.nsim
+        self._batch.step(ids=None if whole else simulations, nstep=count)
+
+
+class EffectSteps(Steps):
+    """Steps with effects on commands, drives and friction: they act before every time step of their simulations.
+
+    Where a drive's torque changes, the difference to its law is applied to the joint, so that the actuator keeps
+    its implicit integration. Biases and contact forces are those of the state before the last time step, as MuJoCo
+    leaves them: late by one time step, which is the order of the integrator's own error.
+    """
+
+    def __init__(
+        self,
+        batch: Batch,
+        layout: Layout,
+        drives: Drives,
+        clock: Clock,
+        busy: np.ndarray,
+        active: list[Acting],
+        ports: Ports,
+        inertia: np.ndarray,
+    ):
+        super().__init__(batch, layout, drives, clock, busy)
+        self._busy, self._counts = busy, clock.substeps[busy]
+        self._active, self._ports, self._inertia = active, ports, inertia
+        self._commanding, self._driving, self._rubbing = (on(active, port) for port in BETWEEN)
+        self._sensed, self._law = has_sensors(ports), None
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._position, self._dof = slice_of(layout.action_qpos), slice_of(layout.action_dof)
+        self._applied = batch.bind("qfrc_applied")
+        self._bias, self._constraint = batch.bind("qfrc_bias"), batch.bind("qfrc_constraint")
+        self._spring, self._springs = batch.bind("qfrc_spring"), batch.expand("jnt_stiffness").any()
+        self._constraints, self._dry = batch.bind("nefc"), batch.bind("nf")
+        batch.forward(ids=busy)  # the forces before the first time step
+
+    def hold(self, step: int) -> None:
+        super().hold(step)
+        self.clock.step = step
+        if self._law is not self._drives.law:
+            self._law = self._drives.law
+            prepare(self._active, self._law, self._inertia, self.clock.h)
+        for substep in range(int(self._counts.max())):
+            self.clock.substep = substep
+            self._act(self.clock.commands[:, step])
+            self._step(self._busy[self._counts > substep], 1)
+
+    def _act(self, u: np.ndarray) -> None:
+        """Let the effects act at the present state."""
+        q, v = self._qpos[:, self._position].copy(), self._qvel[:, self._dof].copy()
+        if self._commanding:
+            sensor = self._ports.sensor
+            measured = sensor["scale"] * (q + sensor["offset"]) if self._sensed else q
+            u = commanded(self._commanding, u, measured, v, self.clock)
+            self._ctrl[:, self._actuators] = u
+        if not (self._driving or self._rubbing):
+            return
+        plain, load = self._drives.torque(u, q, v), self._load(v)
+        torque = driven(self._driving, plain, q, v, load, self.clock)
+        if self._driving:
+            self._applied[:, self._dof] = torque - plain
+        if self._rubbing:
+            friction = bound(self._rubbing, self._drives.plain, torque, q, v, load, self.clock)
+            self._drives.rub(friction)
+
+    def _load(self, v: np.ndarray) -> np.ndarray:
+        """(n, A) torque that would hold the joints: against gravity, springs, what the ground and the stops push."""
+        bias, constraint = self._bias[:, self._dof], self._constraint[:, self._dof]
+        load = bias - self._spring[:, self._dof] if self._springs else bias.copy()
+        pushed = self._constraints > self._dry
+        if pushed.any():
+            # the same sum holds the joint's own dry friction, which the gear's load side does not feel
+            push = np.clip(v / SLOW, -1.0, 1.0)
+            push *= self._drives.friction
+            push += constraint
+            load -= push if pushed.all() else np.where(pushed[:, None], push, 0.0)
+        return load
+
+
+def busy_simulations(active: list[Acting], n: int) -> np.ndarray:
+    """Numbers of the simulations, out of n, with effects between time steps."""
+    busy = np.zeros(n, dtype=bool)
+    for port in BETWEEN:
+        for a in on(active, port):
+            busy[a.rows] = True
+    return np.flatnonzero(busy)
+
+
+def slice_of(numbers: np.ndarray) -> slice | np.ndarray:
+    """The same columns as a slice where they are in a row: arrays are cut several times faster so."""
+    if len(numbers) and (np.diff(numbers) == 1).all():
+        return slice(int(numbers[0]), int(numbers[-1]) + 1)
+    return numbers

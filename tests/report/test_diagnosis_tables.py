@@ -1,0 +1,162 @@
+"""Diagnoses, trials, the library and experiments as text: the verdict first, and nothing that is not known."""
+
+import made_up_diagnosis
+import pytest
+from test_tables import text_of
+
+from dynreg.report.diagnosis_words import (
+    diagnosis_steps,
+    noise_words,
+    size_word,
+    standing,
+    threshold_words,
+    unsaid,
+)
+from dynreg.results import EffectEstimate, Noise, Threshold, TrialTable
+
+VERDICTS = ("named", "ambiguous", "partly_explained", "unknown", "none")
+
+
+def flat(result) -> str:
+    return " ".join(text_of(result).split())
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+@pytest.mark.parametrize("held_out", [True, False])
+def test_the_verdict_stands_first_and_every_part_is_there(verdict: str, held_out: bool) -> None:
+    result = made_up_diagnosis.diagnosis(verdict, held_out=held_out)
+    text = flat(result)
+    assert text.startswith(" ".join(result.sentence.split()))
+    for name in result.parameters:
+        assert name in text
+    for cause in result.causes:
+        assert f"{cause.key} {cause.evidence_nats:.0f} nats" in text
+    assert "18.4 nats" in text and result.finding in text and "repeatability" in text
+    assert ("held-out test part" in text) == held_out
+    assert max(map(len, text_of(result).splitlines())) <= 100
+    assert "None" not in text and "nan" not in text
+
+
+def test_long_names_and_many_channels_stay_within_the_width() -> None:
+    result = made_up_diagnosis.diagnosis("partly_explained")
+    long = {f"{name}_of_the_upper_left_leg_of_the_robot": e for name, e in result.parameters.items()}
+    errors = tuple(
+        result.error.model_copy(update={"channel": f"fl_upper_knee_{i}/velocity"}) for i in range(30)
+    )
+    text = text_of(result.model_copy(update={"parameters": long, "errors": errors}))
+    assert max(map(len, text.splitlines())) <= 100
+    assert "the first 8 of 30 channels" in text
+
+
+def test_each_hypothesis_is_told_what_became_of_it() -> None:
+    result = made_up_diagnosis.diagnosis("ambiguous")
+    told = {r.effect: standing(result, r) for r in result.ranking}
+    assert told["load_friction"] == "ambiguous"
+    assert told["stribeck_load_friction"] == "explains it as well"
+    assert told["coulomb_friction"] == "explains less"
+    assert told["inertia"] == "below the threshold"
+    assert told["payload"] == "below its weak size"
+
+
+@pytest.mark.parametrize(
+    "value, sizes, word",
+    [
+        (0.01, (0.03, 0.08, 0.2), "below weak"),
+        (0.03, (0.03, 0.08, 0.2), "weak"),
+        (-0.1, (0.03, 0.08, 0.2), "medium"),
+        (5.0, (0.03, 0.08, 0.2), "strong"),
+        (30.0, (25.0, 12.5, 6.3), "below weak"),
+        (20.0, (25.0, 12.5, 6.3), "weak"),
+        (5.0, (25.0, 12.5, 6.3), "strong"),
+        (1.0, None, "-"),
+    ],
+)
+def test_sizes_are_those_of_the_effect_also_where_a_lower_limit_is_larger(value, sizes, word) -> None:
+    assert size_word(EffectEstimate(value=value, low=0, high=1, unit="1", sizes=sizes)) == word
+
+
+def test_what_the_log_cannot_tell_is_told() -> None:
+    said = " ".join(unsaid(made_up_diagnosis.diagnosis("partly_explained", held_out=False)))
+    for words in (
+        "sensor_delay explains it as well as command_delay",
+        "delay of command_delay lies on the edge",
+        "viscous_friction lies on the edge",
+        "No run was repeated",
+        "Nothing was held out",
+    ):
+        assert words in said
+    sure = made_up_diagnosis.diagnosis("named")
+    inside = {n: e for n, e in sure.parameters.items() if not e.at_bound}
+    assert unsaid(sure.model_copy(update={"parameters": inside})) == ()
+
+
+def test_commands_are_offered_only_for_what_commands_can_tell_apart() -> None:
+    (line,) = [s for s in diagnosis_steps(made_up_diagnosis.diagnosis("ambiguous")) if "excite" in s]
+    assert "--for 'load_friction[arm],stribeck_load_friction[arm]'" in line
+    partly = diagnosis_steps(made_up_diagnosis.diagnosis("partly_explained"))
+    assert not any("excite" in step for step in partly), "no commands tell the exact group apart"
+
+
+def test_steps_follow_the_verdict() -> None:
+    assert any("dynreg export eeee" in s for s in diagnosis_steps(made_up_diagnosis.diagnosis()))
+    unknown = diagnosis_steps(made_up_diagnosis.diagnosis("unknown", held_out=False))
+    assert any("dynreg doctor" in s for s in unknown) and any("--hold-out" in s for s in unknown)
+    assert not any("export" in s for s in unknown)
+    assert diagnosis_steps(made_up_diagnosis.diagnosis("none")) == ()
+
+
+def test_the_threshold_says_where_it_comes_from() -> None:
+    result = made_up_diagnosis.diagnosis()
+    assert "by 20 simulations" in threshold_words(result) and "earlier diagnosis" in threshold_words(result)
+    usual = result.model_copy(update={"threshold": Threshold(runs=0)})
+    assert threshold_words(usual) == "A cause needs 18.4 nats, the usual threshold."
+    assert any("usual one" in line for line in unsaid(usual))
+
+
+def test_what_is_left_is_held_against_what_is_known() -> None:
+    given = {"channel": "q", "unit": "rad", "left": 0.01, "floor": 0.0, "basis": "stated_noise"}
+    assert "is not known" in noise_words(Noise(**given, ratio=None))
+    white = noise_words(Noise(**given | {"floor": 0.005}, ratio=2.0, white=True))
+    assert "2 times the sensor's stated noise" in white and "looks like white noise" in white
+    assert "no run was repeated" in noise_words(None)
+
+
+def test_trials_show_rates_confusions_and_the_robots() -> None:
+    text = flat(made_up_diagnosis.trials())
+    assert text.startswith("servo_pendulum: 8 of 10 hidden effects named right, 1 of 10 given a wrong name")
+    for words in ("8 of 10 49 to 96 %", "load_friction stribeck_friction 1", "nothing payload 1", "0.97"):
+        assert words in text
+    assert "one by one" not in text
+    few = TrialTable.of("leg", made_up_diagnosis.trials().trials[:3])
+    assert "one by one" in flat(few) and "false alarm" not in flat(few)
+    assert "no trials" in flat(TrialTable.of("leg", []))
+
+
+def test_a_part_of_the_cause_is_not_called_a_confusion() -> None:
+    partly = made_up_diagnosis.trial().model_copy(update={"right": False, "verdict": "partly_explained"})
+    assert "load_friction, but as a part of the cause" in flat(TrialTable.of("leg", [partly]))
+
+
+def test_the_library_shows_what_fits_and_why_the_rest_does_not() -> None:
+    text = flat(made_up_diagnosis.effects_list())
+    assert "effects of servo_pendulum" in text and "0.01 / 0.03 / 0.08 tau" in text
+    assert "command_delay, sensor_delay a hardware loop-back" in text
+    assert "not on servo_pendulum" in text and "nothing in the model can touch anything" in text
+    assert "ground_friction contact" in flat(made_up_diagnosis.effects_list(None))
+
+
+def test_near_effects_are_told_when_asked() -> None:
+    from dynreg.cli.output import console
+    from dynreg.report.library_tables import effects_table
+
+    out = console()
+    with out.capture() as captured:
+        out.print(effects_table(made_up_diagnosis.effects_list(), near=True))
+    assert "stribeck_friction" in captured.get()
+    assert "stribeck_friction" not in flat(made_up_diagnosis.effects_list())
+
+
+def test_an_experiment_tells_what_it_separates_and_uses() -> None:
+    text = flat(made_up_diagnosis.experiment())
+    assert "between payload and coulomb_friction: 61 nats expected" in text
+    assert "14 nats" in text and "arm/target -3.14 3.14 -1.9 2.2 rad" in text and "ramps" in text

@@ -1,0 +1,120 @@
+"""Benches, sizes and rollouts that the tests of effects share."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from dynreg.sim.effects import Effect, Term, Terms
+from dynreg.sim.effects.body import at_reset, driven_dofs, lever
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation, reset_pose
+from dynreg.sim.ports import nominal_ports, servo_law
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
+
+Row = Mapping[Effect, str | float]  # the effects of one simulator, with their sizes
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A robot, what it is made to do, and the engine."""
+
+    name: str
+    robot: Robot
+    run: Run
+    engine: str
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Channels that count in a diagnosis."""
+        return np.flatnonzero([c.weight > 0 for c in self.robot.file.channels])
+
+    def states(self, *rows: Row, threads: int = 1) -> np.ndarray:
+        """(rows, E, T+1, S) states of the nominal robot with the effects of each row."""
+        nominal = np.tile(self.robot.space.nominal, (len(rows), 1))
+        terms = mixed(self.robot, rows) if any(rows) else None
+        return rollout(self.robot, nominal, self.run, engine=self.engine, threads=threads, terms=terms).states
+
+    def changes(self, *rows: Row) -> np.ndarray:
+        """(rows, E, T+1, C) what the effects of each row change in the channels that count."""
+        return (self.states(*rows) - plain(self))[..., self.columns]
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+
+@cache
+def plain(bench: Bench) -> np.ndarray:
+    """(E, T+1, S) states of the bench without effects."""
+    return bench.states({})[0]
+
+
+@cache
+def bench(name: str) -> Bench:
+    """servo (lively: it saturates), servo_mujoco, servo_short, air (the leg hangs), stand, lean (a quadruped).
+
+    The two on the ground move slowly, so that contacts neither open nor close by chance.
+    """
+    if name.startswith("servo"):
+        robot = load_robot("servo_pendulum")
+        episodes, steps = (2, 40) if name == "servo_short" else (4, 80)
+        run = excitation(robot, seed=3, name="effects", episodes=episodes, steps=steps)
+        settings = run.settings.copy()
+        settings[:, robot.settings.index("kp")] = [800.0, 200.0, 400.0, 800.0][:episodes]
+        run = replace(run, settings=settings, begin=20.0 * np.arange(episodes))
+        return Bench(name, robot, run, "mujoco" if name.endswith("mujoco") else "joint")
+    if name == "lean":
+        robot = load_robot("quadruped")
+        sway = np.sin(np.pi * np.arange(20) / 20)[:, None]
+        return Bench(
+            name, robot, Run((reset_pose(robot) + sway * np.tile([0.1, 0.15, -0.2], 4))[None]), "mujoco"
+        )
+    robot = load_robot("leg")
+    if name == "stand":
+        sway = np.sin(np.pi * np.arange(60) / 60)[:, None]
+        run = Run((reset_pose(robot) + sway * [0.1, 0.25, -0.3])[None], settings=np.array([[0.2]]))
+        return Bench(name, robot, run, "mujoco")
+    run = excitation(robot, seed=3, name="effects", episodes=4, steps=30)
+    return Bench(name, robot, replace(run, settings=np.full((4, 1), 0.5)), "mujoco")
+
+
+def values_at(effect: Effect, robot: Robot, size: str | float) -> np.ndarray:
+    """(K,) values of one called size, or of a multiple of the weak one; shapes stay typical, limits are divided."""
+    out = []
+    for p in effect.parameters:
+        if isinstance(size, str):
+            multiple = p.size(size)
+        elif p.shape:
+            multiple = p.medium
+        else:
+            multiple = p.weak / size if p.inverse else p.weak * size
+        out.append(multiple * unit_of(robot, p.per))
+    return np.array(out)
+
+
+@cache
+def unit_of(robot: Robot, per: str) -> float:
+    """What sizes of one kind are multiples of, in SI units; the mean over the robot's drives."""
+    law = servo_law(nominal_ports(robot, 1), robot.input_defaults[None])
+    if per == "inertia":
+        model, data = robot.model, at_reset(robot)
+        return float(data.M[model.M_rowadr + model.M_rownnz - 1][driven_dofs(robot)].mean())
+    if per == "length":
+        return lever(robot)
+    return {"1": 1.0, "torque": float(law.limit.mean()), "stiffness": 1.0 / float(law.stiffness.mean())}[per]
+
+
+def mixed(robot: Robot, rows: Sequence[Row]) -> Terms:
+    """Terms of one simulator for each row."""
+    effects = list({e: None for row in rows for e in row})
+    columns = []
+    for e in effects:
+        absent = np.full(len(e.parameters), np.nan)
+        columns.append(np.array([values_at(e, robot, row[e]) if e in row else absent for row in rows]))
+    return Terms(tuple(Term(e) for e in effects), tuple(columns))
+
+
+def rms(change: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(change**2)))

@@ -1,0 +1,107 @@
+"""Effects of one's own: twenty lines, and every engine has them (the example of docs/effects.md)."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from effect_benches import bench, plain, rms
+
+import dynreg.sim.effects as library
+from dynreg.errors import RobotError, UsageError
+from dynreg.sim.effects import Terms, applicable, effect, effects, term
+from dynreg.sim.engines import rollout
+
+PAGE = Path(__file__).parents[3] / "docs" / "effects.md"
+
+
+class _Point:
+    """An entry point that loads a class."""
+
+    def __init__(self, plugin: type):
+        self.plugin, self.value = plugin, f"somewhere:{plugin.__name__}"
+
+    def load(self) -> type:
+        return self.plugin
+
+
+def _documented() -> type:
+    """The class of the first Python block of the page."""
+    code = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL).group(1)
+    assert len(code.splitlines()) <= 20
+    scope: dict = {}
+    exec(code, scope)  # the page's own text
+    return scope["CableDrag"]
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Iterator:
+    """Puts classes where entry points of installed packages would be."""
+
+    def put(*plugins: type) -> None:
+        monkeypatch.setattr(library, "entry_points", lambda group: [_Point(p) for p in plugins])
+        effects.cache_clear()
+
+    yield put
+    effects.cache_clear()
+
+
+def test_the_documented_plugin_is_listed_and_works_on_both_engines(install):
+    install(_documented())
+    assert list(effects())[-1] == "cable_drag"
+    drag = effect("cable_drag")
+    assert drag in applicable(bench("servo").robot).values()
+    pulled = [
+        bench(name).changes({drag: "strong"}, {drag: 0.02}, {drag: 0.01})
+        for name in ("servo", "servo_mujoco")
+    ]
+    assert rms(pulled[0][0]) > 0.005
+    assert rms(pulled[0][0] - pulled[1][0]) < 0.1 * rms(pulled[0][0])
+    assert 1.4 < rms(pulled[0][1]) / rms(pulled[0][2]) < 2.8
+
+
+def test_a_plugin_composes_with_the_packaged_effects(install):
+    install(_documented())
+    b, drag = bench("air"), effect("cable_drag")
+    both = b.states({drag: "strong", effect("load_friction"): "strong"})
+    assert np.isfinite(both).all()
+    assert rms(both[0] - plain(b)) > 0
+
+
+def test_a_plugin_cannot_take_an_id_that_is_taken(install):
+    taken = type("Taken", (_documented(),), {"id": "backlash"})
+    install(taken)
+    with pytest.raises(RobotError, match="'backlash'.*not taken"):
+        effects()
+
+
+def test_a_joint_that_is_named_is_the_only_one_that_has_the_effect():
+    """Friction on the knee holds the knee back and, through the links alone, the hip."""
+    b = bench("air")
+    states = {}
+    for key in ("coulomb_friction[knee]", "coulomb_friction[hip_roll,hip_pitch,knee]", "coulomb_friction"):
+        terms = Terms((term(key),), (np.array([[0.3]]),))
+        states[key] = rollout(b.robot, b.robot.space.nominal[None], b.run, terms=terms).states[0]
+    knee, named, every = states.values()
+    np.testing.assert_array_equal(named, every)
+    moved = np.sqrt(((knee - plain(b)) ** 2).mean(axis=(0, 1)))[b.columns]
+    joints = [b.robot.channels[c].split("/")[0] for c in b.columns]
+    assert joints[int(moved.argmax())] == "knee" and moved.max() > 3 * np.median(moved)
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("bakclash", "unknown effect 'bakclash'.*'backlash'"),
+        ("backlash[knee", "EFFECT or EFFECT\\[JOINT,...\\]"),
+        ("backlash[ankle]", "no action drives 'ankle'.*hip_pitch"),
+        ("imu_misalignment", "no roll and pitch of a base are measured"),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_line(key: str, message: str):
+    b = bench("air")
+    with pytest.raises(UsageError, match=message):
+        chosen = term(key)
+        values = np.full((1, len(chosen.effect.parameters)), 0.01)
+        rollout(b.robot, b.robot.space.nominal[None], b.run, terms=Terms((chosen,), (values,)))
