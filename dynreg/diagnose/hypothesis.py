@@ -45,7 +45,8 @@ class Coordinates:
 
     Nominal coordinate i is (value - centre) / sigma, through the logarithm where the parameter's scale is "log";
     sigma is its tolerance (relative to the centre; of the range where the centre is 0), or that of a uniform prior
-    over the range where nothing is known; `tolerance` widens (or narrows) all stated ones. Parameters that the log tells (the command rate) are fixed.
+    over the range where nothing is known; `tolerance` widens (or narrows) all stated ones. Parameters that the log
+    tells (the command rate) are fixed.
     """
 
     def __init__(

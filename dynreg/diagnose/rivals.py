@@ -12,27 +12,38 @@ from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 from dynreg.sim.run import Run
 
-SIZES = (0.3, 1.0, 2.0)  # medium sizes that a fit starts from
+SIZES = (0.3, 1.0, 2.0)  # medium sizes from which a fit may start
 ROUGHLY, WHOLLY = 2, 5  # iterations for all starts, and for the best
 KEPT = 2
 
 
-def strongest(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> tuple[float, np.ndarray]:
+def strongest(
+    pair: Pair, run: Run, truth: tuple[int, np.ndarray], starts: list[np.ndarray]
+) -> tuple[float, np.ndarray]:
     """(nats, coordinates (D,)) of the other hypothesis at its best, where `truth` (hypothesis, coordinates) holds.
 
-    nats : by how much the truth, fitted too, is the more likely; not below zero.
+    nats : by how much the truth, fitted too, is the more likely; not below zero. starts : coordinates (D,) to fit from.
     """
     which, z = truth
-    problem = _problem(pair, run, truth)
-    every = np.arange(run.episodes)
     free = len(pair.coordinates)
-    at_truth = Point(pair.hypotheses[which], z[:free], z[free:])
-    effective = effective_samples(problem.residuals([at_truth], every)[0])
-    points, cost = fit(problem, _starts(pair, 1 - which), every, effective, iterations=ROUGHLY)
-    points = [points[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
-    points, cost = fit(problem, [at_truth, *points], every, effective, iterations=WHOLLY)
+    problem, every = _problem(pair, run, truth), np.arange(run.episodes)
+    here, there = (
+        [Point(pair.hypotheses[number], at[:free], at[free:]) for at in some]
+        for number, some in ((which, [z]), (1 - which, starts))
+    )
+    effective = effective_samples(problem.residuals(here, every)[0])
+    if len(there) > KEPT:
+        points, cost = fit(problem, there, every, effective, iterations=ROUGHLY)
+        there = [points[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
+    points, cost = fit(problem, [*here, *there], every, effective, iterations=WHOLLY)
     best = 1 + int(cost[1:].argmin())
     return max(float(cost[best] - cost[0]), 0.0), points[best].z
+
+
+def first_starts(pair: Pair, number: int) -> list[np.ndarray]:
+    """Coordinates (D,) of hypothesis `number` at the nameplate: sizes, with either sign of its first parameter."""
+    limits = pair.bounds(number)
+    return [np.clip(size * z, *limits.T) for z in pair.medium(number) for size in SIZES]
 
 
 def _problem(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Problem:
@@ -54,16 +65,4 @@ def _problem(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Problem:
         np.tile([0, run.steps + 1], (count, 1)),
         run.period,
     )
-    return Problem(robot, windows, pair.coordinates, threads=pair.threads)
-
-
-def _starts(pair: Pair, number: int) -> list[Point]:
-    """Points of hypothesis `number` at the nameplate: sizes, with either sign of its first parameter."""
-    free, hypothesis = len(pair.coordinates), pair.hypotheses[number]
-    limits = pair.bounds(number)[free:]
-    out = []
-    for z in pair.medium(number):
-        for size in SIZES:
-            effect = np.clip(size * z[free:], limits[:, 0], limits[:, 1])
-            out.append(Point(hypothesis, np.zeros(free), effect))
-    return out
+    return Problem(robot, windows, pair.coordinates, pair.engine, pair.threads)

@@ -36,6 +36,12 @@ class Pair:
     seed: int = 0
     threads: int = 0
 
+    @property
+    def engine(self) -> str:
+        """The fastest one that the robot offers: both hypotheses run on it."""
+        offered = self.robot.file.robot.engines
+        return "joint" if "joint" in offered else offered[0]
+
     @cached_property
     def coordinates(self) -> Coordinates:
         """Those of a log that tells the rate of its commands."""
@@ -84,7 +90,7 @@ class Pair:
             values.append(np.full((len(rows), 1), DISTURBANCE * c.scales["torque"].mean()))
         nominal = c.values(np.array([at[:free] for _, at in rows]))
         acting = Terms(tuple(terms), tuple(values))
-        return rollout(self.robot, nominal, run, threads=self.threads, terms=acting)
+        return rollout(self.robot, nominal, run, engine=self.engine, threads=self.threads, terms=acting)
 
     def _disturbance(self, run: Run) -> Disturbance:
         draw = stream(self.seed, "excite", self.robot.name, "disturbance")
@@ -110,14 +116,17 @@ class Rival:
     pull: np.ndarray
     square: np.ndarray
 
-    def lacks(self, truth: int, chosen: np.ndarray, noise: np.ndarray, effective: np.ndarray, rows: int):
-        """(n,) evidence [nats] that the rival, refitted to a truth, lacks in the episodes chosen (n, k).
+    def refit(
+        self, truth: int, chosen: np.ndarray, noise: np.ndarray, effective: np.ndarray, rows: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Evidence (n,) [nats] that the rival lacks where a truth holds, refitted in the episodes chosen (n, k); and
+        where the refit ends (n, D).
 
         noise, effective : (E, C) variance of what nothing explains, and its independent samples, in `rows` rows.
         """
         gram, pull, square = self.gram[chosen], self.pull[truth][chosen], self.square[truth][chosen]
         noise, effective = noise[chosen], effective[chosen]
-        out = np.full(len(chosen), np.inf)
+        out, ends = np.full(len(chosen), np.inf), np.tile(self.begin, (len(chosen), 1))
         # two valleys: parameters stay near the nameplate, or the residual becomes as small as it can
         for mean in (square / rows, np.zeros_like(square)):
             for _ in range(ROUNDS):
@@ -129,8 +138,10 @@ class Rival:
                 left = left + np.einsum("ni,necij,nj->nec", move, gram, move, optimize=True)
                 mean = np.maximum(left, 0.0) / rows
                 nats = 0.5 * (effective * np.log1p(mean / noise)).sum(axis=(1, 2))
-                out = np.minimum(out, nats + 0.5 * (self.prior * (self.begin + move) ** 2).sum(axis=1))
-        return out
+                nats += 0.5 * (self.prior * (self.begin + move) ** 2).sum(axis=1)
+                ends = np.where((nats < out)[:, None], self.begin + move, ends)
+                out = np.minimum(out, nats)
+        return out, ends
 
     def _moved(self, gram: np.ndarray, pull: np.ndarray) -> np.ndarray:
         """(n, D) best moves; coordinates that leave their room stay on its edge."""
@@ -153,7 +164,7 @@ class Rival:
 class Judge:
     """What the episodes of a pool are expected to tell between two hypotheses, given the rivals found so far.
 
-    noise, effective : (E, C), as `Rival.lacks` takes them. reached : (E, 2, S) lowest and highest true states.
+    noise, effective : (E, C), as `Rival.refit` takes them. reached : (E, 2, S) lowest and highest true states.
     usable : (E,) where nothing fell, diverged or left its range. rivals : of each hypothesis.
     """
 
@@ -204,15 +215,21 @@ class Judge:
 
     def nats(self, chosen: np.ndarray) -> np.ndarray:
         """(n, N) evidence expected of the episodes chosen (n, k), for each truth: against its best rival."""
-        out, seen = [], [0, 0]
-        for which, _ in self.truths:
-            lacks = [
-                rival.lacks(seen[which], chosen, self.noise, self.effective, self.pool.run.steps)
-                for rival in self.rivals[1 - which]
-            ]
-            seen[which] += 1
-            out.append(np.min(lacks, axis=0))
-        return np.stack(out, axis=1)
+        each = [self._refits(truth, chosen) for truth in range(len(self.truths))]
+        return np.stack([np.min([nats for nats, _ in refits], axis=0) for refits in each], axis=1)
+
+    def nearest(self, truth: int, chosen: np.ndarray) -> list[np.ndarray]:
+        """Coordinates (D,) of the refitted rivals of a truth in the episodes chosen (k,), the strongest first."""
+        refits = self._refits(truth, chosen[None])
+        return [ends[0] for _, ends in sorted(refits, key=lambda refit: float(refit[0][0]))]
+
+    def _refits(self, truth: int, chosen: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        which = self.truths[truth][0]
+        among = [i for i, (other, _) in enumerate(self.truths) if other == which].index(truth)
+        return [
+            rival.refit(among, chosen, self.noise, self.effective, self.pool.run.steps)
+            for rival in self.rivals[1 - which]
+        ]
 
     def _seen(self, made: Rollout) -> np.ndarray:
         """(n, E, T, C) weighted channels after the start, in units of their noise; zero where nothing can be used."""

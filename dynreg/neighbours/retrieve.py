@@ -20,7 +20,7 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
 REACHED = 60  # entries that a search of the graph keeps
-QUERY_ROWS = 300  # sequences of the recording on which every entry's model is judged,
+QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
 DISTANCES = ("one_sided", "embedding", "cross_loss", "cross_loss_train", "cross_loss_printed", "trajectory")
