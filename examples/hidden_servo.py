@@ -82,7 +82,7 @@ def _simulate(
     run = Run(
         targets[..., None],
         inputs=inputs,
-        settings=np.array(gains)[:, None],
+        settings=np.stack([gains, np.zeros(len(runs))], axis=1),  # kp; no mass added
         initial=np.zeros((len(runs), len(robot.channels))),
         period=PERIOD,
     )

@@ -14,7 +14,8 @@ from dynreg.sim.excitation import excitation, reset_pose
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-CROSSED = 10  # candidates of each truth that are tried with all settings
+CROSSED = 10  # candidates for each truth that are tried with all settings
+KEPT = 30  # candidates for each truth that are kept after their first trial
 SWAPS = 2  # rounds of exchanging the episodes chosen
 NEAREST = 3  # rivals known that a fit begins from
 SAME = 3.0  # nats that separate nothing
@@ -46,7 +47,9 @@ class Search:
                 expected="commands that the robot can follow",
                 do="lower the limits of its actions in robot.toml",
             )
-        last = tuple(range(len(candidates), len(judge.pool)))
+        kept = np.union1d(_promising(judge, KEPT), np.arange(len(candidates), len(judge.pool)))
+        judge.keep(kept)
+        last = tuple(range(len(kept) - many, len(kept)))
         return cls(judge, many, last if judge.usable[list(last)].all() else None)
 
     def choose(self) -> tuple[int, ...]:
@@ -75,10 +78,14 @@ def _candidates(pair: Pair, limits: Limits, steps: int) -> Pool:
     settings = _settings(pair.robot)
     if len(settings) < 2:
         return plain
-    judge = _judge(pair, plain)
-    alone = np.where(judge.usable[:, None], judge.nats(np.arange(len(plain))[:, None]), -np.inf)
-    most = np.argsort(-alone, axis=0, kind="stable")[:CROSSED]
-    return both(plain, plain.take(np.unique(most)).with_settings(settings))
+    best = _promising(_judge(pair, plain), CROSSED)
+    return both(plain, plain.take(best).with_settings(settings))
+
+
+def _promising(judge: Judge, many: int) -> np.ndarray:
+    """Numbers of the candidates that tell most alone, `many` for each truth."""
+    alone = np.where(judge.usable[:, None], judge.nats(np.arange(len(judge.pool))[:, None]), -np.inf)
+    return np.unique(np.argsort(-alone, axis=0, kind="stable")[:many])
 
 
 def _judge(pair: Pair, candidates: Pool) -> Judge:
@@ -92,9 +99,7 @@ def _judge(pair: Pair, candidates: Pool) -> Judge:
 def _chosen(judge: Judge, many: int) -> np.ndarray:
     """(many,) the best combination: one episode after the other, each then exchanged for the best beside the others."""
     at = np.flatnonzero(judge.usable)
-    first = np.array([which == 0 for which, _ in judge.pair.truths])
-    most = many * judge.nats(at[:, None]).max(axis=0)
-    counts = np.where(first, most[first].max() >= SAME, most[~first].max() >= SAME)
+    counts = many * judge.nats(at[:, None]).max(axis=0) >= SAME
 
     def best(sets: np.ndarray) -> np.ndarray:
         nats = judge.nats(sets)

@@ -34,7 +34,7 @@ def excite(
 
     Patterns of several reaches and speeds are tried, with the `trial` settings of robot.toml. Either effect is taken
     for true, at medium size and with either sign, and the other fitted to it: what counts is the evidence in the worst
-    of these cases. Where one effect contains the other, only cases count in which it is true.
+    of these cases, those left out that nothing tells (the other effect contains this one, or it changes nothing).
 
     Raises UsageError where no commands separate the two (they are of one exact group, or move the robot alike),
     where an effect cannot act on the robot, or where `seconds` are too few; RobotError for a robot without commands
@@ -103,8 +103,15 @@ def _answer(
         judge.reached[np.array(chosen)],
         nats=float(search.rated[chosen][counts].min()),
         usual=usual,
-        decided_by={which for (which, _), yes in zip(pair.truths, counts, strict=True) if yes},
+        silent=[_said(pair, *truth) for truth, yes in zip(pair.truths, counts, strict=True) if not yes],
     )
+
+
+def _said(pair: Pair, which: int, z: np.ndarray) -> str:
+    """A truth in words: the effect, and its sign where it has one."""
+    size = pair.hypotheses[which].parameters[0]
+    sign = (" (positive)" if z[len(pair.coordinates)] > 0 else " (negative)") if size.signed else ""
+    return pair.terms[which].key + sign
 
 
 def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
@@ -151,21 +158,19 @@ def _lengths(robot: Robot, seconds: float) -> list[tuple[int, int]]:
 
 
 def _counts(pair: Pair, found: list[np.ndarray]) -> np.ndarray:
-    """(N,) which truths count: a hypothesis that contains the other one loses nowhere where that one is true.
+    """(N,) which truths count: not those of an effect that the other one contains, or that change nothing.
 
     Raises UsageError where none does.
     """
     most = np.max(found, axis=0)
-    owners = np.array([which for which, _ in pair.truths])
-    lost = np.array([most[owners == which].max() >= SAME for which in (0, 1)])
-    if not lost.any():
+    if not (most >= SAME).any():
         raise UsageError(
-            f"within the limits of the robot no commands tell {pair.terms[0].key} from {pair.terms[1].key}:"
-            f" {most.max():.2g} nats at most",
-            expected="effects that move the robot in different ways",
+            f"within its limits and tolerances robot {pair.robot.name!r} does not tell {pair.terms[0].key} from"
+            f" {pair.terms[1].key} by any commands that were tried ({most.max():.2g} nats at most)",
+            expected="two effects for which its own parameters cannot make up",
             do=_by_hand(pair.terms),
         )
-    return lost[owners]
+    return most >= SAME
 
 
 def _by_hand(terms: tuple[Term, Term]) -> str:

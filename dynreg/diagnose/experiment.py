@@ -41,11 +41,11 @@ def experiment(
     *,
     nats: float,
     usual: float | None,
-    decided_by: set[int],
+    silent: list[str],
 ) -> Experiment:
     """What the commands are expected to tell, and the limits that they keep.
 
-    reached : (E, 2, S) lowest and highest states. decided_by : numbers of the effects that were taken for true.
+    reached : (E, 2, S) lowest and highest states. silent : the cases that count in neither number.
     """
     return Experiment(
         robot=robot.name,
@@ -54,7 +54,7 @@ def experiment(
         separation=nats,
         usual=usual,
         limits=(*_commanded(robot, limits, pool.run), *_moved(robot, reached)),
-        note=_note(robot, between, pool, decided_by),
+        note=_note(robot, pool, silent),
     )
 
 
@@ -95,7 +95,7 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _note(robot: Robot, between: tuple[str, str], pool: Pool, decided_by: set[int]) -> str:
+def _note(robot: Robot, pool: Pool, silent: list[str]) -> str:
     """What to do: the patterns and the settings of each episode, and what the number stands for."""
     run = pool.run
     parts = [f"{run.episodes} episodes of {run.steps * run.period:g} s, each begun at rest in the reset pose"]
@@ -106,8 +106,6 @@ def _note(robot: Robot, between: tuple[str, str], pool: Pool, decided_by: set[in
         for value in np.unique(column[column != table.nominal]):
             where = ", ".join(map(str, np.flatnonzero(column == value)))
             parts.append(f"set {table.name} = {value:g}{unit} in {where}")
-    if len(decided_by) == 1:
-        (number,) = decided_by
-        whole, part = between[number], between[1 - number]
-        parts.append(f"{whole} can do what {part} does: the nats are those where {whole} is true")
+    if silent:
+        parts.append(f"no evidence is to be expected where {' or '.join(silent)} is true: it is not counted")
     return ". ".join(parts)

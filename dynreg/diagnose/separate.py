@@ -5,7 +5,7 @@ other hypothesis with the derivatives of its rollouts by the nominal parameters 
 own. Evidence of episodes adds up, so any choice of them is judged without another simulation.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -143,6 +143,10 @@ class Rival:
                 out = np.minimum(out, nats)
         return out, ends
 
+    def take(self, chosen: np.ndarray) -> "Rival":
+        """Only these episodes (numbers)."""
+        return replace(self, gram=self.gram[chosen], pull=self.pull[:, chosen], square=self.square[:, chosen])
+
     def _moved(self, gram: np.ndarray, pull: np.ndarray) -> np.ndarray:
         """(n, D) best moves; coordinates that leave their room stay on its edge."""
         matrix = gram + np.diag(self.prior + 1e-9)
@@ -212,6 +216,13 @@ class Judge:
         low, high, prior = self._room(number, z)
         sums = np.concatenate(grams), np.concatenate(pulls, axis=1), np.concatenate(squares, axis=1)
         self.rivals[number].append(Rival(z, low, high, prior, *sums))
+
+    def keep(self, chosen: np.ndarray) -> None:
+        """Go on with these episodes only (numbers)."""
+        self.pool, self._true = self.pool.take(chosen), self._true[:, chosen]
+        for name in ("usable", "reached", "noise", "effective"):
+            setattr(self, name, getattr(self, name)[chosen])
+        self.rivals = tuple([rival.take(chosen) for rival in rivals] for rivals in self.rivals)
 
     def nats(self, chosen: np.ndarray) -> np.ndarray:
         """(n, N) evidence expected of the episodes chosen (n, k), for each truth: against its best rival."""

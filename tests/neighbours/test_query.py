@@ -13,7 +13,7 @@ from dynreg import session
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError, UsageError
 from dynreg.neighbours.link import load_population
-from dynreg.neighbours.query import BUDGET, Settings, query
+from dynreg.neighbours.query import Settings, query, usual_budget
 from dynreg.replay.windows import Replayer
 from dynreg.results import Neighbours
 from dynreg.sim.robot import load_robot
@@ -109,7 +109,7 @@ def test_the_test_part_is_replayed_once_and_last(servos, short, watched):
         assert set(used) in (test, chosen)
 
 
-@pytest.mark.parametrize("budget", [7, 8, 15, BUDGET])
+@pytest.mark.parametrize("budget", [7, 8, 15, usual_budget(7, 5)])
 @pytest.mark.parametrize("synthesise", [True, False])
 def test_the_budget_is_kept_and_counted(servos, short, watched, budget, synthesise):
     answer = servos.query(short, budget=budget, synthesise=synthesise, hold_out="0.3")

@@ -97,7 +97,7 @@ def test_defaults_stand_where_inputs_and_settings_are_missing(robot, population)
     )
     filled = with_defaults(robot, bare)
     (episode,) = filled.episodes
-    assert episode.settings == {"kp": 400.0}
+    assert episode.settings == {"kp": 400.0, "added_mass": 0.0}
     column = {c.name: i for i, c in enumerate(filled.channels)}
     assert (
         episode.values[3, column["supply"]] == 7.4 and (episode.values[:, column["arm/enabled"]] == 1).all()

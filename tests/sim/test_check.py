@@ -81,7 +81,7 @@ def test_what_all_engines_say_is_told_once(tmp_path: Path):
     text = (source / "robot.toml").read_text()
     assert 'engines = ["joint", "mujoco"]' in text
     (tmp_path / "robot.toml").write_text(
-        text.replace("mj.body_mass[tip]", "mj.body_mass[head]").replace('"arm/velocity"', '"arm/speed"')
+        text.replace("mj.body_mass[tip] =", "mj.body_mass[head] =").replace('"arm/velocity"', '"arm/speed"')
     )
     named = check_robot(tmp_path)
     assert len(named) == 2, named
