@@ -161,7 +161,7 @@ def _missing(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[F
         if channel.name not in episode.channels and not channel.optional:
             yield Finding("error", "missing", where, f"channel {channel.name!r} is missing")
     for name in spec.settings:
-        if name not in episode.settings:
+        if name not in episode.settings and name not in spec.usual:
             yield Finding("warning", "missing", where, f"setting {name!r} is not known")
 
 

@@ -28,10 +28,12 @@ class ChannelSpec:
 class RecordingSpec:
     """The channels and settings of one robot's recordings and the rate [Hz] they are resampled to.
 
-    `rate` is None for robots whose control is timed: every row of a log stays as it is.
+    `rate` is None for robots whose control is timed: every row of a log stays as it is. `usual` : settings that a log
+    need not tell; they are nominal then.
     """
 
     robot: str
     channels: tuple[ChannelSpec, ...]
     settings: tuple[str, ...]
     rate: float | None
+    usual: tuple[str, ...] = ()

@@ -87,7 +87,8 @@ class Robot:
         channels += [
             ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(self.file.inputs) :]
         ]
-        return RecordingSpec(self.name, tuple(channels), self.settings, self.file.robot.control_rate)
+        usual = tuple(s.name for s in self.file.settings if s.values == [s.nominal])
+        return RecordingSpec(self.name, tuple(channels), self.settings, self.file.robot.control_rate, usual)
 
     @cached_property
     def setters(self) -> tuple[tuple[Assignment, ...], ...]:
