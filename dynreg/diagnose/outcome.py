@@ -342,7 +342,6 @@ def _experiments(found: "Found", verdict: Verdict) -> tuple[str, ...]:
         term = naming.chosen.point.hypothesis.terms[-1]
         apart = rivals(naming)
         out = [f"to tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
-        out += [f"dynreg excite ROBOT --for {term.key},{other}" for other in apart[:1]]
         return tuple(out)
     if verdict == "unknown":
         return (
