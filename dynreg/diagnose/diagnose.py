@@ -156,7 +156,7 @@ def search(
 def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
     """LogError where commands never change, or no weighted channel moves beyond its noise."""
     actions = cut.run.actions[split.chosen]
-    if not (np.ptp(actions.reshape(-1, actions.shape[-1]), axis=0) > 0).any():
+    if not (np.ptp(actions, axis=1) > 0).any():
         raise LogError(
             "the commands never change",
             expected="a recording in which the robot is moved",
