@@ -361,6 +361,15 @@ class Session:
         with Registry.open(destination) as copy:
             return listing(copy, None)
 
+    def export_robot(self, ref: str, destination: str | Path) -> results.RobotFolder:
+        """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `diagnose.extend`.
+
+        Raises UsageError where the destination exists.
+        """
+        from dynreg.diagnose.extend import export_simulator
+
+        return export_simulator(self.registry, ref, Path(destination))
+
     def info(self) -> dict[str, Any]:
         """Versions, device, threads and what the registry holds."""
         from dynreg.summaries import information

@@ -1,12 +1,24 @@
-"""`dynreg export`: a part of the registry as a registry of its own."""
+"""`dynreg export`: a part of the registry as a registry of its own, or a simulator as a robot folder."""
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dynreg.cli.call import Call, verb
 from dynreg.cli.completion import stored_names
+from dynreg.errors import UsageError
+
+if TYPE_CHECKING:
+    from dynreg.results import RobotFolder
+
+
+class Form(StrEnum):
+    """What an export is."""
+
+    registry = "registry"
+    robot = "robot"
 
 
 def register(app: typer.Typer) -> None:
@@ -25,14 +37,39 @@ def export(
         ),
     ],
     to: Annotated[Path, typer.Option(help="New directory.")],
+    form: Annotated[
+        Form, typer.Option("--as", help="A registry, or one simulator as a robot folder.")
+    ] = Form.registry,
 ) -> None:
-    """Copy stored things to a new registry.
+    """Copy stored things to a new registry, or write a simulator as a robot folder.
 
     All that they need comes with them: a population its robot and entries, a result its recording and the
     simulators that it names. @last is the last recording; `dynreg list --kind result` has the ids of results.
+    As a robot, a simulator is a robot.toml with its parameters and effects and one MJCF file for MuJoCo alone.
 
     Example: dynreg export monday --to monday-registry
     """
+    if form is Form.robot and len(refs) != 1:
+        raise UsageError(
+            f"--as robot with {len(refs)} things", expected="one simulator", do="export them one by one"
+        )
     with call.open() as session:
+        if form is Form.robot:
+            folder = session.export_robot(refs[0], to)
+            call.emit(folder, _shown(folder), hint=f"dynreg robots check {to}")
+            return
         result = session.export(refs, to)
     call.emit(result, hint=f"dynreg list --registry {to}")
+
+
+def _shown(result: "RobotFolder") -> Any:
+    from rich.console import Group
+
+    from dynreg.report.tables import table
+
+    lines: list[Any] = [str(result)]
+    if result.effects:
+        rows = [(e.effect, ", ".join(e.parameters) or "-", "yes" if e.mjcf else "-") for e in result.effects]
+        lines.append(table(("effect", "in robot.toml", "in mujoco.xml"), rows))
+    lines += [f"note: no mujoco.xml: {result.note}"] if result.note else []
+    return Group(*lines)

@@ -67,7 +67,7 @@ def _settled(pair: Pair, searches: list[Search]) -> tuple[Search, tuple[int, ...
 
     What was rated early met few rivals: the best is rated again until it stays the best.
     """
-    again: set[tuple] = set()
+    again = {(number, list(search.rated)[-1]) for number, search in enumerate(searches) if search.rated}
     while True:
         counts = _counts(pair, [nats for search in searches for nats in search.rated.values()])
         number, chosen = max(

@@ -28,6 +28,7 @@ from dynreg.results.neighbours import (
     Trace,
 )
 from dynreg.results.result import Cost, Estimate, Gain, Result
+from dynreg.results.robot_folder import CarriedEffect, RobotFolder
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.results.stored import EntrySummary, Listing, PopulationSummary, RecordingSummary, Verification
 from dynreg.results.trials import Confusion, Rate, TrialGroup, TrialResult, TrialTable, rate
@@ -45,12 +46,14 @@ RESULTS: tuple[type[Result], ...] = (
     TrialResult,
     TrialTable,
     Experiment,
+    RobotFolder,
 )
 
 __all__ = [
     "RESULTS",
     "Calibration",
     "CalibrationStep",
+    "CarriedEffect",
     "Cause",
     "ChannelError",
     "Confusion",
@@ -79,6 +82,7 @@ __all__ = [
     "RecordingSummary",
     "ResidualShare",
     "Result",
+    "RobotFolder",
     "RolloutError",
     "Stage",
     "Synthesised",

@@ -1,0 +1,199 @@
+"""An extended simulator as a robot folder: robot.toml with its parameters and effects, one plain MJCF, a README."""
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from dynreg.diagnose.carry import SPREAD, Carrier, Fields, carriers, carries
+from dynreg.diagnose.folder_readme import PLAIN, Written, readme
+from dynreg.diagnose.plain import says, write_mjcf
+from dynreg.errors import DynregError, RobotError, UsageError
+from dynreg.registry import Registry
+from dynreg.results import CarriedEffect, RobotFolder
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines import rollout
+from dynreg.sim.engines.acting import acting
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.tomlfile import line_of
+
+TRIED = 4  # episodes in which a parameter must change something,
+IDLE = 1e-9  # of what a channel reaches
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A robot folder that was written, and where each effect is in it. problem : why there is no plain MJCF."""
+
+    robot: Robot
+    effects: tuple[Written, ...]
+    problem: str | None = None
+
+
+def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFolder:
+    """Write the stored simulator or entry `ref` as a robot folder.
+
+    Raises as `export_robot`, and NoMatchError where nothing is stored under `ref`.
+    """
+    kind, identity = registry.resolve(ref, ("simulator", "entry"))
+    if kind == "simulator":
+        config = SimConfig.from_dict(registry.simulator(identity))
+    else:
+        entry = registry.load_entry(identity)
+        population = registry.population(entry.population_id)
+        config = SimConfig(population.robot_hash, population.name, entry.values)
+    made = export_robot(load_robot(registry.robot_folder(config.robot)), config, destination)
+    plain = destination / Path(made.robot.file.robot.model).with_name(PLAIN)
+    return RobotFolder(
+        robot=config.robot_name,
+        simulator=identity,
+        folder=str(destination),
+        name=made.robot.name,
+        effects=tuple(_told(one) for one in made.effects),
+        mjcf=str(plain) if made.problem is None else None,
+        note=made.problem or "",
+    )
+
+
+def _told(one: Written) -> CarriedEffect:
+    parameters = one.term.effect.parameters
+    return CarriedEffect(
+        effect=one.term.key,
+        values={p.name: float(value) for p, value in zip(parameters, one.values, strict=True)},
+        units={p.name: p.unit for p in parameters},
+        parameters=tuple(carrier.name for carrier in one.parameters),
+        mjcf=one.in_mjcf,
+    )
+
+
+def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported:
+    """Write a simulator of `robot` as a new robot folder.
+
+    Its robot.toml has the simulator's parameters as nominal values, and for each effect that acts before anything
+    moves a parameter that does the same; `mujoco.xml` is the whole for MuJoCo alone; README.md tells what each effect
+    became. Everything else is copied.
+    Raises UsageError where `destination` exists or an effect cannot act on the robot, RobotError where the parameters
+    of robot.toml cannot be replaced.
+    """
+    destination = Path(destination)
+    if destination.exists() or not destination.absolute().parent.is_dir():
+        raise UsageError(
+            f"cannot write a robot folder to {str(destination)!r}",
+            expected="a name that is not taken, in a folder that is there",
+            do="name another one",
+        )
+    terms, values = terms_of(config), robot.space.from_dict(dict(config.values))
+    acting(robot, terms, 1, 1)  # refuses what cannot act on this robot
+    half_done = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", dir=destination.absolute().parent))
+    try:
+        written = _write(robot, config, values, terms, half_done)
+        os.chmod(half_done, 0o755)
+        os.rename(half_done, destination)
+    except BaseException:
+        shutil.rmtree(half_done, ignore_errors=True)
+        raise
+    return Exported(load_robot(destination), *written)
+
+
+def _write(
+    robot: Robot, config: SimConfig, values: np.ndarray, terms: Terms, folder: Path
+) -> tuple[tuple[Written, ...], str | None]:
+    hidden = shutil.ignore_patterns(".*", "__*", "robot.toml")
+    shutil.copytree(robot.folder, folder, ignore=hidden, dirs_exist_ok=True)
+    problem = None
+    try:
+        write_mjcf(robot, values, terms, (folder / robot.file.robot.model).with_name(PLAIN))
+    except DynregError as error:
+        problem = error.problem
+    effects = _carried(robot, values, terms, problem is None)
+    effects = _without_idle(_with_toml(robot, config, values, effects, folder), effects)
+    _with_toml(robot, config, values, effects, folder)
+    (folder / "README.md").write_text(readme(robot, config, effects, problem), encoding="utf-8")
+    return effects, problem
+
+
+def _carried(robot: Robot, values: np.ndarray, terms: Terms, in_mjcf: bool) -> tuple[Written, ...]:
+    """Where each effect goes."""
+    fields, out = Fields.of(robot, values), []
+    taken = {*robot.space.names, *robot.settings}
+    for term, rows in zip(terms.terms, terms.values, strict=True):
+        made = []
+        for one in (carriers(fields, term, rows[0]) if carries(term.effect) else None) or ():
+            made.append(replace(one, name=_free(one.name, taken)))
+            taken.add(made[-1].name)
+        told = term.effect.acts_on != "sensor" and (carries(term.effect) or says(term.effect.id))
+        out.append(Written(term, rows[0], tuple(made), in_mjcf and told))
+    return tuple(out)
+
+
+def _free(name: str, taken: set[str]) -> str:
+    numbered = (f"{name}_{number}" for number in count(2))
+    return name if name not in taken else next(n for n in numbered if n not in taken)
+
+
+def _without_idle(made: Robot, effects: tuple[Written, ...]) -> tuple[Written, ...]:
+    """Parameters that change nothing beside others of the same effect left out (inertia about an axis that stands)."""
+    several = [one for effect in effects if len(effect.parameters) > 1 for one in effect.parameters]
+    if not several or made.file.robot.control_rate is None:
+        return effects
+    values = np.tile(made.space.nominal, (1 + len(several), 1))
+    for row, one in enumerate(several, start=1):
+        values[row, made.space.names.index(one.name)] = one.neutral
+    states = rollout(made, values, excitation(made, seed=0, episodes=TRIED)).states
+    moved = np.abs(states[1:] - states[:1]).max(axis=(1, 2)) > IDLE * np.abs(states[:1]).max(axis=(1, 2))
+    idle = {one.name for one, yes in zip(several, moved.any(axis=1), strict=True) if not yes}
+    return tuple(
+        replace(e, parameters=tuple(one for one in e.parameters if one.name not in idle)) for e in effects
+    )
+
+
+def _with_toml(
+    robot: Robot, config: SimConfig, values: np.ndarray, effects: tuple[Written, ...], folder: Path
+) -> Robot:
+    """Write robot.toml and read it again; RobotError where it is not what was to be written."""
+    added = [one for effect in effects for one in effect.parameters]
+    (folder / "robot.toml").write_text(_toml(robot, config, values, added), encoding="utf-8")
+    made = load_robot(folder)
+    if not np.array_equal(made.space.nominal, [*values, *(one.value for one in added)]):
+        raise RobotError(
+            f"{robot.folder / 'robot.toml'}: the nominal values could not be replaced",
+            expected="a [[parameters]] table for each parameter, with `nominal = NUMBER` on a line of its own",
+            do="write them so",
+        )
+    return made
+
+
+def _toml(robot: Robot, config: SimConfig, values: np.ndarray, added: Sequence[Carrier]) -> str:
+    """robot.toml with other nominal values, the simulator's name, and a parameter for each carrier at its end."""
+    text = (robot.folder / "robot.toml").read_text(encoding="utf-8")
+    lines = text.splitlines()
+    for i, value in enumerate(values):
+        _replace(lines, line_of(text, ("parameters", i, "nominal")), "nominal", repr(float(value)))
+    name = f"{robot.name}_{config.id[:8]}"
+    _replace(lines, line_of(text, ("robot", "name")), "name", f'"{name}"')
+    for one in added:
+        lines += ["", "[[parameters]]", f'name = "{one.name}"', f'unit = "{one.unit}"']
+        lines += [f"{key} = {getattr(one, key2)!r}" for key, key2 in _NUMBERS]
+        lines += [f"tolerance = {SPREAD}", f"sets = [{', '.join(_quoted(s) for s in one.sets)}]"]
+    return "\n".join(lines) + "\n"
+
+
+_NUMBERS = (("nominal", "value"), ("low", "low"), ("high", "high"))
+
+
+def _replace(lines: list[str], number: int, key: str, value: str) -> None:
+    """Put `key = value` in line `number` (from 1); what stands behind stays."""
+    pattern = rf"(\b{key}\s*=\s*)(\"[^\"]*\"|'[^']*'|[^\s,#}}]+)"
+    lines[number - 1] = re.sub(pattern, lambda m: m[1] + value, lines[number - 1], count=1)
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"'

@@ -1,0 +1,91 @@
+"""The README.md of an exported simulator: what each of its effects became."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.diagnose.carry import Carrier, carries
+from dynreg.sim.config import SimConfig
+from dynreg.sim.effects import Term
+from dynreg.sim.robot import Robot
+
+PLAIN = "mujoco.xml"
+
+
+@dataclass(frozen=True)
+class Written:
+    """One effect of an exported simulator.
+
+    parameters : those of robot.toml that stand for it. in_mjcf : whether the plain MJCF has it.
+    """
+
+    term: Term
+    values: np.ndarray
+    parameters: tuple[Carrier, ...] = ()
+    in_mjcf: bool = False
+
+
+def readme(robot: Robot, config: SimConfig, effects: Sequence[Written], problem: str | None) -> str:
+    """The text; problem : why there is no plain MJCF."""
+    lines = [f"# {robot.name}, simulator {config.id[:12]}", ""]
+    lines += [
+        f"A simulator of `{robot.name}` as a robot folder. `robot.toml` has its parameters as nominal values:",
+        "check it with `dynreg robots check FOLDER`, vary it with `dynreg populate FOLDER -n 1000`.",
+        "",
+        *_about_mjcf(robot, problem),
+        "",
+    ]
+    if effects:
+        lines += ["## Effects", "", f"| effect | values | robot.toml | {PLAIN} |", "|---|---|---|---|"]
+        lines += [_row(one) for one in effects]
+    missing = [one for one in effects if not one.parameters or not (one.in_mjcf or problem)]
+    if missing:
+        lines += ["", "## What is not in both files", ""]
+        for one in missing:
+            lines += [f"- **{one.term.key}** ({_where(one)}): {_means(one)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _about_mjcf(robot: Robot, problem: str | None) -> list[str]:
+    if problem:
+        return [f"There is no `{PLAIN}`: {problem}."]
+    period = 1.0 / robot.file.robot.control_rate if robot.file.robot.control_rate else None
+    known = [*robot.file.settings, *robot.file.inputs]
+    constants = [f"{k.name} = {_number(k.nominal, k.unit)}" for k in known]
+    held = f", held for {period:g} s each" if period else ""
+    lines = [
+        f"`{PLAIN}` is the same for MuJoCo alone, drives and friction included; `ctrl` takes the commands{held}.",
+    ]
+    if constants:
+        lines.append(f"It holds for {', '.join(constants)}; drives are always on.")
+    return lines
+
+
+def _row(one: Written) -> str:
+    values = ", ".join(
+        f"{p.name} = {_number(v, p.unit)}"
+        for p, v in zip(one.term.effect.parameters, one.values, strict=True)
+    )
+    parameters = ", ".join(f"`{c.name}`" for c in one.parameters) or "no"
+    return f"| {one.term.key} | {values} | {parameters} | {'yes' if one.in_mjcf else 'no'} |"
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.6g}" + ("" if unit == "1" else f" {unit}")
+
+
+def _where(one: Written) -> str:
+    if one.parameters:
+        return f"not in {PLAIN}"
+    return "not in robot.toml" if one.in_mjcf else "in neither"
+
+
+def _means(one: Written) -> str:
+    """What the effect does, in the words of its class, and why it is missing where that can be mended."""
+    said = " ".join((type(one.term.effect).__doc__ or one.term.effect.title).split())
+    if carries(one.term.effect) and not one.parameters:
+        said += " It changes elements of the model that have no name: name them, and robot.toml can have it."
+    if any(entry.startswith("port.sensor") for c in one.parameters for entry in c.sets):
+        said += f" In {PLAIN} the drives feel it, and `qpos` is the truth."
+    return said

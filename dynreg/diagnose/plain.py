@@ -1,0 +1,122 @@
+"""A simulator as one MJCF file for MuJoCo alone: parameters, drives and the effects that MJCF can say, written out."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from dynreg.diagnose.carry import Fields, carries
+from dynreg.errors import RobotError
+from dynreg.sim.effects import Terms
+from dynreg.sim.layout import Layout, layout_of
+from dynreg.sim.ports import ServoLaw, servo_law, takes_positions
+from dynreg.sim.robot import Robot
+
+UNLIMITED = 1e5  # drives state larger limits where they have none
+LINEAR = 1  # between the commands of two time steps: MuJoCo's `interp`
+IN_DRIVES = (
+    "command_delay",
+    "command_gain",
+    "command_lag",
+    "quadratic_drag",
+)  # effects on the move that MJCF can say
+
+
+def says(key: str) -> bool:
+    """Whether MJCF can say the effect with this id while the robot moves."""
+    return key in IN_DRIVES
+
+
+def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> None:
+    """Write the robot with parameters (P,) at nominal settings and inputs, and the effects that MJCF can say.
+
+    `ctrl` is the action vector, held between commands; encoders read the truth. The file refers to meshes as the
+    robot's model does, and belongs beside it.
+    Raises RobotError where MuJoCo cannot express a change in the model's file.
+    """
+    if not {"mujoco", "joint"} & set(robot.file.robot.engines):
+        raise RobotError(
+            "MuJoCo does not move the robot: its engine is kinematic", expected="joints", do="use robot.toml"
+        )
+    layout = layout_of(robot)
+    source = robot.folder / robot.file.robot.model
+    spec = mujoco.MjSpec.from_file(str(source))
+    fields = Fields.of(robot, values)
+    still = [i for i, term in enumerate(terms.terms) if carries(term.effect)]
+    fields.apply(Terms(tuple(terms.terms[i] for i in still), tuple(terms.values[i] for i in still)))
+    law = servo_law(fields.ports, robot.input_defaults[None])
+    _shape_actuators(robot, spec, layout, fields, law, terms)
+    model = spec.compile()
+    for name, array in fields.changed.items():
+        owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
+        getattr(owner, field)[...] = array[0].reshape(np.shape(getattr(owner, field)))
+    _write_drives(robot, model, layout, fields, law, terms)
+    model.opt.timestep = robot.file.robot.timestep
+    try:
+        spec.copy_back(model)
+    except ValueError as problem:
+        raise RobotError(
+            f"{source.name}: {str(problem).splitlines()[0]}",
+            expected="a model whose file can say what the parameters and effects change",
+            do="use robot.toml, which can",
+        ) from None
+    path.write_text(spec.to_xml(), encoding="utf-8")
+
+
+def _shape_actuators(
+    robot: Robot, spec: mujoco.MjSpec, layout: Layout, fields: Fields, law: ServoLaw, terms: Terms
+) -> None:
+    """Make the drives' actuators affine servos with limits, late and smoothed where effects make them so."""
+    step = robot.file.robot.timestep
+    for a, actuator in enumerate(layout.action_actuator):
+        one = spec.actuators[int(actuator)]
+        one.gaintype, one.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        one.forcelimited = int(law.limit[0, a] < UNLIMITED)
+        one.forcerange = [-law.limit[0, a], law.limit[0, a]]
+        low, high = _range(layout, fields, a)
+        one.ctrllimited = int(np.isfinite(low) and np.isfinite(high))
+        if one.ctrllimited:
+            one.ctrlrange = [low, high]
+        delay, lag = _value(robot, terms, "command_delay", a), _value(robot, terms, "command_lag", a)
+        if (
+            lag
+        ):  # late by half a time step: the force comes from the state before it, the effect's from its mean
+            one.dyntype, one.dynprm[0], one.actdim = mujoco.mjtDyn.mjDYN_FILTEREXACT, lag, 1
+        if delay:  # MuJoCo rounds those below one time step up to it
+            one.delay, one.interp = delay, LINEAR
+            one.nsample = int(np.ceil(delay / step)) + 2
+
+
+def _write_drives(
+    robot: Robot, model: mujoco.MjModel, layout: Layout, fields: Fields, law: ServoLaw, terms: Terms
+) -> None:
+    at, dof, friction = layout.action_actuator, layout.action_dof, fields.ports.friction
+    more = np.array([_value(robot, terms, "command_gain", a) for a in range(len(at))])
+    model.actuator_gainprm[at, 0] = law.gain[0] * (1.0 + more)
+    model.actuator_biasprm[at, :3] = np.stack([law.bias[0], -law.stiffness[0], -law.rate[0]], axis=1)
+    model.dof_damping[dof] += law.damping[0] + friction["viscous"][0]
+    model.dof_frictionloss[dof] += friction["coulomb"][0]
+    for a, d in enumerate(dof):
+        model.dof_dampingpoly[d, 0] += _value(robot, terms, "quadratic_drag", a)
+
+
+def _value(robot: Robot, terms: Terms, key: str, action: int) -> float:
+    """The first value of an effect on one drive; 0 where it does not have it."""
+    owner = robot.actions[action].split("/")[0]
+    found = [
+        float(values[0, 0])
+        for term, values in zip(terms.terms, terms.values, strict=True)
+        if term.effect.id == key and (not term.joints or owner in term.joints)
+    ]
+    return sum(found)
+
+
+def _range(layout: Layout, fields: Fields, action: int) -> tuple[float, float]:
+    """Lowest and highest command of a drive: its action's, and for a position its joint's own."""
+    low, high = layout.action_range[action]
+    model = fields.robot.model
+    joint = model.dof_jntid[layout.action_dof[action]]
+    if takes_positions(fields.ports)[action] and model.jnt_limited[joint]:
+        stops = fields.changed.get("jnt_range", model.jnt_range[None])[0, joint]
+        low, high = max(low, stops[0]), min(high, stops[1])
+    return float(low), float(high)

@@ -1,0 +1,187 @@
+"""Commands for an experiment: they separate better than usual ones, keep the limits, and come out the same again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynreg.data.recording import Recording
+from dynreg.data.table import write_csv
+from dynreg.diagnose import excite as module
+from dynreg.diagnose.excite import excite
+from dynreg.diagnose.fit import fit
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.rivals import first_starts
+from dynreg.diagnose.separate import Pair
+from dynreg.diagnose.truth import REACH, Hidden, measured_states, trial_settings
+from dynreg.errors import DynregError, UsageError
+from dynreg.replay.windows import Windows
+from dynreg.results import Experiment
+from dynreg.sim.effects import term
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
+
+SECONDS = 4.0
+PAIRS = (("payload", "coulomb_friction"), ("backlash", "command_deadband"))
+
+
+@pytest.fixture(scope="module")
+def servo() -> Robot:
+    return load_robot("servo_pendulum")
+
+
+@pytest.fixture(scope="module")
+def answers(servo: Robot) -> dict[tuple[str, str], tuple[Recording, Experiment]]:
+    return {pair: excite(servo, pair, seconds=SECONDS, seed=0) for pair in PAIRS}
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=["friction", "play"])
+def test_they_separate_better_than_the_usual_ones(pair: tuple[str, str], answers) -> None:
+    _, experiment = answers[pair]
+    assert experiment.separation > 2 * experiment.usual and experiment.separation > 8.0
+    assert (experiment.between, experiment.robot) == (pair, "servo_pendulum")
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=["friction", "play"])
+def test_robots_that_are_not_the_model_bear_it_out(pair: tuple[str, str], answers, servo: Robot) -> None:
+    """Hidden robots on a finer time step, with quantised sensors, and both hypotheses fitted to their logs."""
+    chosen = run_of(servo, answers[pair][0])
+    usual = excitation(
+        servo, seed=0, name="diagnose", episodes=chosen.episodes, steps=chosen.steps, reach=REACH
+    )
+    usual = replace(
+        usual, settings=trial_settings(servo, chosen.episodes), initial=None, period=chosen.period
+    )
+    ours, theirs = (
+        min(evidence(servo, run, pair), evidence(servo, run, pair[::-1])) for run in (chosen, usual)
+    )
+    assert ours > 8.0 and ours > 2 * theirs
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=["friction", "play"])
+def test_the_limits_are_kept_and_told(pair: tuple[str, str], answers, servo: Robot) -> None:
+    recording, experiment = answers[pair]
+    run = run_of(servo, recording)
+    told = {limit.name: limit for limit in experiment.limits}
+    assert set(told) == {"arm/target", "arm/target rate", "arm/position (expected)"}
+    for limit in told.values():
+        assert limit.low <= limit.least <= limit.most <= limit.high * (1 + 1e-9)
+    assert (told["arm/target"].least, told["arm/target"].most) == (run.actions.min(), run.actions.max())
+    fastest = np.abs(np.diff(run.actions, axis=1)).max() * servo.rate
+    assert told["arm/target rate"].most == pytest.approx(fastest)
+
+
+def test_the_recording_can_be_played(answers, servo: Robot) -> None:
+    recording, experiment = answers[PAIRS[0]]
+    assert recording.names[0] == "arm/target" and not recording.measured
+    assert set(recording.names) <= {"arm/target", "arm/enabled"}
+    length = len(recording.episodes[0].time) / servo.rate
+    assert experiment.seconds == pytest.approx(len(recording.episodes) * length) == pytest.approx(SECONDS)
+    ends = [(e.time[0], e.time[-1]) for e in recording.episodes]
+    assert all(before[1] < after[0] for before, after in zip(ends, ends[1:], strict=False))
+    for episode in recording.episodes:
+        assert np.diff(episode.time) == pytest.approx(1 / servo.rate)
+        for name, table in zip(servo.settings, servo.file.settings, strict=True):
+            assert episode.settings[name] in table.trial
+    for episode in recording.episodes:
+        for name in ("kp", "added_mass"):
+            nominal = {s.name: s.nominal for s in servo.file.settings}[name]
+            assert (
+                episode.settings[name] == nominal or f"{name} = {episode.settings[name]:g}" in experiment.note
+            )
+
+
+def test_the_same_seed_gives_the_same_bytes(servo: Robot, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    files = []
+    for number, seed in enumerate((3, 3, 4)):
+        recording, experiment = excite(servo, ("speed_limit", "torque_limit"), seconds=1.0, seed=seed)
+        write_csv(recording, tmp_path / f"{number}.csv")
+        files.append((tmp_path / f"{number}.csv").read_bytes() + experiment.to_json().encode())
+    assert files[0] == files[1] != files[2]
+
+
+def test_progress_runs_to_its_end(servo: Robot, monkeypatch) -> None:
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    seen: list[tuple] = []
+    excite(servo, ("speed_limit", "torque_limit"), seconds=1.0, seed=0, progress=lambda *a: seen.append(a))
+    assert seen[0] == ("excite", 0, seen[0][2]) and seen[-1][1] == seen[-1][2]
+    assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
+
+
+def test_an_effect_that_another_contains_is_not_counted(servo: Robot, monkeypatch) -> None:
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    pair = ("coulomb_friction", "stribeck_friction")
+    _, experiment = excite(servo, pair, seconds=2.0, seed=0)
+    assert experiment.separation > 10.0
+    assert "where coulomb_friction is true" in experiment.note
+
+
+@pytest.mark.parametrize(
+    "robot, pair, seconds, says",
+    [
+        ("servo_pendulum", ("gravity_tilt", "encoder_offset"), 4.0, "turn the base by 180 degrees"),
+        ("servo_pendulum", ("command_delay", "sensor_delay"), 4.0, "loop-back"),
+        ("servo_pendulum", ("payload", "backlash[leg]"), 4.0, "no action drives 'leg'"),
+        ("servo_pendulum", ("payload", "ground_friction"), 4.0, "ground_friction"),
+        ("servo_pendulum", ("payload", "rust"), 4.0, "unknown effect 'rust'"),
+        ("servo_pendulum", ("payload", "inertia"), 0.5, "at least 0.8 s"),
+        ("husky", ("payload", "inertia"), 4.0, "no masses"),
+    ],
+)
+def test_what_cannot_be_told_apart_is_refused(robot: str, pair: tuple, seconds: float, says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        excite(load_robot(robot), pair, seconds=seconds, seed=0)
+
+
+def test_effects_for_which_parameters_make_up_are_refused(servo: Robot, monkeypatch) -> None:
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    vague = [p.model_copy(update={"tolerance": 5.0}) for p in servo.file.parameters]
+    space = replace(servo.space, parameters=tuple(replace(p, tolerance=5.0) for p in servo.space.parameters))
+    robot = replace(servo, file=servo.file.model_copy(update={"parameters": vague}), space=space)
+    with pytest.raises(DynregError, match="does not tell coulomb_friction from viscous_friction"):
+        excite(robot, ("coulomb_friction", "viscous_friction"), seconds=1.0, seed=0)
+
+
+def run_of(robot: Robot, recording: Recording) -> Run:
+    """The commands of a recording, begun in the reset pose."""
+    values = np.array([episode.values for episode in recording.episodes])
+    inputs = np.tile(robot.input_defaults, (*values.shape[:2], 1))
+    for column, name in enumerate(recording.names[len(robot.actions) :], start=len(robot.actions)):
+        inputs[..., robot.inputs.index(name)] = values[..., column]
+    settings = np.array([[e.settings[name] for name in robot.settings] for e in recording.episodes])
+    actions = values[..., : len(robot.actions)]
+    return Run(actions, inputs=inputs, settings=settings, period=1.0 / robot.rate)
+
+
+def evidence(robot: Robot, run: Run, names: tuple[str, str]) -> float:
+    """[nats] by which the first effect, which a hidden robot has, beats the second: both fitted to its log."""
+    pair = Pair(robot, (term(names[0]), term(names[1])))
+    c, truth = pair.coordinates, pair.medium(0)[0]
+    free = len(c)
+    values = c.effect_values(pair.hypotheses[0], truth[None, free:])[0][0]
+    hidden = Hidden((pair.terms[0],), (values,), robot.space.nominal, seed=5)
+    measured = measured_states(robot, hidden, run)
+    weight = np.array([channel.weight for channel in robot.file.channels])
+    windows = Windows(
+        replace(run, initial=measured[:, 0]),
+        measured,
+        measured.std(axis=(0, 1)),
+        weight / weight.sum(),
+        np.arange(run.episodes),
+        np.tile([0, run.steps + 1], (run.episodes, 1)),
+        run.period,
+    )
+    problem, every = Problem(robot, windows, c), np.arange(run.episodes)
+    first = _points(pair.hypotheses[0], free, [truth])
+    effective = effective_samples(problem.residuals(first, every)[0])
+    _, own = fit(problem, first, every, effective, iterations=5)
+    others = _points(pair.hypotheses[1], free, first_starts(pair, 1))
+    _, other = fit(problem, others, every, effective, iterations=8, tolerance=0.1)
+    return float(other.min() - own.min())
+
+
+def _points(hypothesis: Hypothesis, free: int, starts: list[np.ndarray]) -> list[Point]:
+    return [Point(hypothesis, z[:free], z[free:]) for z in starts]

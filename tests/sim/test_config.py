@@ -1,0 +1,67 @@
+"""Configurations of simulators: their identity, and the effects in them as terms for a rollout."""
+
+import numpy as np
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import Term, Terms, effect
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import load_robot
+
+EFFECTS = {
+    "stribeck_friction[arm]": {"velocity": 0.3, "extra": 0.03, "coulomb": 0.01},
+    "payload": {"share": 0.2},
+}
+
+
+def config(effects: dict) -> SimConfig:
+    robot = load_robot("servo_pendulum")
+    return SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal), effects)
+
+
+def test_terms_are_those_of_one_simulator_with_values_in_the_effects_order() -> None:
+    terms = terms_of(config(EFFECTS))
+    assert [term.key for term in terms.terms] == list(EFFECTS)
+    np.testing.assert_array_equal(terms.values[0], [[0.03, 0.01, 0.3]])
+    np.testing.assert_array_equal(terms.values[1], [[0.2]])
+
+
+def test_a_stored_simulator_rolls_out_with_its_effects() -> None:
+    robot, stored = load_robot("servo_pendulum"), config(EFFECTS).as_dict() | {"lineage": {"made_by": "test"}}
+    read = SimConfig.from_dict(stored)
+    assert read == config(EFFECTS) and read.id == config(EFFECTS).id
+    run = excitation(robot, seed=0, episodes=2, steps=30)
+    values = robot.space.from_dict(read.values)[None]
+    made = rollout(robot, values, run, terms=terms_of(read)).states
+    spelt = Terms(
+        (Term(effect("stribeck_friction"), ("arm",)), Term(effect("payload"))),
+        (np.array([[0.03, 0.01, 0.3]]), np.array([[0.2]])),
+    )
+    np.testing.assert_array_equal(made, rollout(robot, values, run, terms=spelt).states)
+    assert np.abs(made - rollout(robot, values, run).states).max() > 0.01
+
+
+def test_without_effects_nothing_changes() -> None:
+    robot, plain = load_robot("servo_pendulum"), config({})
+    assert terms_of(plain) == Terms()
+    run = excitation(robot, seed=0, episodes=1, steps=20)
+    values = robot.space.nominal[None]
+    np.testing.assert_array_equal(
+        rollout(robot, values, run, terms=terms_of(plain)).states, rollout(robot, values, run).states
+    )
+
+
+@pytest.mark.parametrize(
+    "effects, says",
+    [
+        ({"rust": {"size": 1.0}}, "rust"),
+        ({"payload": {"mass": 1.0}}, "payload"),
+        ({"payload": {}}, "payload"),
+        ({"payload[": {"share": 0.1}}, "payload"),
+    ],
+)
+def test_what_is_no_effect_is_refused(effects: dict, says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        terms_of(config(effects))
