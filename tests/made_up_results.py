@@ -8,6 +8,7 @@ from dynreg.cli.documents import Info, LogFinding, LogFindings, ReportFile, Robo
 from dynreg.results import (
     Calibration,
     CalibrationStep,
+    CarriedEffect,
     ChannelError,
     Cost,
     EntrySummary,
@@ -20,6 +21,7 @@ from dynreg.results import (
     PopulationSummary,
     RecordingSummary,
     Result,
+    RobotFolder,
     Stage,
     Synthesised,
     Trace,
@@ -234,6 +236,33 @@ def information() -> Info:
     )
 
 
+def robot_folder() -> RobotFolder:
+    """An extended servo with one effect that robot.toml can say, and one that it cannot."""
+    return RobotFolder(
+        robot="servo_pendulum",
+        simulator="5" * 64,
+        folder="taken",
+        name="servo_pendulum_55555555",
+        effects=(
+            CarriedEffect(
+                effect="payload",
+                values={"share": 0.1},
+                units={"share": "1"},
+                parameters=("effect_payload",),
+                mjcf=True,
+            ),
+            CarriedEffect(
+                effect="load_friction",
+                values={"coefficient": 0.2},
+                units={"coefficient": "1"},
+                parameters=(),
+                mjcf=False,
+            ),
+        ),
+        mjcf="taken/mujoco.xml",
+    )
+
+
 def every_kind() -> tuple[Result, ...]:
     """One of each document."""
     return (
@@ -249,6 +278,7 @@ def every_kind() -> tuple[Result, ...]:
         made_up_diagnosis.trial(),
         made_up_diagnosis.trials(),
         made_up_diagnosis.experiment(),
+        robot_folder(),
         RobotList(
             robots=(
                 RobotLine(

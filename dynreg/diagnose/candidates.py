@@ -44,7 +44,7 @@ class Limits:
         actions = np.clip(actions, self.low, self.high)
         if not np.isfinite(self.rate).any():
             return actions
-        out, last, step = np.empty_like(actions), start, self.rate * period
+        out, last, step = np.empty_like(actions), start, (1.0 - 1e-9) * self.rate * period
         for t, wanted in enumerate(actions):
             last = out[t] = np.clip(wanted, last - step, last + step)
         return out

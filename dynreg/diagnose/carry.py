@@ -19,6 +19,7 @@ from dynreg.sim.run import Run
 
 MOVING = ("command", "drive", "friction", "observe")  # ports that no parameter can stand for
 SAME = 1e-12  # relative: values that one parameter can set
+LEAST = 0.1  # of a factor, that stays above nothing
 SPREAD = 0.1  # tolerance of the parameters that stand for effects
 ADDED = MappingProxyType(  # what effects add to, and its unit; elsewhere they scale
     {
@@ -142,8 +143,8 @@ def _carrier(
     sets = tuple(_entry(target, index, names, op) for (target, index), names in by_row.items())
     units = {ADDED.get(target, "1") for target, _ in places}
     neutral = 0.0 if op == "+=" else 1.0
-    ends = sorted(neutral + share * (value - neutral) for share in (0.5, 1.5))
-    low = max(ends[0], 0.1 * value) if op == "*=" and value > 0 else ends[0]
+    ends = sorted((neutral, 2 * value - neutral))  # from none of it to twice as much
+    low = max(ends[0], LEAST * value) if op == "*=" and value > 0 else ends[0]
     return Carrier(base, units.pop() if len(units) == 1 else "1", value, low, ends[1], sets)
 
 

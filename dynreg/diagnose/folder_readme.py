@@ -39,6 +39,7 @@ def readme(robot: Robot, config: SimConfig, effects: Sequence[Written], problem:
     if effects:
         lines += ["## Effects", "", f"| effect | values | robot.toml | {PLAIN} |", "|---|---|---|---|"]
         lines += [_row(one) for one in effects]
+        lines += ["", "Their parameters in `robot.toml` range from none of the effect to twice as much."]
     missing = [one for one in effects if not one.parameters or not (one.in_mjcf or problem)]
     if missing:
         lines += ["", "## What is not in both files", ""]

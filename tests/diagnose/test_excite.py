@@ -67,7 +67,7 @@ def test_the_limits_are_kept_and_told(pair: tuple[str, str], answers, servo: Rob
     told = {limit.name: limit for limit in experiment.limits}
     assert set(told) == {"arm/target", "arm/target rate", "arm/position (expected)"}
     for limit in told.values():
-        assert limit.low <= limit.least <= limit.most <= limit.high * (1 + 1e-9)
+        assert limit.low <= limit.least <= limit.most <= limit.high
     assert (told["arm/target"].least, told["arm/target"].most) == (run.actions.min(), run.actions.max())
     fastest = np.abs(np.diff(run.actions, axis=1)).max() * servo.rate
     assert told["arm/target rate"].most == pytest.approx(fastest)

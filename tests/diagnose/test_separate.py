@@ -109,10 +109,10 @@ def test_episodes_beyond_the_range_of_a_joint_are_of_no_use() -> None:
         period=run.period,
     )
     made = Judge(
-        Pair(_narrow(robot, 1.0), (term("payload"), term("inertia"))), Pool(("a", "b", "whirl"), whirl)
+        Pair(_narrow(robot, 1.5), (term("payload"), term("inertia"))), Pool(("a", "b", "whirl"), whirl)
     )
     assert made.usable.tolist() == [True, True, False]
-    assert made.reached[2, 1, 0] > 1.0
+    assert made.reached[2, 1, 0] > 1.5
 
 
 def _narrow(robot, far: float):

@@ -1,0 +1,88 @@
+"""`dynreg export ID --as robot`, on a real registry."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dynreg import session
+from dynreg.cli.schemas import model_of
+from dynreg.sim.config import SimConfig
+from dynreg.sim.robot import load_robot
+
+
+@pytest.fixture
+def stored(registry_folder: Path, tmp_path: Path, monkeypatch) -> tuple[Path, str]:
+    """A registry, and the id of a simulator with effects in it."""
+    monkeypatch.chdir(tmp_path)
+    robot = load_robot("servo_pendulum")
+    effects = {"load_friction": {"coefficient": 0.2}, "payload": {"share": 0.1}}
+    values = robot.space.as_dict(robot.space.nominal) | {"tip_mass": 0.51}
+    config = SimConfig(robot.hash, robot.name, values, effects).as_dict()
+    folder = shutil.copytree(registry_folder, tmp_path / "registry")
+    with session.open(folder) as opened:
+        return folder, opened.registry.put_simulator(config | {"lineage": {"made_by": "diagnose"}})
+
+
+def test_a_simulator_becomes_a_robot_that_can_be_used(stored, dynreg, tmp_path: Path) -> None:
+    registry, identity = stored
+    ended = dynreg("export", identity[:12], "--as", "robot", "--to", "taken", "--registry", registry)
+    assert (ended.status, ended.err) == (0, "")
+    assert (
+        "effect_payload" in ended.out and "load_friction" in ended.out and "robots check taken" in ended.out
+    )
+    assert max(map(len, ended.out.splitlines())) <= 100
+    made = load_robot(tmp_path / "taken")
+    assert made.space.as_dict(made.space.nominal)["tip_mass"] == 0.51
+    assert dynreg("robots", "check", "taken").status == 0
+
+
+def test_json_is_one_document_that_fits_its_schema(stored, dynreg) -> None:
+    registry, identity = stored
+    ended = dynreg("export", identity, "--as", "robot", "--to", "taken", "--registry", registry, "--json")
+    document = json.loads(ended.out)
+    model = model_of(document["schema"])
+    assert json.loads(model.model_validate(document).to_json()) == document
+    assert document["simulator"] == identity and document["mjcf"] == str(Path("taken") / "mujoco.xml")
+    told = {effect["effect"]: effect for effect in document["effects"]}
+    assert told["load_friction"]["values"] == {"coefficient": 0.2} and not told["load_friction"]["parameters"]
+    assert not told["load_friction"]["mjcf"] and told["payload"]["mjcf"]
+
+
+def test_an_entry_of_a_population_can_be_taken_too(stored, dynreg, tmp_path: Path) -> None:
+    registry, _ = stored
+    with session.open(registry) as opened:
+        (population,) = opened.registry.populations()
+        entry = opened.registry.load(population.id, ()).ids[3]
+        values = opened.registry.load_entry(entry).values
+    assert dynreg("export", entry, "--as", "robot", "--to", "taken", "--registry", registry).status == 0
+    space = load_robot(tmp_path / "taken").space
+    assert space.as_dict(space.nominal) == values
+
+
+def test_the_form_is_a_registry_unless_asked(stored, dynreg, tmp_path: Path) -> None:
+    registry, identity = stored
+    for number, more in enumerate(((), ("--as", "registry"))):
+        assert dynreg("export", identity, "--to", f"copy{number}", "--registry", registry, *more).status == 0
+        with session.open(tmp_path / f"copy{number}", create=False) as copy:
+            assert copy.show(identity).kind == "simulator"
+
+
+@pytest.mark.parametrize(
+    "line, status, says",
+    [
+        ("bench --as robot --to taken", 4, "bench"),
+        ("ID ID --as robot --to taken", 2, "--as robot with 2 things"),
+        ("ID --as robot --to registry", 2, "not taken"),
+        ("ID --as toaster --to taken", 2, "toaster"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    line: str, status: int, says: str, stored, dynreg, tmp_path: Path
+) -> None:
+    registry, identity = stored
+    arguments = line.replace("ID", identity).split()
+    ended = dynreg("export", *arguments, "--registry", registry)
+    assert ended.status == status and ended.out == "" and says in ended.err and ended.err.count("\n") == 1
+    assert not (tmp_path / "taken").exists()

@@ -1,0 +1,229 @@
+"""Simulators as robot folders: the folder rolls out as the simulator does, in dynreg and in MuJoCo alone."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from dynreg.diagnose.carry import carries
+from dynreg.diagnose.extend import export_robot
+from dynreg.diagnose.hypothesis import Coordinates
+from dynreg.errors import UsageError
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import applicable, term
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import Robot, check_robot, load_robot
+from dynreg.sim.run import Run
+
+EXACT = 1e-12  # of rollouts of the folder and of the simulator
+DIGITS = 1e-5  # an MJCF file has six digits
+STATIC = (
+    "coulomb_friction",
+    "payload",
+    "com_offset",
+    "gravity_tilt",
+    "torque_limit",
+    "drive_gain",
+    "inertia",
+)
+MOVING = ("load_friction", "backlash", "stribeck_friction", "voltage_sag", "sensor_delay", "speed_limit")
+
+
+def config(robot: Robot, *keys: str, sign: float = 1.0) -> SimConfig:
+    """A simulator away from the nominal one, with effects of medium size."""
+    rng = np.random.default_rng(1)
+    unit = robot.space.to_unit(robot.space.nominal) + 0.05 * rng.standard_normal(len(robot.space))
+    values = robot.space.as_dict(robot.space.from_unit(unit))
+    coordinates = Coordinates(robot, np.full(len(robot.space), np.nan))
+    effects = {}
+    for key in keys:
+        one = term(key)
+        signs = {p.name: sign if p.signed else 1.0 for p in one.effect.parameters}
+        effects[key] = {p.name: signs[p.name] * coordinates.scale(one, p) for p in one.effect.parameters}
+    return SimConfig(robot.hash, robot.name, values, effects)
+
+
+def states(robot: Robot, made: SimConfig, run: Run, engine: str | None = None) -> np.ndarray:
+    values = robot.space.from_dict(made.values)[None]
+    return rollout(robot, values, run, engine=engine, terms=terms_of(made)).states[0]
+
+
+def bank(robot: Robot, steps: int = 40) -> Run:
+    return excitation(robot, seed=0, name="export", episodes=4, steps=steps)
+
+
+@pytest.mark.parametrize("name", ["servo_pendulum", "leg", "quadruped", "so101", "double_pendulum"])
+def test_a_folder_moves_as_the_simulator_and_passes_the_check(name: str, tmp_path: Path) -> None:
+    robot = load_robot(name)
+    keys = [key for key, effect in applicable(robot).items() if carries(effect)]
+    keys = [
+        key for key in keys if (name, key) != ("double_pendulum", "torque_limit")
+    ]  # it cannot reach its limit
+    made = config(robot, *keys, sign=-1.0)
+    exported = export_robot(robot, made, tmp_path / "taken")
+    assert all(effect.parameters for effect in exported.effects) and exported.problem is None
+    assert not check_robot(tmp_path / "taken")
+    run = bank(robot, 15)
+    for engine in robot.file.robot.engines:
+        ours = states(robot, made, run, engine)
+        again = rollout(exported.robot, exported.robot.space.nominal[None], run, engine=engine).states[0]
+        np.testing.assert_allclose(again, ours, rtol=EXACT, atol=EXACT)
+        assert np.abs(ours - states(robot, replace(made, effects={}), run, engine)).max() > 1e-3
+
+
+def test_settings_still_do_what_they_did(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made = config(robot, *STATIC, "encoder_scale", "clock_error")
+    exported = export_robot(robot, made, tmp_path / "taken").robot
+    run = bank(robot)
+    settings = np.array([[100.0, 0.15], [800.0, 0.0], [200.0, 0.3], [400.0, 0.1]])
+    run = replace(run, settings=settings)
+    again = rollout(exported, exported.space.nominal[None], run).states[0]
+    np.testing.assert_allclose(again, states(robot, made, run), rtol=EXACT, atol=EXACT)
+
+
+def test_an_effect_of_one_joint_is_carried_for_that_joint(tmp_path: Path) -> None:
+    robot = load_robot("leg")
+    made = config(robot, "coulomb_friction[knee]", "torque_limit[hip_roll,knee]")
+    exported = export_robot(robot, made, tmp_path / "taken")
+    first, second = (effect.parameters[0] for effect in exported.effects)
+    assert first.sets == ("port.friction.coulomb[knee] +=",)
+    assert second.sets == ("port.drive.limit_factor[hip_roll,knee] *=",) and second.value == 0.75
+    run = bank(robot, 15)
+    again = rollout(exported.robot, exported.robot.space.nominal[None], run).states[0]
+    np.testing.assert_allclose(again, states(robot, made, run), rtol=EXACT, atol=EXACT)
+
+
+def test_nominal_values_are_the_simulators_and_effects_can_vary(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made = config(robot, "coulomb_friction", "gravity_tilt")
+    space = export_robot(robot, made, tmp_path / "taken").robot.space
+    assert space.as_dict(space.nominal).items() >= made.values.items()
+    added = [p for p in space.parameters if p.name not in robot.space.names]
+    assert added[0].name == "effect_coulomb_friction", "the robot has a parameter coulomb_friction of its own"
+    assert added[0].nominal == made.effects["coulomb_friction"]["torque"] and added[0].unit == "N*m"
+    assert all(p.low < p.nominal < p.high for p in added)
+    # what stood in robot.toml still stands there
+    text = (tmp_path / "taken" / "robot.toml").read_text()
+    assert "# firmware: duty = clip" in text and f'name = "servo_pendulum_{made.id[:8]}"' in text
+
+
+def test_an_exported_robot_can_be_extended_again(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    once = export_robot(robot, config(robot, "payload"), tmp_path / "once").robot
+    made = SimConfig(
+        once.hash, once.name, once.space.as_dict(once.space.nominal), {"payload": {"share": 0.1}}
+    )
+    twice = export_robot(once, made, tmp_path / "twice").robot
+    assert len(twice.space) > len(once.space) > len(robot.space)
+    run = bank(robot)
+    again = rollout(twice, twice.space.nominal[None], run).states[0]
+    np.testing.assert_allclose(again, states(once, made, run), rtol=EXACT, atol=EXACT)
+
+
+@pytest.mark.parametrize("key", ["", *STATIC, "command_delay", "command_gain", "viscous_friction"])
+def test_mujoco_alone_moves_as_the_simulator(key: str, tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made = config(robot, *([key] if key else []))
+    exported = export_robot(robot, made, tmp_path / "taken")
+    assert all(effect.in_mjcf for effect in exported.effects)
+    run = _from_rest(robot)
+    played = _play(tmp_path / "taken" / "mujoco.xml", run, 5)
+    ours = states(robot, made, run, "mujoco")[..., 0]
+    np.testing.assert_allclose(played, ours, atol=DIGITS)
+    if key:
+        assert np.abs(ours - states(robot, replace(made, effects={}), run, "mujoco")[..., 0]).max() > 0.01
+
+
+@pytest.mark.parametrize("key, share", [("command_lag", 0.2), ("quadratic_drag", 0.05)])
+def test_what_mujoco_steps_otherwise_is_most_of_the_effect(key: str, share: float, tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made, run = config(robot, key), _from_rest(robot)
+    export_robot(robot, made, tmp_path / "taken")
+    played = _play(tmp_path / "taken" / "mujoco.xml", run, 5)
+    ours = states(robot, made, run, "mujoco")[..., 0]
+    effect = np.abs(ours - states(robot, replace(made, effects={}), run, "mujoco")[..., 0]).max()
+    assert np.abs(played - ours).max() < share * effect
+
+
+def test_encoders_that_are_off_are_felt_by_the_drives_of_the_mjcf(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made, run = config(robot, "encoder_offset"), _from_rest(robot)
+    (written,) = export_robot(robot, made, tmp_path / "taken").effects
+    assert written.parameters and not written.in_mjcf
+    played = _play(tmp_path / "taken" / "mujoco.xml", run, 5)
+    read = played + made.effects["encoder_offset"]["offset"]
+    np.testing.assert_allclose(read, states(robot, made, run, "mujoco")[..., 0], atol=DIGITS)
+    assert "`qpos` is the truth" in (tmp_path / "taken" / "README.md").read_text()
+
+
+@pytest.mark.parametrize("key", MOVING)
+def test_what_no_file_can_say_is_told_with_its_values(key: str, tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made = config(robot, key)
+    (written,) = export_robot(robot, made, tmp_path / "taken").effects
+    assert not written.parameters and not written.in_mjcf
+    readme = (tmp_path / "taken" / "README.md").read_text()
+    assert f"**{key}** (in neither)" in readme
+    for name, value in made.effects[key].items():
+        assert f"{name} = {value:.6g}" in readme
+    assert not check_robot(tmp_path / "taken")
+
+
+def test_elements_without_names_are_told(tmp_path: Path) -> None:
+    source = tmp_path / "nameless"
+    source.mkdir()
+    robot = load_robot("leg")
+    text = (robot.folder / "model.xml").read_text()
+    (source / "model.xml").write_text(text.replace('<geom name="ground" ', "<geom "))
+    (source / "robot.toml").write_text((robot.folder / "robot.toml").read_text())
+    nameless = load_robot(source)
+    exported = export_robot(nameless, config(nameless, "ground_friction"), tmp_path / "taken")
+    (written,) = exported.effects
+    assert not written.parameters and written.in_mjcf
+    assert "have no name" in (tmp_path / "taken" / "README.md").read_text()
+
+
+def test_a_robot_that_mujoco_does_not_move_has_no_mjcf(tmp_path: Path) -> None:
+    robot = load_robot("husky")
+    exported = export_robot(robot, config(robot), tmp_path / "taken")
+    assert "kinematic" in exported.problem and not (tmp_path / "taken" / "mujoco.xml").exists()
+    assert not check_robot(tmp_path / "taken") and exported.robot.space.names == robot.space.names
+
+
+def test_what_exists_is_not_overwritten_and_failures_leave_nothing(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    (tmp_path / "there").mkdir()
+    with pytest.raises(UsageError, match="there"):
+        export_robot(robot, config(robot), tmp_path / "there")
+    with pytest.raises(UsageError, match="not there"):
+        export_robot(robot, config(robot), tmp_path / "not there" / "taken")
+    foreign = SimConfig(robot.hash, robot.name, {}, {"ground_friction": {"change": 0.3}})
+    with pytest.raises(UsageError, match="ground_friction"):
+        export_robot(robot, foreign, tmp_path / "taken")
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def _from_rest(robot: Robot) -> Run:
+    """Commands that start where the robot rests, as a plain simulation does."""
+    run = bank(robot)
+    actions = run.actions.copy()
+    actions[:, :4] = 0.0
+    return Run(actions, period=run.period)
+
+
+def _play(path: Path, run: Run, substeps: int) -> np.ndarray:
+    """(E, T+1) positions of the arm in MuJoCo, without any of dynreg."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    out = np.empty((run.episodes, run.steps + 1))
+    for e in range(run.episodes):
+        data = mujoco.MjData(model)
+        out[e, 0] = data.joint("arm").qpos[0]
+        for t in range(run.steps):
+            data.ctrl[:] = run.actions[e, t]
+            mujoco.mj_step(model, data, nstep=substeps)
+            out[e, t + 1] = data.joint("arm").qpos[0]
+    return out
