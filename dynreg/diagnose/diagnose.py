@@ -87,7 +87,7 @@ def pose(
             expected="at least two: one to fit, one to select by, and a third to test the result",
             do="record more episodes, or cut it finer with --horizon",
         )
-    split = parts(recording, cut, settings.hold_out, selected=0.5)
+    split = parts(recording, cut, settings.hold_out, paired=True)
     if not split.select.any():
         raise LogError(
             "nothing is left to select a cause by",

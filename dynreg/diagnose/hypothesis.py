@@ -16,6 +16,9 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 
 FLAT = 1 / np.sqrt(12)  # standard deviation of a uniform prior, as a share of the range
+NARROW = (
+    0.3  # relative tolerance up to which a logarithm would only bend the valleys in which causes trade off
+)
 SMALLEST = 1e-3  # of the medium size: an effect that is there but does nothing
 
 
@@ -43,10 +46,10 @@ class Hypothesis:
 class Coordinates:
     """Between fit coordinates and physical values, for one robot.
 
-    Nominal coordinate i is (value - centre) / sigma, through the logarithm where the parameter's scale is "log";
-    sigma is its tolerance (relative to the centre; of the range where the centre is 0), or that of a uniform prior
-    over the range where nothing is known; `tolerance` widens (or narrows) all stated ones. Parameters that the log
-    tells (the command rate) are fixed.
+    Nominal coordinate i is (value - centre) / sigma, through the logarithm where the parameter's scale is "log" and
+    its tolerance wide; sigma is its tolerance (relative to the centre; of the range where the centre is 0), or that
+    of a uniform prior over the range where nothing is known; `tolerance` widens (or narrows) all stated ones.
+    Parameters that the log tells (the command rate) are fixed.
     """
 
     def __init__(
@@ -58,10 +61,10 @@ class Coordinates:
         space = robot.space
         self.centre = np.where(np.isnan(known), space.nominal if centre is None else centre, known)
         self.free = np.flatnonzero(np.isnan(known) & _has_influence(robot))
-        self.sigma = np.array(
-            [_sigma(p, c, tolerance) for p, c in zip(space.parameters, self.centre, strict=True)]
-        )
-        self.log = np.array([p.scale == "log" for p in space.parameters])
+        stated = [_sigma(p, c, tolerance) for p, c in zip(space.parameters, self.centre, strict=True)]
+        scale = np.array([p.scale == "log" for p in space.parameters])
+        self.log = scale & (np.array(stated) > NARROW)
+        self.sigma = np.where(scale & ~self.log, np.array(stated) * np.abs(self.centre), stated)
 
     def __len__(self) -> int:
         return len(self.free)

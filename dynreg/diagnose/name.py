@@ -11,15 +11,17 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
-KEPT = 2  # starts of each hypothesis that are refitted,
-ROUGHLY = 2  # iterations for all of them,
-FINALISTS = 16  # and to the end for the best
+FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
+KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
+FINALISTS = 16  # and to the end for the best start of the best hypotheses
 DRAWS = 4  # starts of the calibration besides the nameplate
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
 BETTER = 2.0  # nats better
 PER_PARAMETER = 2.0  # nats that a parameter of an effect must pay for itself
-NEAR = 0.05  # share of the best score, and
-NATS = 15.0  # nats below it, within which hypotheses count as equal
+NEAR = 0.05  # share of the best score, but at least
+FEW = 3.0  # nats, within which fewer parameters are the better explanation;
+BEYOND = 5.0  # nats that fit may gain beyond twice what select gains: more is fitted noise
+NATS = 15.0  # nats (or that share) within which hypotheses count as equal
 
 
 @dataclass(frozen=True)
@@ -97,23 +99,24 @@ def _one_round(
     effective: np.ndarray,
     iterations: int,
 ) -> Naming:
-    starts = screen(problem, base, terms, fit_on, effective)
-    rough, cost = fit(problem, starts, fit_on, effective, iterations=ROUGHLY)
-    fitted, _ = fit(problem, _finalists(rough, cost), fit_on, effective, iterations=iterations)
+    starts, slopes = screen(problem, base, terms, fit_on, effective)
+    rough, cost = fit(problem, starts, fit_on, effective, iterations=1, known=slopes)
+    fitted, _ = fit(problem, _best_of_each(rough, cost)[:FINALISTS], fit_on, effective, iterations=iterations)
     # the model without the term gets the same chance: it starts where the best of the others ended, too
     others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in fitted[:3])]
     again, price = fit(problem, others, fit_on, effective, iterations=iterations)
-    naming = select(problem, again[int(price.argmin())], fitted, np.concatenate([fit_on, select_on]))
+    naming = select(problem, again[int(price.argmin())], fitted, fit_on, select_on)
     naming.improved = float(price[0] - price.min()) > BETTER
     return naming
 
 
 def screen(
     problem: Problem, base: Point, terms: list[Term], fit_on: np.ndarray, effective: np.ndarray
-) -> list[Point]:
+) -> tuple[list[Point], np.ndarray]:
     """For every term the most promising starts: sizes and signs tried, nominal coordinates moved along to first order.
 
-    A term's change of the rollouts counts after what the nominal parameters can do as well is taken off.
+    Returns them with the derivatives (D, W, T, C) at `base`. A term's change of the rollouts counts after what the
+    nominal parameters can do as well is taken off.
     """
     residual, slopes = sensitivities(problem, [base], fit_on)
     curvature, _ = information(problem, base, residual[0], slopes[0], effective)
@@ -139,21 +142,30 @@ def screen(
             (base.z + move)[: len(base.nominal)] ** 2
         )
         moves.append(move)
-    return _best_starts(problem, base, terms, tried, gains, moves)
+    return _best_starts(problem, base, terms, tried, gains, moves), slopes[0]
 
 
-def select(problem: Problem, base: Point, fitted: list[Point], windows: np.ndarray) -> Naming:
-    """Score on all windows, drop what is below half its weak size, prefer fewer parameters among equals."""
+def select(
+    problem: Problem, base: Point, fitted: list[Point], fit_on: np.ndarray, select_on: np.ndarray
+) -> Naming:
+    """Score on all windows, drop what is below half its weak size, prefer fewer parameters among equals.
+
+    What a term gains where it was fitted counts only as far as the windows to select by confirm it.
+    """
+    windows = np.concatenate([fit_on, select_on])
     everything = problem.residuals([base, *fitted], windows)
     squares = mean_squares(everything, problem.floor)
     rough = np.array([np.nansum(np.log(s)) for s in squares])
     effective = effective_samples(everything[int(rough.argmin())])
-    likelihood = log_likelihood(squares, effective)
+    many = len(fit_on)
+    gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
+    on_fit, on_select = (g - g[0] for g in gained)
+    likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
     start = Scored(base, 0.0, squares[0])
     best: dict[str, Scored] = {}
     for i, point in enumerate(fitted, start=1):
         more = len(point.effect) - len(base.effect)
-        nats = likelihood[i] - likelihood[0] - PER_PARAMETER * more - (point.penalty - base.penalty)
+        nats = likelihood[i] - PER_PARAMETER * more - (point.penalty - base.penalty)
         if not worth_naming(point.hypothesis, point.effect):
             continue
         scored = Scored(point, float(nats), squares[i])
@@ -163,19 +175,19 @@ def select(problem: Problem, base: Point, fitted: list[Point], windows: np.ndarr
     naming = Naming(start, ranking)
     if ranking and ranking[0].nats > 0:
         top = ranking[0].nats
-        near = [s for s in ranking if s.nats >= (1 - NEAR) * top]
+        near = [s for s in ranking if s.nats >= top - max(NEAR * top, FEW)]
         naming.chosen = min(near, key=lambda s: (len(s.point.effect), -s.nats))
         within = max(NEAR * top, NATS)
         naming.equivalent = [s for s in ranking if s.nats >= top - within and s is not naming.chosen]
     return naming
 
 
-def _finalists(points: list[Point], cost: np.ndarray) -> list[Point]:
-    """The best start of each hypothesis, of the `FINALISTS` best hypotheses, best first."""
+def _best_of_each(points: list[Point], cost: np.ndarray) -> list[Point]:
+    """The best start of each hypothesis, best first."""
     out: dict[str, Point] = {}
     for i in np.argsort(cost, kind="stable"):
         out.setdefault(points[i].hypothesis.key, points[i])
-    return list(out.values())[:FINALISTS]
+    return list(out.values())
 
 
 def _starts(term: Term) -> list[np.ndarray]:
@@ -215,7 +227,7 @@ def _best_starts(
         for i in order:
             limits = bounds(problem, tried[i])
             z = tried[i].z.copy()
-            z[: len(moves[i])] += np.clip(moves[i], -3.0, 3.0)
+            z[: len(moves[i])] += np.clip(moves[i], -FAR, FAR)
             out.append(tried[i].moved(np.clip(z, limits[:, 0], limits[:, 1])))
         at += many
     return out

@@ -51,7 +51,7 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
         owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
         getattr(owner, field)[...] = array[0].reshape(np.shape(getattr(owner, field)))
     _write_drives(robot, model, layout, fields, law, terms)
-    model.opt.timestep = robot.file.robot.timestep
+    model.opt.timestep = _time_step(robot)
     try:
         spec.copy_back(model)
     except ValueError as problem:
@@ -67,7 +67,7 @@ def _shape_actuators(
     robot: Robot, spec: mujoco.MjSpec, layout: Layout, fields: Fields, law: ServoLaw, terms: Terms
 ) -> None:
     """Make the drives' actuators affine servos with limits, late and smoothed where effects make them so."""
-    step = robot.file.robot.timestep
+    step = _time_step(robot)
     for a, actuator in enumerate(layout.action_actuator):
         one = spec.actuators[int(actuator)]
         one.gaintype, one.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
@@ -120,3 +120,9 @@ def _range(layout: Layout, fields: Fields, action: int) -> tuple[float, float]:
         stops = fields.changed.get("jnt_range", model.jnt_range[None])[0, joint]
         low, high = max(low, stops[0]), min(high, stops[1])
     return float(low), float(high)
+
+
+def _time_step(robot: Robot) -> float:
+    """[s] that the engines take: a whole share of the time between commands."""
+    period = 1.0 / robot.rate
+    return float(period / robot.substeps(period))

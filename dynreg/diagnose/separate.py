@@ -95,7 +95,7 @@ class Pair:
     def _disturbance(self, run: Run) -> Disturbance:
         draw = stream(self.seed, "excite", self.robot.name, "disturbance")
         noise = draw.standard_normal((run.steps, len(self.robot.actions)))
-        substeps = int(np.ceil(run.period / self.robot.file.robot.timestep - 1e-9))
+        substeps = int(self.robot.substeps(run.period))
         return Disturbance(np.broadcast_to(noise, (run.episodes, *noise.shape)), substeps)
 
 

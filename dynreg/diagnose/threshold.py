@@ -15,7 +15,7 @@ from dynreg.registry import Registry
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term
 
-LEAST = 8.0  # nats: no simulation lowers the threshold below this,
+LEAST = 5.0  # nats: no simulation lowers the threshold below this,
 USUAL = 20.0  # and this is it where nothing was simulated
 MARGIN = 2.0  # nats above the largest score that robots without an effect reached
 KIND = "threshold"

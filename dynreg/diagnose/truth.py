@@ -22,7 +22,8 @@ FINER = 10  # physics steps of the truth for one of the model
 DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
 COUNTS = 4096  # a turn, of encoders that state no quantum
 LEAST_NOISE = 0.0005  # rad or m, of positions that state none
-REACH = 0.45  # of the bank's excitation: a robot that topples or whirls says less about causes than one that follows
+SIZES = (0.7, 1.3)  # of the episodes: none so gentle that it says nothing
+REACH = 0.7  # of the bank's excitation: a robot that topples or whirls says less about causes than one that follows
 TILES = 2.5  # nameplate errors are drawn within so many sigma
 
 
@@ -83,8 +84,9 @@ def protocol(robot: Robot, *, seed: int = 0, seconds: float = 50.0, episode: flo
             expected=f"at least {5 * episode:g} s, two episodes to fit, two to select, one to test",
             do="ask for more seconds or shorter episodes",
         )
-    first = excitation(robot, seed=seed, name="diagnose", episodes=fits, steps=steps, reach=REACH)
-    last = excitation(robot, seed=seed, name="diagnose test", episodes=tests, steps=steps, reach=REACH)
+    bank = {"reach": REACH, "sizes": SIZES}
+    first = excitation(robot, seed=seed, name="diagnose", episodes=fits, steps=steps, **bank)
+    last = excitation(robot, seed=seed, name="diagnose test", episodes=tests, steps=steps, **bank)
     join = lambda a: (  # noqa: E731
         None if getattr(first, a) is None else np.concatenate([getattr(first, a)] * 2 + [getattr(last, a)])
     )
@@ -192,7 +194,7 @@ def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
 def _disturbance(robot: Robot, hidden: Hidden, run: Run) -> Term:
     rng = stream(hidden.seed, "disturbance", robot.name)
     noise = rng.standard_normal((run.episodes, run.steps, len(robot.actions)))
-    substeps = int(np.ceil(run.period / robot.file.robot.timestep - 1e-9))
+    substeps = int(robot.substeps(run.period))
     return Term(Disturbance(noise, substeps))
 
 

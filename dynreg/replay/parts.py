@@ -25,13 +25,19 @@ class Parts:
 
 
 def parts(
-    recording: Recording, windows: Windows, hold_out: str | None, seed: int = 0, selected: float = 0.25
+    recording: Recording,
+    windows: Windows,
+    hold_out: str | None,
+    seed: int = 0,
+    selected: float = 0.25,
+    paired: bool = False,
 ) -> Parts:
     """Split by trajectory; by blocks of windows where there are fewer than four episodes.
 
     hold_out : the test part: "SETTING=VALUE" (such as kp=400), names of episodes separated by commas, or a
     share of the episodes such as 0.25. None holds out a fifth; "0" none at all.
-    selected : share of the rest that is to select by.
+    selected : share of the rest that is to select by. paired : instead of it, trajectories alike make pairs, and one
+    of each pair is to select by: what shows in one kind of motion alone is then seen by fit and select.
     Raises UsageError where the test part is empty, everything, or not understood.
     """
     groups = windows.episode
@@ -46,8 +52,9 @@ def parts(
             expected="a part of the episodes",
             do="hold out less, or record more episodes",
         )
-    mixed = stream(seed, "parts").permutation(rest)
-    select = mixed[: int(selected * len(rest))]
+    rng = stream(seed, "parts")
+    mixed = rng.permutation(rest)
+    select = _one_of_each_pair(windows, groups, mixed) if paired else mixed[: int(selected * len(rest))]
     is_test, is_select = np.isin(groups, test), np.isin(groups, select)
     return Parts(~is_test & ~is_select, is_select, is_test)
 
@@ -79,6 +86,39 @@ def seen(recording: Recording, windows: Windows, chosen: np.ndarray) -> Recordin
         name = e.name if whole else f"{e.name}[{start}:{stop}]"
         episodes.append(Episode(name, e.time[start:stop], e.values[start:stop], e.settings))
     return Recording(recording.channels, tuple(episodes), recording.measured, recording.provenance)
+
+
+def _one_of_each_pair(windows: Windows, groups: np.ndarray, mixed: np.ndarray) -> np.ndarray:
+    """Of the trajectories `mixed` (numbers in random order), the second of every pair of the closest."""
+    features = []
+    for number in mixed:
+        mine = groups == number
+        actions, settings = windows.run.actions[mine], windows.run.settings
+        states = windows.measured[mine] / windows.spread
+        rows = [
+            actions.mean(axis=(0, 1)),
+            actions.std(axis=(0, 1)),
+            np.abs(np.diff(actions, axis=1)).mean(axis=(0, 1)),
+        ]
+        rows += [
+            np.nan_to_num(np.nanmean(states, axis=(0, 1))),
+            np.nan_to_num(np.nanstd(states, axis=(0, 1))),
+        ]
+        features.append(
+            np.concatenate([*rows, np.zeros(0) if settings is None else settings[mine].mean(axis=0)])
+        )
+    table = np.array(features)
+    table = table / np.where(table.std(axis=0) > 0, table.std(axis=0), 1.0)
+    apart = np.linalg.norm(table[:, None] - table[None], axis=2)
+    apart[np.tril_indices(len(mixed))] = np.inf
+    select = []
+    for flat in np.argsort(apart, axis=None, kind="stable"):
+        first, second = np.unravel_index(flat, apart.shape)
+        if not np.isfinite(apart[first, second]):
+            continue
+        apart[[first, second]] = apart[:, [first, second]] = np.inf
+        select.append(mixed[second])
+    return np.array(select, dtype=int)
 
 
 def _test_groups(

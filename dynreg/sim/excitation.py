@@ -65,14 +65,23 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 
 
 def excitation(
-    robot: Robot, *, seed: int, name: str = "bank", episodes: int = 0, steps: int = 0, reach: float = 1.0
+    robot: Robot,
+    *,
+    seed: int,
+    name: str = "bank",
+    episodes: int = 0,
+    steps: int = 0,
+    reach: float = 1.0,
+    sizes: tuple[float, float] = (0.3, 1.7),
 ) -> Run:
     """The commands of one bank: depends on the robot, the seed and the name alone.
 
     Offsets are scaled to `amplitude` times the room between the reset pose and the action's limits. A "drop"
     holds a random pose and then switches the drives off for the last half. Settings run through their `values`,
     joints of a robot without a floating base start anywhere, optional inputs are drawn once an episode between
-    their low and high. `reach` scales how far from the reset pose all of it goes.
+    their low and high. `reach` scales how far from the reset pose (and inputs from nominal) all of it goes; `sizes`
+    are the least and largest size of an episode, gentle and violent ones: standing robots tell masses and friction,
+    violent ones speed and limits.
     """
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
@@ -92,8 +101,7 @@ def excitation(
             choices = setting.values or [setting.nominal]
             settings[e, k] = choices[(e // len(file.kinds)) % len(choices)]
         offset = KINDS[kind](rng, steps, len(robot.actions), _typical_rate(robot))
-        # gentle and violent episodes: standing robots tell masses and friction, violent ones speed and limits
-        size = reach * file.amplitude * rng.uniform(0.3, 1.7)
+        size = reach * file.amplitude * rng.uniform(*sizes)
         centre = pose
         if len(held):
             # a bench may start anywhere: models must know small errors at large angles, as in tracking
@@ -104,7 +112,7 @@ def excitation(
             initial[e, position] = actions[e, 0, action] + 0.05 * (high - low)[action] * rng.standard_normal()
             if velocity >= 0:
                 initial[e, velocity] = 0.3 * (high - low)[action] * rng.standard_normal()
-        _draw_inputs(robot, rng, inputs[e])
+        _draw_inputs(robot, rng, inputs[e], reach)
         if kind == "drop":
             actions[e] = actions[e, :1]
             inputs[e, steps // 2 :, len(robot.file.inputs) :] = 0.0
@@ -151,10 +159,10 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
     return out
 
 
-def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray) -> None:
+def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray, reach: float) -> None:
     for i, table in enumerate(robot.file.inputs):
         if table.low is not None and table.high is not None:
-            inputs[:, i] = rng.uniform(table.low, table.high)
+            inputs[:, i] += reach * (rng.uniform(table.low, table.high) - inputs[:, i])
 
 
 def _typical_rate(robot: Robot) -> float:

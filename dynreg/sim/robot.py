@@ -74,6 +74,10 @@ class Robot:
             )
         return self.file.robot.control_rate
 
+    def substeps(self, period: float | np.ndarray) -> np.ndarray:
+        """Physics time steps in commands of `period` [s]: at least one, none longer than the stated time step."""
+        return np.maximum(np.ceil(np.asarray(period) / self.file.robot.timestep - 1e-9), 1).astype(int)
+
     @property
     def recording_spec(self) -> RecordingSpec:
         """What a log of this robot must hold."""

@@ -131,7 +131,7 @@ def test_mujoco_alone_moves_as_the_simulator(key: str, tmp_path: Path) -> None:
     exported = export_robot(robot, made, tmp_path / "taken")
     assert all(effect.in_mjcf for effect in exported.effects)
     run = _from_rest(robot)
-    played = _play(tmp_path / "taken" / "mujoco.xml", run, 5)
+    played = _play(tmp_path / "taken" / "mujoco.xml", run, int(robot.substeps(1 / robot.rate)))
     ours = states(robot, made, run, "mujoco")[..., 0]
     np.testing.assert_allclose(played, ours, atol=DIGITS)
     if key:
@@ -143,7 +143,7 @@ def test_what_mujoco_steps_otherwise_is_most_of_the_effect(key: str, share: floa
     robot = load_robot("servo_pendulum")
     made, run = config(robot, key), _from_rest(robot)
     export_robot(robot, made, tmp_path / "taken")
-    played = _play(tmp_path / "taken" / "mujoco.xml", run, 5)
+    played = _play(tmp_path / "taken" / "mujoco.xml", run, int(robot.substeps(1 / robot.rate)))
     ours = states(robot, made, run, "mujoco")[..., 0]
     effect = np.abs(ours - states(robot, replace(made, effects={}), run, "mujoco")[..., 0]).max()
     assert np.abs(played - ours).max() < share * effect
@@ -154,7 +154,7 @@ def test_encoders_that_are_off_are_felt_by_the_drives_of_the_mjcf(tmp_path: Path
     made, run = config(robot, "encoder_offset"), _from_rest(robot)
     (written,) = export_robot(robot, made, tmp_path / "taken").effects
     assert written.parameters and not written.in_mjcf
-    played = _play(tmp_path / "taken" / "mujoco.xml", run, 5)
+    played = _play(tmp_path / "taken" / "mujoco.xml", run, int(robot.substeps(1 / robot.rate)))
     read = played + made.effects["encoder_offset"]["offset"]
     np.testing.assert_allclose(read, states(robot, made, run, "mujoco")[..., 0], atol=DIGITS)
     assert "`qpos` is the truth" in (tmp_path / "taken" / "README.md").read_text()

@@ -1,5 +1,7 @@
 """Fit, select and test part the windows of a recording, by trajectory."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -109,3 +111,17 @@ def test_what_is_seen_are_the_rows_of_the_chosen_windows(counts, data):
     # windows in a row stay together: no transition between them is lost
     steps = sum(len(e.time) - 1 for e in visible.episodes)
     assert steps == len(chosen) * (ROWS - 1)
+
+
+def test_repeated_commands_are_parted_between_fit_and_select():
+    recording, windows = made([1] * 12)
+    commands = np.sin(np.arange(10)[None, :, None] * np.linspace(0.1, 2.0, 6)[:, None, None])
+    run = Run(np.concatenate([commands, commands]))  # episodes 6 to 11 repeat episodes 0 to 5
+    windows = dataclasses.replace(windows, run=run, measured=np.zeros((12, ROWS, 1)))
+    for seed in range(5):
+        split = parts(recording, windows, "0", seed, paired=True)
+        assert not split.test.any()
+        np.testing.assert_array_equal(split.fit[:6], split.select[6:])
+        np.testing.assert_array_equal(split.fit, ~split.select)
+    split = parts(recording, windows, "e0,e1,e2", paired=True)
+    assert split.test.sum() == 3 and split.select.sum() == 4 and split.fit.sum() == 5, "the odd one is fitted"

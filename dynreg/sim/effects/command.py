@@ -51,7 +51,7 @@ class RateLimit(Effect):
         last = x.q.copy() if last is None else last
         reach = p["rate"] * x.h
         x.memory["u"] = last + np.clip(u - last, -reach, reach)
-        return x.memory["u"]
+        return 0.5 * (last + x.memory["u"])  # the mean over the time step
 
 
 class CommandLag(Effect):

@@ -117,7 +117,8 @@ class ForceOffset(Effect):
     parameters = (
         EffectParameter("torque", "N*m", "constant torque", 0.01, 0.03, 0.08, 0.5, per="torque", signed=True),
     )
-    near = ("asymmetric_friction", "gravity_tilt")
+    group = "constant torque"
+    near = ("gravity_tilt",)
     separate_by = "slow sweeps in both directions over the whole range"
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:

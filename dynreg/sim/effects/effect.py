@@ -58,7 +58,6 @@ class Moment:
     past : command `delay` (rows, 1) [s] ago, averaged over the time step.
     """
 
-    time: Any = 0.0
     h: Any = 0.0
     q: Any = None
     v: Any = None
@@ -70,7 +69,12 @@ class Moment:
     inertia: Any = None
     damping: Any = None
     past: Callable[[np.ndarray], np.ndarray] | None = None
+    now: Callable[[], np.ndarray] | None = None
     memory: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def time(self) -> np.ndarray:
+        return self.now()
 
 
 @dataclass(frozen=True)

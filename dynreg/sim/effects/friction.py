@@ -91,7 +91,11 @@ class StribeckLoadFriction(Effect):
 
 
 class AsymmetricFriction(Effect):
-    """Dry friction that differs between the two directions."""
+    """Dry friction that differs between the two directions.
+
+    The same as a constant torque of minus half the difference beside symmetric dry friction, moving or at rest: no
+    motion tells the two apart.
+    """
 
     id, acts_on, title = "asymmetric_friction", "friction", "dry friction that differs between directions"
     parameters = (
@@ -100,8 +104,9 @@ class AsymmetricFriction(Effect):
         ),
         EffectParameter("mean", "N*m", "mean of both", 0.0105, 0.027, 0.0525, 0.4, per="torque"),
     )
-    near = ("coulomb_friction", "force_offset")
-    separate_by = "slow reversals, and holds approached from both sides"
+    group = "constant torque"
+    near = ("coulomb_friction",)
+    separate_by = "the joint turned around: friction turns with it, a constant torque does not"
 
     def friction(self, x: Moment, p: Values) -> np.ndarray:
         # a joint at rest is held against the way that it is pushed

@@ -39,7 +39,9 @@ class Acting:
         Simulations of all command rates share the arrays, and a motor must not go on warming in one that waits.
         """
         done, memory = clock.done(self.rows), self.moment.memory
-        before = {} if done is None else {key: np.array(value) for key, value in memory.items()}
+        if done is None:
+            return port(*arguments, self.values)
+        before = {key: np.array(value) for key, value in memory.items()}
         answer = port(*arguments, self.values)
         for key, value in before.items():
             memory[key] = np.where(done, value, memory[key])
@@ -127,10 +129,14 @@ class Clock:
             return None
         return (self.substeps[rows] <= self.substep)[:, None]
 
-    def time(self, rows: Any) -> np.ndarray:
-        """(rows, 1) seconds since the log began."""
-        now = self.step * self.period[rows] + self.substep * self.h[rows]
-        return (self.begin[rows] + now)[:, None]
+    def now(self, a: Acting) -> Callable[[], np.ndarray]:
+        """What `Moment.time` answers for one term now; few effects ask."""
+
+        def now() -> np.ndarray:
+            passed = self.step * self.period[a.rows] + self.substep * self.h[a.rows]
+            return (self.begin[a.rows] + passed)[:, None]
+
+        return now
 
     def past(self, a: Acting) -> Callable[[np.ndarray], np.ndarray]:
         """What `Moment.past` answers for one term now."""
@@ -175,7 +181,7 @@ def driven(
     torque = torque.copy()
     for a in active:
         x = a.see(q=q, v=v, torque=torque, load=load)
-        x.time = clock.time(a.rows)
+        x.now = clock.now(a)
         torque[a.where] = a.ask(a.effect.drive, clock, torque[a.where], x)
     return torque
 
@@ -195,7 +201,7 @@ def bound(
     friction = friction.copy()
     for a in active:
         x = a.see(q=q, v=v, torque=torque, load=load)
-        x.time = clock.time(a.rows)
+        x.now = clock.now(a)
         friction[a.where] += a.ask(a.effect.friction, clock, x)
     return friction
 

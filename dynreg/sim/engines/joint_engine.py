@@ -5,6 +5,7 @@ MuJoCo model and the same `sets` as in the mujoco engine, so one robot folder se
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -48,9 +49,13 @@ class Plant:
     phase: np.ndarray
     constant: np.ndarray
 
+    @cached_property
+    def _swings(self) -> bool:
+        return bool(self.amplitude.any())
+
     def load(self, q: np.ndarray) -> np.ndarray:
         """(n, A) gravity and spring torque at positions q."""
-        if not self.amplitude.any():
+        if not self._swings:
             return self.constant
         return self.amplitude * np.sin(q + self.phase) + self.constant
 
@@ -72,7 +77,7 @@ def rollout(
     q, v = _start(robot, layout, batch, run, n, ports)
     period, begin = clock_of(batch.nsim, ports, run)
     # each simulator divides its own period, whatever others are in the batch
-    substeps = np.maximum(np.ceil(period / robot.file.robot.timestep - 1e-9), 1).astype(int)
+    substeps = robot.substeps(period)
     commands = _commands(layout, model, batch, ports, run, q)
     clock = Clock(commands, period, period / substeps, begin)
     motion = _Motion(ports, plant, inputs, active, clock)
@@ -109,11 +114,13 @@ class _Motion:
         positions = np.empty((steps + 1, *q.shape))
         velocities = np.empty((steps + 1, *q.shape))
         positions[0], velocities[0] = q, v
-        changing = varies(self.ports)
+        changes = np.zeros(steps, dtype=bool)
+        if varies(self.ports):
+            changes[1:] = (self.inputs[:, 1:] != self.inputs[:, :-1]).any(axis=(0, 2))[: steps - 1]
         fewest, going = int(substeps.min()), np.arange(substeps.max()) < substeps[:, None]
         for t in range(steps):
             clock.step = t
-            if t == 0 or changing:
+            if t == 0 or changes[t]:
                 self._obey(servo_law(self.ports, self.inputs[:, t]))
             u = clock.commands[:, t]
             push = self.law.gain * u + self.law.bias
@@ -130,7 +137,7 @@ class _Motion:
         return positions, velocities
 
     def _obey(self, law: ServoLaw) -> None:
-        self.law = law
+        self.law, self.lowest = law, -law.limit
         damping = self.h * (self.plant.viscous + law.damping)
         after = np.where(damping < self.plant.inertia, 0.5, 1.0)  # very strong damping: all of it afterwards
         self.drag = self.plant.inertia + after * damping
@@ -146,7 +153,7 @@ class _Motion:
             if self.sensed:
                 measured = self.ports.sensor["scale"] * (q + self.ports.sensor["offset"])
             push = law.gain * commanded(self.commanding, u, measured, v, self.clock) + law.bias
-        torque = np.clip(push - law.stiffness * q - law.rate * v, -law.limit, law.limit)
+        torque = np.minimum(np.maximum(push - law.stiffness * q - law.rate * v, self.lowest), law.limit)
         load = self.plant.load(q)
         torque = driven(self.driving, torque, q, v, load, self.clock)
         stop = self.stop
@@ -154,7 +161,7 @@ class _Motion:
         if self.rubbing:
             friction = bound(self.rubbing, self.plant.coulomb, torque, q, v, load, self.clock)
             stop = self.h * friction / self.drag
-        return np.sign(after) * np.maximum(np.abs(after) - stop, 0.0)
+        return after - np.minimum(np.maximum(after, -stop), stop)  # what is left beyond what friction stops
 
 
 def _plant(batch: Batch, model: mujoco.MjModel, layout: Layout, ports: Ports) -> Plant:

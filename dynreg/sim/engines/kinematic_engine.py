@@ -45,7 +45,7 @@ def rollout(
     period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
     period = period * ports.control["clock"]
     # each simulator divides its own period, whatever others are in the batch
-    substeps = np.maximum(np.ceil(period / robot.file.robot.timestep - 1e-9), 1).astype(int)
+    substeps = robot.substeps(period)
     state = _start(base, run, n)
     targets, lag = _targets(base, ports, run, state)
     trace = np.empty((n, run.steps + 1, len(QUANTITIES)))

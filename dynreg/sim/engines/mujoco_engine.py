@@ -108,7 +108,7 @@ def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 def _time_steps(robot: Robot, batch: Batch, period: np.ndarray) -> np.ndarray:
     """(n,) physics time step [s]: that of each simulation divides its period between commands."""
-    substeps = np.maximum(np.ceil(period / robot.file.robot.timestep - 1e-9), 1).astype(int)
+    substeps = robot.substeps(period)
     batch.expand("opt.timestep")[:] = (period / substeps).reshape(batch.expand("opt.timestep").shape)
     return period / substeps
 

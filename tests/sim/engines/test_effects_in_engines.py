@@ -89,7 +89,8 @@ def test_time_goes_on_from_episode_to_episode():
     b.states({witness: 1.0})
     times = np.array([seen["time"][:, 0] for seen in witness.seen])
     np.testing.assert_allclose(times[0], b.run.begin, atol=1e-12)
-    np.testing.assert_allclose(np.diff(times, axis=0), 0.002, atol=1e-9)
+    step = 1 / b.robot.rate / b.robot.substeps(1 / b.robot.rate)
+    np.testing.assert_allclose(np.diff(times, axis=0), step, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["servo", "servo_mujoco", "air"])
