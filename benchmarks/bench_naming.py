@@ -7,6 +7,7 @@ threshold comes from robots without an effect of other seeds. 50 s a log: 20 to 
 
 import argparse
 import json
+import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -16,8 +17,8 @@ from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.settings import TrialSettings
 from dynreg.diagnose.trial import one_trial, trial_threshold
 from dynreg.diagnose.truth import protocol
-from dynreg.results.trials import TrialTable
-from dynreg.rng import stream_seed
+from dynreg.results.trials import Rate, TrialTable, rate
+from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import load_robot
 
@@ -25,21 +26,52 @@ TUNE, REPORT = 3, 20261125
 RESULTS = Path(__file__).parent / "results"
 
 
-def job(given: tuple[str, str | None, str | None, int, float, bool]):
-    """One trial: (robot, effect or None, size, seed, threshold, whether the effect's group is removed)."""
-    name, key, size, seed, needed, absent = given
+def job(given: tuple[str, tuple[str, ...], str | None, int, float, bool, int]):
+    """One trial: (robot, effects, size, seed, threshold, whether the effects' groups are removed, causes at most)."""
+    name, keys, size, seed, needed, absent, causes = given
     robot = load_robot(name)
-    terms = () if key is None else (term(key),)
-    without = ()
-    if absent:
-        group = terms[0].effect.group
-        without = tuple(
-            t.effect.id
-            for t in single_terms(robot)
-            if t.effect.id == key or (group and t.effect.group == group)
-        )
+    terms = tuple(term(key) for key in keys)
+    groups = {t.effect.group for t in terms if t.effect.group}
+    without = tuple(
+        t.effect.id for t in single_terms(robot) if t.effect.id in keys or t.effect.group in groups
+    )
     plan = protocol(robot, seed=TUNE)
-    return one_trial(robot, plan, terms, size, seed, needed, TrialSettings(threads=1), without=without)
+    settings = TrialSettings(threads=1)
+    return one_trial(
+        robot, plan, terms, size, seed, needed, settings, without=without if absent else (), max_causes=causes
+    )
+
+
+def pairs(keys: list[str], count: int) -> list[tuple[tuple[str, str], str, int]]:
+    """Pairs of effects of different groups, medium or strong, with seeds of their robots."""
+    rng, out = stream(REPORT, "pairs"), []
+    while len(out) < count:
+        one, other = rng.choice(len(keys), 2, replace=False)
+        first, second = term(keys[one]).effect, term(keys[other]).effect
+        if first.group and first.group == second.group:
+            continue
+        size = SIZES[1 + int(rng.integers(2))]
+        out.append(((keys[one], keys[other]), size, stream_seed(REPORT, "pair", len(out)) % 2**31))
+    return out
+
+
+def interval(share: Rate) -> str:
+    """A rate with its 90 % interval."""
+    return f"{share.value:.3f} [{share.low:.3f}, {share.high:.3f}] of {share.of}"
+
+
+def report_effects(table: TrialTable) -> None:
+    """Of each effect how often it was named at each size, and the median error of its size where it was."""
+    print(f"{'right of robots':24s} " + " ".join(f"{s:>8s}" for s in SIZES) + "   error of the size")
+    for key in dict.fromkeys(t.hidden for t in table.trials if t.hidden):
+        mine = [t for t in table.trials if t.hidden == key]
+        cells = []
+        for size in SIZES:
+            sized = [t for t in mine if t.size == size]
+            cells.append(f"{sum(t.right for t in sized)}/{len(sized)}")
+        errors = [t.parameter_error for t in mine if t.right and t.parameter_error is not None]
+        median = f"{statistics.median(errors):.3f}" if errors else "-"
+        print(f"{key:24s} " + " ".join(f"{c:>8s}" for c in cells) + f"   {median}")
 
 
 def main() -> None:
@@ -49,6 +81,7 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=8, help="fresh robots for each effect and size")
     parser.add_argument("--none", type=int, default=150, help="robots without an effect")
     parser.add_argument("--sizes", nargs="*", default=list(SIZES))
+    parser.add_argument("--pairs", type=int, default=60, help="robots with two causes at once")
     parser.add_argument("--absent", type=int, default=2, help="robots for each effect whose cause is removed")
     parser.add_argument("--threshold-runs", type=int, default=100)
     parser.add_argument("--processes", type=int, default=2)
@@ -66,44 +99,58 @@ def main() -> None:
         return [stream_seed(REPORT, *names, i) % 2**31 for i in range(n)]
 
     hidden = [
-        (given.robot, k, s, seed, needed, False)
+        (given.robot, (k,), s, seed, needed, False, 1)
         for k in keys
         for s in given.sizes
         for seed in seeds(k, s, n=given.robots)
     ]
-    none = [(given.robot, None, None, seed, needed, False) for seed in seeds("none", n=given.none)]
+    none = [(given.robot, (), None, seed, needed, False, 1) for seed in seeds("none", n=given.none)]
     absent = [
-        (given.robot, k, "medium", seed, needed, True)
+        (given.robot, (k,), "medium", seed, needed, True, 1)
         for k in keys
         for seed in seeds(k, "absent", n=given.absent)
     ]
+    two = [(given.robot, both, s, seed, needed, False, 3) for both, s, seed in pairs(keys, given.pairs)]
     began = time.perf_counter()
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(job, hidden + none + absent))
+        found = list(pool.map(job, hidden + none + absent + two))
     seconds = time.perf_counter() - began
     many = len(hidden) + len(none)
     table = TrialTable.of(given.robot, found[:many], [f"threshold {needed:.3g} nats"])
     print(table)
-    for size, rate in table.by_size.items():
-        print(f"right, {size}: {rate.value:.3f} [{rate.low:.3f}, {rate.high:.3f}] of {rate.of}")
+    report_effects(table)
+    for size, found_of in table.by_size.items():
+        print(f"right, {size}: {interval(found_of)}")
     for name in ("wrong", "false_alarm", "in_set"):
-        rate = getattr(table, name)
-        if rate is not None:
-            print(f"{name}: {rate.value:.3f} [{rate.low:.3f}, {rate.high:.3f}] of {rate.of}")
+        share = getattr(table, name)
+        if share is not None:
+            print(f"{name}: {interval(share)}")
     print(
         f"sets: median {table.set_median}, 95 % {table.set_p95}; share of the attainable gain, median "
         f"{table.gain_share_median}; error of the size, median {table.parameter_error_median}"
     )
     for c in table.confusions:
         print(f"  {c.hidden} -> {c.named}: {c.count}")
-    confident = [r for r in found[many:] if r.verdict in ("named", "ambiguous")]
+    confident = [r for r in found[many : many + len(absent)] if r.verdict in ("named", "ambiguous")]
     if absent:
         print(f"cause absent: confident wrong names {len(confident)} of {len(absent)}")
         for r in confident:
             print(f"  {r.hidden} -> {r.named}")
+    double = found[many + len(absent) :]
+    both = rate(r.right for r in double)
+    if both is not None:
+        print(f"two causes at once, both named: {interval(both)}")
+        for r in double:
+            if not r.right:
+                print(f"  {r.hidden} ({r.size}): {r.verdict}, {', '.join(r.causes) or 'no cause'}")
     print(f"{len(found)} diagnoses in {seconds:.0f} s; median {table.seconds_median:.1f} s each")
     RESULTS.mkdir(exist_ok=True)
-    out = table.to_dict() | {"absent": {"wrong": len(confident), "of": len(absent)}, "threshold": needed}
+    out = table.to_dict() | {
+        "absent": {"wrong": len(confident), "of": len(absent)},
+        "pairs": None if both is None else both.to_dict(),
+        "threshold": needed,
+        "seconds": seconds,
+    }
     (RESULTS / "naming.json").write_text(json.dumps(out, indent=1) + "\n")
 
 

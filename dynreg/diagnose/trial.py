@@ -110,17 +110,12 @@ def _scored(
         if first
         else set()
     )
-    truths = {t.key for t in hidden.terms} | {
-        g.key
-        for t in hidden.terms
-        if t.effect.group
-        for g in single_terms(robot)
-        if g.effect.group == t.effect.group
-    }
+    causes = tuple(t.key for t in found.extended.hypothesis.terms)
+    truths = [_same(robot, t) for t in hidden.terms]
+    right = first is None
     if hidden.terms:
-        right = verdict in ("named", "ambiguous") and first is not None and first.key in truths
-    else:
-        right = first is None
+        stated_first = first is not None and any(first.key in truth for truth in truths)
+        right = verdict in ("named", "ambiguous") and stated_first and all(t & {*causes} for t in truths)
     values = {
         p.name if len(hidden.terms) == 1 else f"{t.key}.{p.name}": float(v)
         for t, row in zip(hidden.terms, hidden.values, strict=True)
@@ -136,15 +131,26 @@ def _scored(
         hidden_values=values,
         true_parameters=robot.space.as_dict(hidden.parameters),
         named=first.key if first else None,
+        causes=causes,
         verdict=verdict,
         right=right,
         false_alarm=not hidden.terms and first is not None,
-        in_set=bool(stated & truths) if hidden.terms and first else None,
+        in_set=bool(stated & set().union(*truths)) if hidden.terms and first else None,
         size_of_set=1 + len(rivals(found.rounds[0])) if first else 0,
         share_of_attainable_gain=_share(problem, split, hidden, found) if hidden.terms and first else None,
         parameter_error=_size_error(problem, hidden, found) if same else None,
         seconds=seconds,
     )
+
+
+def _same(robot: Robot, hidden: Term) -> set[str]:
+    """Keys that name the same cause: the term's, and those of its exact group on the same joints or all of them."""
+    group = hidden.effect.group
+    return {hidden.key} | {
+        t.key
+        for t in single_terms(robot)
+        if group and t.effect.group == group and t.joints in ((), hidden.joints)
+    }
 
 
 def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | None:

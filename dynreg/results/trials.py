@@ -45,9 +45,10 @@ class TrialResult(Result):
     """One hidden robot and what was said of it.
 
     hidden : id of the effect ("a+b" of two), null where there was none; size : weak, medium or strong.
-    hidden_values : the effect's true values; true_parameters : those of the robot. named : key of the first cause.
-    right : the verdict is named or ambiguous, and the first cause is the truth or one of its exact group; with
-    nothing hidden, that no cause was stated. false_alarm : one was. in_set : the truth is among the first cause and
+    hidden_values : the effect's true values; true_parameters : those of the robot. named : key of the first cause;
+    causes : of all that were stated. right : the verdict is named or ambiguous, and the first cause is the truth or
+    one of its exact group, and with several hidden each is among the causes so; with nothing hidden, that no cause
+    was stated. false_alarm : one was. in_set : the truth is among the first cause and
     its equivalents; size_of_set : how many these are. share_of_attainable_gain : (calibrated - extended) /
     (calibrated - true structure refitted) of the error on the test part. parameter_error : of the effect's size,
     relative to the truth. seconds : of the diagnosis.
@@ -62,6 +63,7 @@ class TrialResult(Result):
     hidden_values: dict[str, float] = {}
     true_parameters: dict[str, float] = {}
     named: str | None
+    causes: tuple[str, ...] = ()
     verdict: Verdict
     right: bool
     false_alarm: bool
@@ -145,7 +147,9 @@ class TrialTable(Result):
     def rows(self) -> list[dict[str, Any]]:
         """One row a trial."""
         left_out = ("schema", "hidden_values", "true_parameters")
-        rows = [t.to_dict() | {"joints": ", ".join(t.joints)} for t in self.trials]
+        rows = [
+            t.to_dict() | {"joints": ", ".join(t.joints), "causes": ", ".join(t.causes)} for t in self.trials
+        ]
         return [{k: v for k, v in row.items() if k not in left_out} for row in rows]
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:
