@@ -11,6 +11,7 @@ from dynreg.diagnose.fit import bounds, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.rest import rest
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
 from dynreg.replay.parts import Parts, names
@@ -70,6 +71,7 @@ def outcome(
     worst = max(errors, key=lambda e: (e.calibrated or 0.0) / max(_spread(problem, e.channel), 1e-12))
     shown = np.stack([states[0], states[1], states[-1]])
     rows = split_errors(robot, problem.windows.take(judged), shown)
+    left, depends = rest(problem, found.extended, split.chosen, verdict, settings.seed) or (None, None)
     return Diagnosis(
         robot=robot.name,
         recording=recording.id,
@@ -84,6 +86,7 @@ def outcome(
             error=worst,
             threshold_nats=found.threshold.nats,
             noise=evidence.noise,
+            residual=depends,
         ),
         causes=causes,
         ranking=_ranking(found),
@@ -100,6 +103,8 @@ def outcome(
         where=_where(rows),
         finding=finding(rows, 1),
         noise=evidence.noise,
+        rest=left,
+        residual=depends,
         experiments=_experiments(found, verdict),
         parts={
             part: names(recording, problem.windows, getattr(split, part))

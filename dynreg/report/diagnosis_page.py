@@ -9,7 +9,7 @@ from dynreg.report.diagnosis_words import (
     VERDICTS,
     diagnosis_steps,
     noise_words,
-    residual_words,
+    rest_words,
     size_word,
     standing,
     threshold_words,
@@ -48,7 +48,7 @@ def diagnosis_page(result: Diagnosis) -> dict[str, Any]:
             for name, e in result.parameters.items()
         },
         "noise": noise_words(result.noise),
-        "residual": residual_words(result),
+        "rests": _rests(result),
         "unsaid": unsaid(result),
     }
 
@@ -81,6 +81,17 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
         floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
         tiles.append((f"{result.noise.ratio:.2g} x", f"what is left, over the {floor[result.noise.basis]}"))
     return tiles
+
+
+def _rests(result: Diagnosis) -> list[dict[str, Any]]:
+    """Of each joint the sentence and the shares [%] of what is left that its signals tell."""
+    out = []
+    for rest, said in zip(result.rest or (), rest_words(result), strict=False):
+        told = [r for r in result.residual or () if r.joint == rest.joint and r.share > 0]
+        told.sort(key=lambda r: -r.share)
+        bars = [(r.signal.replace("_", " "), 100 * r.share) for r in told]
+        out.append({"said": said, "bars": bars})
+    return out
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dynreg.results import Cause, Diagnosis, EffectEstimate, Noise, Ranked
 
 FLOORS = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
 PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
+SHOWN_JOINTS = 6
 VERDICTS = {
     "named": "named",
     "ambiguous": "ambiguous",
@@ -65,15 +66,19 @@ def noise_words(noise: Noise | None) -> str:
     )
 
 
-def residual_words(result: Diagnosis) -> str:
-    """On what the rest depends; "" where that was not asked."""
-    if result.residual is None:
-        return ""
-    told = sorted((r for r in result.residual if r.share > 0), key=lambda r: -r.share)
-    if not told:
-        return "No signal of the joints tells anything of what is left."
-    parts = [f"{r.joint}'s {r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told]
-    return f"Signals that tell what is left, on unseen data: {', '.join(parts)}."
+def rest_words(result: Diagnosis) -> tuple[str, ...]:
+    """Of each joint how much of what is left can be told, and by which signals; () where that was not asked."""
+    out = []
+    for rest in (result.rest or ())[:SHOWN_JOINTS]:
+        of = f"{number(rest.left)} {rest.unit} (1 sigma) of {rest.joint}'s acceleration"
+        told = [r for r in result.residual or () if r.joint == rest.joint and r.share > 0]
+        told.sort(key=lambda r: -r.share)
+        if told:
+            parts = ", ".join(f"{r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told)
+            out.append(f"{of} is left; on unseen data its signals tell {100 * rest.told:.0f} % of that: {parts}.")
+        else:
+            out.append(f"{of} is left, none of which its signals tell.")
+    return tuple(out)
 
 
 def unsaid(result: Diagnosis) -> tuple[str, ...]:
