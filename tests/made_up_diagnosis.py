@@ -116,7 +116,7 @@ def diagnosis(verdict: str = "named", *, held_out: bool = True, traced: bool = T
         error=error,
         errors=(error, _error("arm/velocity", "rad/s", 7.0, bool(causes), held_out, False)),
         where=_where(bool(causes)),
-        finding="61% of the error lies where the motion reverses, most of it on arm/position.",
+        finding="61 % of the error lies where the motion reverses, most of it on arm/position.",
         noise=noise,
         rest=left,
         residual=residual,

@@ -64,6 +64,7 @@ def outcome(
     errors = _errors(problem, states, judged, evidence, "test" if split.test.any() else "select")
     sigma = _sigma(problem, found.extended, split.chosen)
     causes = _causes(problem, found, stages, states, judged, sigma, verdict, bool(split.test.any()))
+    whole = _gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     ids = [
         _register(registry, problem, p, recording, n)
         for p, n in ((found.base, "calibrated"), (found.extended, "extended"))
@@ -87,8 +88,10 @@ def outcome(
             threshold_nats=found.threshold.nats,
             noise=evidence.noise,
             residual=depends,
+            gain=whole,
         ),
         causes=causes,
+        gain=whole,
         ranking=_ranking(found),
         threshold_nats=found.threshold.nats,
         threshold=Threshold(
@@ -346,11 +349,11 @@ def _experiments(found: "Found", verdict: Verdict) -> tuple[str, ...]:
         naming: Naming = found.rounds[0]
         term = naming.chosen.point.hypothesis.terms[-1]
         apart = rivals(naming)
-        out = [f"to tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
+        out = [f"To tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
         return tuple(out)
     if verdict == "unknown":
         return (
-            "repeat the same commands: what differs from run to run cannot be explained by any simulator",
+            "Repeat the same commands: what differs from run to run cannot be explained by any simulator",
         )
     return ()
 

@@ -19,7 +19,7 @@ from dynreg.report.drawing import Chart, chart, ruler, track
 from dynreg.report.words import number
 from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
 
-SHOWN_RANKS = 12
+SHOWN_RANKS = 8
 SHOWN_CHANNELS = 10
 FEW_CHANNELS = 3  # as many stand side by side on a phone
 SIMULATORS = ("nominal", "calibrated", "extended")
@@ -59,7 +59,10 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
     best = next(s for s in reversed(SIMULATORS) if getattr(error, s) is not None)
     tiles = [
         (f"{number(error.nominal)} {error.unit}", f"nominal error of {error.channel}, {PART[error.part]}"),
-        (f"{number(getattr(error, best))} {error.unit}", f"{best} model's error, {PART[error.part]}"),
+        (
+            f"{number(getattr(error, best))} {error.unit}",
+            f"{best} model's error{_beside(error) if best == 'extended' else ''}, {PART[error.part]}",
+        ),
     ]
     if result.causes:
         first = result.causes[0]
@@ -81,6 +84,10 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
         floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
         tiles.append((f"{result.noise.ratio:.2g} x", f"what is left, over the {floor[result.noise.basis]}"))
     return tiles
+
+
+def _beside(error: RolloutError) -> str:
+    return "" if error.calibrated is None else f" (calibrated {number(error.calibrated)})"
 
 
 def _rests(result: Diagnosis) -> list[dict[str, Any]]:
@@ -153,7 +160,7 @@ def _maps(where: Sequence[Where]) -> list[dict[str, Any]]:
     """Of each simulator a table of shares [%], channels by regimes; few channels stand side by side."""
     out = []
     for simulator in SIMULATORS:
-        mine = {(w.channel, w.regime): w for w in where if w.simulator == simulator}
+        mine = {(w.channel, w.regime): w for w in where if w.simulator == simulator and w.share > 0}
         if not mine:
             continue
         regimes = list(dict.fromkeys(regime for _, regime in mine))
@@ -182,8 +189,17 @@ def _by_share(mine: dict[tuple[str, str], Where]) -> list[str]:
     return sorted(share, key=lambda channel: -share[channel])
 
 
+REGIMES = {
+    "early": "first third of rollouts",
+    "late": "last third of rollouts",
+    "log_begin": "first third of the log",
+    "log_end": "last third of the log",
+    "saturation": "drive at its limit",
+}
+
+
 def _regime(name: str) -> str:
-    return name.replace("_", " ")
+    return REGIMES.get(name, name.replace("_", " "))
 
 
 def _cell(w: Where | None) -> dict[str, Any] | None:

@@ -122,9 +122,7 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
 
 
 def _tie(cause: Cause) -> str:
-    how = f": {cause.separate_by}" if cause.separate_by else ""
+    how = "" if cause.separate_by else " What would tell them apart is not known."
     others = " and ".join(cause.equivalent)
     explain = "explains" if len(cause.equivalent) == 1 else "explain"
-    return (
-        f"{others} {explain} it as well as {cause.key}. What would tell them apart{how or ' is not known'}."
-    )
+    return f"{others} {explain} it as well as {cause.key}.{how}"

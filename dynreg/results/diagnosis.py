@@ -196,7 +196,8 @@ class Diagnosis(Result):
 
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
     verdict : of the first cause; "unknown": something is amiss that no effect explains; "none": nothing is.
-    sentence : the verdict for a person. threshold_nats : the evidence below which no cause is named.
+    sentence : the verdict for a person. gain : of all causes together over the calibrated simulator, on the test part;
+    null without causes or where nothing was held out. threshold_nats : the evidence below which no cause is named.
     error : of the channel that matters most; errors : of every channel. finding : the sentence of `where`.
     rest, residual : where something is left, how much of it each joint's signals tell, and on which of them it
     depends; null where nothing is, or where the log does not say from which states to predict.
@@ -212,6 +213,7 @@ class Diagnosis(Result):
     verdict: Verdict
     sentence: str
     causes: tuple[Cause, ...]
+    gain: Gain | None = None
     ranking: tuple[Ranked, ...]
     threshold_nats: float
     threshold: Threshold
