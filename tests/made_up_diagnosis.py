@@ -76,9 +76,7 @@ def diagnosis(verdict: str = "named", *, held_out: bool = True, traced: bool = T
         ResidualShare(joint="arm", signal="sign_of_velocity", share=0.05),
         ResidualShare(joint="arm", signal="time", share=0.0),
     )
-    left = Rest(
-        joint="arm", unit="rad/s^2", left=3.1, told=0.19, chance=0.01, samples=2800, trajectories=12
-    )
+    left = Rest(joint="arm", unit="rad/s^2", left=3.1, told=0.19, chance=0.01, samples=2800, trajectories=12)
     residual, left = (residual, (left,)) if verdict in ("unknown", "partly_explained") else (None, None)
     return Diagnosis(
         robot="servo_pendulum",

@@ -27,7 +27,9 @@ def rest(
         return None
     found.sort(key=lambda each: -each.explained)
     return tuple(map(_rest, found)), tuple(
-        ResidualShare(joint=row.joint, signal=row.signal, share=row.share) for each in found for row in each.rows
+        ResidualShare(joint=row.joint, signal=row.signal, share=row.share)
+        for each in found
+        for row in each.rows
     )
 
 

@@ -18,6 +18,7 @@ from dynreg.report.diagnosis_words import (
 from dynreg.report.drawing import Chart, chart, ruler, track
 from dynreg.report.words import number
 from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
+from dynreg.results.sentence import times
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 10
@@ -82,7 +83,9 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
         )
     if result.noise is not None and result.noise.ratio is not None:
         floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
-        tiles.append((f"{result.noise.ratio:.2g} x", f"what is left, over the {floor[result.noise.basis]}"))
+        tiles.append(
+            (f"{times(result.noise.ratio)} x", f"what is left, over the {floor[result.noise.basis]}")
+        )
     return tiles
 
 

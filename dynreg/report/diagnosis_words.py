@@ -2,6 +2,7 @@
 
 from dynreg.report.words import count, number
 from dynreg.results import Cause, Diagnosis, EffectEstimate, Noise, Ranked
+from dynreg.results.sentence import times
 
 FLOORS = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
 PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
@@ -61,9 +62,7 @@ def noise_words(noise: Noise | None) -> str:
     if noise.ratio is None:
         return f"{left}; {FLOORS[noise.basis]} is not known."
     white = {True: "; it looks like white noise", False: "; it is not white noise", None: ""}[noise.white]
-    return (
-        f"{left}, {noise.ratio:.2g} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
-    )
+    return f"{left}, {times(noise.ratio)} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
 
 
 def rest_words(result: Diagnosis) -> tuple[str, ...]:
@@ -75,7 +74,9 @@ def rest_words(result: Diagnosis) -> tuple[str, ...]:
         told.sort(key=lambda r: -r.share)
         if told:
             parts = ", ".join(f"{r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told)
-            out.append(f"{of} is left; on unseen data its signals tell {100 * rest.told:.0f} % of that: {parts}.")
+            out.append(
+                f"{of} is left; on unseen data its signals tell {100 * rest.told:.0f} % of that: {parts}."
+            )
         else:
             out.append(f"{of} is left, none of which its signals tell.")
     return tuple(out)

@@ -81,7 +81,7 @@ def _left(noise: Noise | None, joint: str) -> str:
         return ""
     floors = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
     floor = floors[noise.basis]
-    return f"{joint}what is left is {noise.ratio:.2g} times {floor}"
+    return f"{joint}what is left is {times(noise.ratio)} times {floor}"
 
 
 def _depends(residual: Sequence[ResidualShare] | None) -> str:
@@ -89,3 +89,12 @@ def _depends(residual: Sequence[ResidualShare] | None) -> str:
     if most is None or most.share <= 0:
         return ""
     return f"; {100 * most.share:.0f} % of what is left of {most.joint} goes with its {most.signal.replace('_', ' ')}"
+
+
+def times(ratio: float) -> str:
+    """Two digits, without an exponent.
+
+    >>> times(358.2), times(1.07)
+    ('360', '1.1')
+    """
+    return f"{float(f'{ratio:.2g}'):g}"

@@ -78,7 +78,9 @@ def test_what_a_delay_remembers_is_no_dependence(robot, monkeypatch):
     with_delay = rest(problem, right, chosen, "partly_explained")[0][0]
     assert with_delay.told < 0.05 and with_delay.left < 0.7 * without.left and without.told > 0.2
     monkeypatch.setattr(module, "LONGEST_LEAD", 0)
-    assert rest(problem, right, chosen, "partly_explained")[0][0].told > 0.2, "the lead is what makes it right"
+    assert rest(problem, right, chosen, "partly_explained")[0][0].told > 0.2, (
+        "the lead is what makes it right"
+    )
 
 
 def test_a_state_that_was_never_measured_is_no_start():
