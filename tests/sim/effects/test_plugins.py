@@ -71,7 +71,7 @@ def test_an_installed_package_is_found_by_its_entry_point(tmp_path: Path, monkey
     about = tmp_path / "my_package-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my_package\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[dynreg.effects]\n" + entry.group(1))
+    (about / "entry_points.txt").write_text("[dynreg.effects]\n" + entry.group(1).replace('"', ""))
     monkeypatch.syspath_prepend(str(tmp_path))
     effects.cache_clear()
     try:
@@ -92,6 +92,15 @@ def test_a_plugin_cannot_take_an_id_that_is_taken(install):
     taken = type("Taken", (_documented(),), {"id": "backlash"})
     install(taken)
     with pytest.raises(RobotError, match="'backlash'.*not taken"):
+        effects()
+
+
+def test_a_plugin_that_cannot_be_made_is_named(install):
+    def broken(self):
+        raise ValueError("no cable")
+
+    install(type("Broken", (_documented(),), {"__init__": broken}))
+    with pytest.raises(RobotError, match="somewhere:Broken cannot be loaded: ValueError: no cable"):
         effects()
 
 
