@@ -65,10 +65,8 @@ def outcome(
     sigma = _sigma(problem, found.extended, split.chosen)
     causes = _causes(problem, found, stages, states, judged, sigma, verdict, bool(split.test.any()))
     whole = _gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
-    ids = [
-        _register(registry, problem, p, recording, n)
-        for p, n in ((found.base, "calibrated"), (found.extended, "extended"))
-    ]
+    kinds = {"calibrated": found.base, "extended": found.extended}
+    ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
     worst = max(errors, key=lambda e: (e.calibrated or 0.0) / max(_spread(problem, e.channel), 1e-12))
     shown = np.stack([states[0], states[1], states[-1]])
     rows = split_errors(robot, problem.windows.take(judged), shown)
@@ -94,11 +92,7 @@ def outcome(
         gain=whole,
         ranking=_ranking(found),
         threshold_nats=found.threshold.nats,
-        threshold=Threshold(
-            runs=len(found.threshold.scores),
-            cached=found.threshold.cached,
-            note=_threshold_note(found),
-        ),
+        threshold=_threshold(found),
         parameters=_parameters(problem, found.extended, sigma),
         moved=_moved(problem, found) if found.accepted else (),
         error=worst,
@@ -109,10 +103,7 @@ def outcome(
         rest=left,
         residual=depends,
         experiments=_experiments(found, verdict),
-        parts={
-            part: names(recording, problem.windows, getattr(split, part))
-            for part in ("fit", "select", "test")
-        },
+        parts=_parts(problem, recording, split),
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
         notes=_notes(problem, found, evidence),
@@ -315,6 +306,17 @@ def _ranking(found: "Found") -> tuple[Ranked, ...]:
                 Ranked(effect=term.effect.id, joints=term.joints, score_nats=scored.nats, round=number)
             )
     return tuple(out)
+
+
+def _threshold(found: "Found") -> Threshold:
+    return Threshold(
+        runs=len(found.threshold.scores), cached=found.threshold.cached, note=_threshold_note(found)
+    )
+
+
+def _parts(problem: Problem, recording: Recording, split: Parts) -> dict[str, tuple[str, ...]]:
+    each = {"fit": split.fit, "select": split.select, "test": split.test}
+    return {part: names(recording, problem.windows, mask) for part, mask in each.items()}
 
 
 def _threshold_note(found: "Found") -> str:

@@ -89,7 +89,8 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
         edge = [name for name, e in cause.parameters.items() if e.at_bound]
         said += [f"{name} of {cause.key} lies on the edge of what a fit may reach." for name in edge]
         if cause.gain and cause.gain.low is not None and cause.gain.low <= 0:
-            said.append(f"On held-out data {cause.key} does not clearly help.")
+            alone = " by itself" if len(result.causes) > 1 else ""
+            said.append(f"On held-out data {cause.key}{alone} does not clearly help.")
     for name, e in result.parameters.items():
         if e.at_bound:
             said.append(f"{name} lies on the edge of its range: its interval says little.")
