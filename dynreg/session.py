@@ -249,10 +249,12 @@ class Session:
             horizon=horizon,
             threads=threads,
         )
-        identity, loaded = self._recording(recording, robot, log_map)
-        owner = self._robot_of_recording(identity)
-        found = diagnose(self.registry, owner, loaded, settings, name=self._name(identity), progress=progress)
-        self.registry.put_result("diagnosis", identity, found.to_dict())
+        loaded, owner, name = self._unregistered(recording, robot, log_map)
+        found = diagnose(self.registry, owner, loaded, settings, name=name, progress=progress)
+        if loaded.id not in {info.id for info in self.registry.recordings()}:
+            self.registry.put_robot(owner.folder, owner.hash, owner.name)
+            self.registry.put_recording(loaded, owner.hash)
+        self.registry.put_result("diagnosis", loaded.id, found.to_dict())
         return found
 
     def trial(
@@ -386,8 +388,38 @@ class Session:
         log_map: str | Path | None,
     ) -> "tuple[str, Recording]":
         """(id, recording); a path of a log is ingested on the way."""
+        identity = self._registered(recording, robot)
+        if identity is None:
+            identity = self.ingest(recording, robot, log_map=log_map).recording
+        return identity, self.registry.recording(identity)
+
+    def _unregistered(
+        self,
+        recording: "str | Path | results.RecordingSummary",
+        robot: "str | Path | Robot | None",
+        log_map: str | Path | None,
+    ) -> "tuple[Recording, Robot, str]":
+        """(recording, its robot, its name); a path of a log is read, and nothing is registered."""
+        identity = self._registered(recording, robot)
+        if identity is not None:
+            return (
+                self.registry.recording(identity),
+                self._robot_of_recording(identity),
+                self._name(identity),
+            )
+        owner = self._robot(robot)
+        loaded = read_log(recording, owner, log_map)
+        return loaded, owner, loaded.id[:12]
+
+    def _registered(
+        self, recording: "str | Path | results.RecordingSummary", robot: "str | Path | Robot | None"
+    ) -> str | None:
+        """The id of a registered recording; None for the path of a log of `robot`.
+
+        Raises NoMatchError for what is neither, UsageError for a recording of another robot.
+        """
         if isinstance(recording, results.RecordingSummary):
-            return recording.recording, self.registry.recording(recording.recording)
+            return recording.recording
         try:
             identity = self.registry.resolve(str(recording), ("recording",))[1]
         except NoMatchError:
@@ -399,8 +431,17 @@ class Session:
                     expected="the robot that it was recorded on",
                     do="add --robot ROBOT, or ingest it first",
                 ) from None
-            identity = self.ingest(recording, robot, log_map=log_map).recording
-        return identity, self.registry.recording(identity)
+            return None
+        if robot is not None:
+            (info,) = [info for info in self.registry.recordings() if info.id == identity]
+            owner, asked = self.registry.robots()[info.robot_hash], self._robot(robot).name
+            if owner != asked:
+                raise UsageError(
+                    f"recording {str(recording)!r} is of robot {owner!r}, not of {asked!r}",
+                    expected=f"a recording of {asked!r}",
+                    do="leave --robot out, or name another recording",
+                )
+        return identity
 
     def _robot_of_recording(self, identity: str) -> "Robot":
         from dynreg.sim.robot import load_robot

@@ -22,6 +22,7 @@ from dynreg.results import (
     Pulled,
     Ranked,
     ResidualShare,
+    Rest,
     RolloutError,
     Threshold,
     TrialResult,
@@ -75,7 +76,8 @@ def diagnosis(verdict: str = "named", *, held_out: bool = True, traced: bool = T
         ResidualShare(joint="arm", signal="sign_of_velocity", share=0.05),
         ResidualShare(joint="arm", signal="time", share=0.0),
     )
-    residual = residual if verdict in ("unknown", "partly_explained") else None
+    left = Rest(joint="arm", unit="rad/s^2", left=3.1, told=0.19, chance=0.01, samples=2800, trajectories=12)
+    residual, left = (residual, (left,)) if verdict in ("unknown", "partly_explained") else (None, None)
     return Diagnosis(
         robot="servo_pendulum",
         recording="b7" * 32,
@@ -112,8 +114,9 @@ def diagnosis(verdict: str = "named", *, held_out: bool = True, traced: bool = T
         error=error,
         errors=(error, _error("arm/velocity", "rad/s", 7.0, bool(causes), held_out, False)),
         where=_where(bool(causes)),
-        finding="61% of the error lies where the motion reverses, most of it on arm/position.",
+        finding="61 % of the error lies where the motion reverses, most of it on arm/position.",
         noise=noise,
+        rest=left,
         residual=residual,
         experiments=_experiments(verdict),
         parts={

@@ -57,3 +57,25 @@ def test_the_query_notebook(
     text = printed(notebook)
     assert "gain over the nominal model" in text and "tip_mass" in text
     assert ("secret" in text) == (source == "hidden")
+
+
+@pytest.mark.parametrize("source", ["hidden", "measured"])
+def test_the_diagnosis_notebook(
+    source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """On a hidden servo whose friction grows with the load and on the measured log, with few effects."""
+    from nbclient import NotebookClient
+
+    data = request.getfixturevalue("data_dir") if source == "measured" else tmp_path
+    monkeypatch.setenv("DYNREG_DATA_DIR", str(data.resolve()))
+    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
+    monkeypatch.setenv("DYNREG_NOTEBOOK_EFFECTS", "load_friction,payload,backlash")
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    (path,) = [p for p in NOTEBOOKS if p.stem == "02_diagnose"]
+    notebook = nbformat.read(path, 4)
+    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(path.parent)}}).execute()
+    assert drawings(notebook) == 2
+    text = printed(notebook)
+    assert "['load_friction" in text and "gain on held-out runs" in text and "tip_mass" in text
+    assert "dynreg export" in text
+    assert ("no copy of the real log" in text) == (source == "hidden")

@@ -145,6 +145,14 @@ def at_least(flag: str, value: int | None, least: int) -> None:
         )
 
 
+def can_write(out: Path | None) -> None:
+    """UsageError for a file that could not be written, before time is spent on it."""
+    if out is not None and (out.is_dir() or not out.absolute().parent.is_dir()):
+        raise UsageError(
+            f"cannot write {str(out)!r}", expected="a file name in an existing folder", do="name another file"
+        )
+
+
 def _signature(function: Callable[..., None]) -> inspect.Signature:
     own = list(inspect.signature(function).parameters.values())[1:]  # without `call`
     kind = inspect.Parameter.KEYWORD_ONLY

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.completion import effect_names, recording_names, robot_names
 
 
@@ -69,6 +69,7 @@ def diagnose(
 
     Example: dynreg diagnose monday --hold-out kp=400 --report monday.html
     """
+    can_write(report)
     at_least("--max-causes", max_causes, 1)
     at_least("--threshold-runs", threshold_runs, 0)
     at_least("--seed", seed, 0)

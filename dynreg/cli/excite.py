@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.completion import effect_names, robot_names
 from dynreg.errors import UsageError
 
@@ -77,10 +77,7 @@ def _check_file(out: Path) -> None:
         raise UsageError(
             f"-o {str(out)!r}", expected=f"a file name that ends in {' or '.join(FORMATS)}", do="rename it"
         )
-    if out.is_dir() or not out.absolute().parent.is_dir():
-        raise UsageError(
-            f"cannot write {str(out)!r}", expected="a file name in an existing folder", do="name another file"
-        )
+    can_write(out)
 
 
 def _write(commands: "Recording", out: Path) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.completion import DISTANCES, recording_names, robot_names, stored_names
 from dynreg.errors import NoMatchError, UsageError
 
@@ -55,6 +55,7 @@ def query(
 
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
     """
+    can_write(report)
     at_least("-k", k, 1)
     at_least("--budget", budget, 1)
     at_least("--threads", threads, 0)

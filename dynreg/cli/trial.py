@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.completion import effect_names, robot_names
 from dynreg.errors import UsageError
 
@@ -51,6 +51,7 @@ def trial(
 
     Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
     """
+    can_write(report)
     at_least("-n", count, 1)
     at_least("--threshold-runs", threshold_runs, 0)
     at_least("--seed", seed, 0)

@@ -25,6 +25,7 @@ from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot, require_commands
 
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
+FEWEST = 50  # measured rows in each of fit and select: fewer say nothing of any cause
 STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
 Progress = Callable[[str, int, int], None]
 
@@ -79,6 +80,11 @@ def pose(
     """The recording cut into windows, its parts, and the coordinates that start from the simulator asked for."""
     require_commands(robot, recording)
     horizon = settings.horizon or robot.file.replay.horizon or LONGEST
+    rate = robot.file.robot.control_rate
+    if rate is not None and horizon * rate < 2:
+        raise UsageError(
+            f"horizon {horizon:g} s", expected=f"at least two commands, {2 / rate:g} s", do="cut less fine"
+        )
     table = robot.file.replay.model_copy(update={"horizon": horizon})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
     if len(cut) < 2:
@@ -94,6 +100,7 @@ def pose(
             expected="at least two episodes beside those held out",
             do="record more episodes, hold out less, or cut it finer with --horizon",
         )
+    _check_length(robot, cut, split)
     cut = cut.scaled_by(robot, split.chosen)
     _check_motion(robot, cut, split)
     centre = _centre(registry, robot, recording, settings)
@@ -151,6 +158,20 @@ def search(
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
     (base, current), _ = fit(problem, [base, current], both, pooled, iterations=4)
     return Found(base, current, tuple(rounds), accepted, limit)
+
+
+def _check_length(robot: Robot, cut: Windows, split: Parts) -> None:
+    """LogError where fit or select has too few measured rows to tell a cause from chance."""
+    weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
+    known = np.isfinite(cut.measured[:, 1:, weighted]).any(axis=2).sum(axis=1)
+    for part in ("fit", "select"):
+        rows = int(known[getattr(split, part)].sum())
+        if rows < FEWEST:
+            raise LogError(
+                f"the {part} part has {rows} measured rows",
+                expected=f"at least {FEWEST}",
+                do="record longer, or more episodes",
+            )
 
 
 def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:

@@ -10,29 +10,44 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
 
-def one_step_run(robot: Robot, windows: Windows) -> Run:
-    """Every command of W windows as an episode of its own that starts from the measured row: W T episodes of one step.
+def one_step_run(robot: Robot, windows: Windows, lead: int = 0) -> Run:
+    """Every command of W windows as an episode of its own that starts from the measured row `lead` rows before it.
 
-    Velocities that the log lacks are the slope of the positions around the row. Rollouts (n, W T, 2, S) of it become
-    predictions with `states[:, :, 1].reshape(n, W, T, S)`.
+    W T episodes of 1 + lead steps; the first rows of a window start from its first row, later than `lead` asks.
+    `lead` lets what remembers commands (a delay) see those before. Velocities that the log lacks are the slope of the
+    positions around the row. `predictions` reads the rollouts.
     """
     run, count = windows.run, len(windows) * windows.run.steps
-    initial = windows.measured[:, :-1].copy()
-    for joint, signals in joint_signals(robot, windows).items():
-        column = velocity_column(robot, joint)
-        if column is not None:
-            initial[..., column] = signals.velocity
+    initial = _starts(robot, windows)
     begin = None
+    start = np.maximum(np.arange(run.steps) - lead, 0)
+    rows = np.minimum(start[:, None] + np.arange(1 + lead), run.steps - 1)  # (T, 1 + lead) commands of each
     if run.begin is not None:
-        begin = (run.begin[:, None] + windows.period * np.arange(run.steps)).reshape(count)
+        begin = (run.begin[:, None] + windows.period * start).reshape(count)
     return Run(
-        run.actions.reshape(count, 1, -1),
-        inputs=None if run.inputs is None else run.inputs.reshape(count, 1, -1),
+        run.actions[:, rows].reshape(count, 1 + lead, -1),
+        inputs=None if run.inputs is None else run.inputs[:, rows].reshape(count, 1 + lead, -1),
         settings=None if run.settings is None else np.repeat(run.settings, run.steps, axis=0),
-        initial=initial.reshape(count, -1),
+        initial=initial[:, start].reshape(count, -1),
         period=run.period,
         begin=begin,
     )
+
+
+def predictions(robot: Robot, windows: Windows, states: np.ndarray) -> np.ndarray:
+    """(W, T, S) row t+1 from row t by rollouts (W T, 2 + lead, S) of `one_step_run`, NaN in a window's first `lead`.
+
+    With a lead, what the last step changed is added to the measured row: where the steps before it led astray does
+    not count.
+    """
+    shape = (len(windows), windows.run.steps, states.shape[-1])
+    lead = states.shape[1] - 2
+    last = states[:, -1].reshape(shape)
+    if not lead:
+        return last
+    out = _starts(robot, windows) + last - states[:, -2].reshape(shape)
+    out[:, :lead] = np.nan
+    return out
 
 
 def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) -> tuple[Residuals, ...]:
@@ -62,6 +77,16 @@ def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) ->
         trajectory = np.repeat(windows.episode, shape[1])
         out.append(Residuals(joint, unit, values.reshape(-1), flat, trajectory))
     return tuple(out)
+
+
+def _starts(robot: Robot, windows: Windows) -> np.ndarray:
+    """(W, T, S) measured rows, with velocities from positions where the log has none."""
+    rows = windows.measured[:, :-1].copy()
+    for joint, signals in joint_signals(robot, windows).items():
+        column = velocity_column(robot, joint)
+        if column is not None:
+            rows[..., column] = signals.velocity
+    return rows
 
 
 def _accelerations(

@@ -11,6 +11,7 @@ from dynreg.diagnose.fit import bounds, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.rest import rest
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
 from dynreg.replay.parts import Parts, names
@@ -63,13 +64,13 @@ def outcome(
     errors = _errors(problem, states, judged, evidence, "test" if split.test.any() else "select")
     sigma = _sigma(problem, found.extended, split.chosen)
     causes = _causes(problem, found, stages, states, judged, sigma, verdict, bool(split.test.any()))
-    ids = [
-        _register(registry, problem, p, recording, n)
-        for p, n in ((found.base, "calibrated"), (found.extended, "extended"))
-    ]
+    whole = _gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
+    kinds = {"calibrated": found.base, "extended": found.extended}
+    ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
     worst = max(errors, key=lambda e: (e.calibrated or 0.0) / max(_spread(problem, e.channel), 1e-12))
     shown = np.stack([states[0], states[1], states[-1]])
     rows = split_errors(robot, problem.windows.take(judged), shown)
+    left, depends = rest(problem, found.extended, split.chosen, verdict, settings.seed) or (None, None)
     return Diagnosis(
         robot=robot.name,
         recording=recording.id,
@@ -84,15 +85,14 @@ def outcome(
             error=worst,
             threshold_nats=found.threshold.nats,
             noise=evidence.noise,
+            residual=depends,
+            gain=whole,
         ),
         causes=causes,
+        gain=whole,
         ranking=_ranking(found),
         threshold_nats=found.threshold.nats,
-        threshold=Threshold(
-            runs=len(found.threshold.scores),
-            cached=found.threshold.cached,
-            note=_threshold_note(found),
-        ),
+        threshold=_threshold(found),
         parameters=_parameters(problem, found.extended, sigma),
         moved=_moved(problem, found) if found.accepted else (),
         error=worst,
@@ -100,11 +100,10 @@ def outcome(
         where=_where(rows),
         finding=finding(rows, 1),
         noise=evidence.noise,
+        rest=left,
+        residual=depends,
         experiments=_experiments(found, verdict),
-        parts={
-            part: names(recording, problem.windows, getattr(split, part))
-            for part in ("fit", "select", "test")
-        },
+        parts=_parts(problem, recording, split),
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
         notes=_notes(problem, found, evidence),
@@ -309,6 +308,17 @@ def _ranking(found: "Found") -> tuple[Ranked, ...]:
     return tuple(out)
 
 
+def _threshold(found: "Found") -> Threshold:
+    return Threshold(
+        runs=len(found.threshold.scores), cached=found.threshold.cached, note=_threshold_note(found)
+    )
+
+
+def _parts(problem: Problem, recording: Recording, split: Parts) -> dict[str, tuple[str, ...]]:
+    each = {"fit": split.fit, "select": split.select, "test": split.test}
+    return {part: names(recording, problem.windows, mask) for part, mask in each.items()}
+
+
 def _threshold_note(found: "Found") -> str:
     scores = found.threshold.scores
     if not scores:
@@ -341,11 +351,11 @@ def _experiments(found: "Found", verdict: Verdict) -> tuple[str, ...]:
         naming: Naming = found.rounds[0]
         term = naming.chosen.point.hypothesis.terms[-1]
         apart = rivals(naming)
-        out = [f"to tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
+        out = [f"To tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
         return tuple(out)
     if verdict == "unknown":
         return (
-            "repeat the same commands: what differs from run to run cannot be explained by any simulator",
+            "Repeat the same commands: what differs from run to run cannot be explained by any simulator",
         )
     return ()
 

@@ -11,6 +11,7 @@ import numpy as np
 from dynreg.diagnose.signals import JointSignals, joint_of_channel, joint_signals
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
+from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
 
 REVERSAL = 0.1  # s around a change of direction
@@ -152,15 +153,15 @@ def finding(rows: tuple[ErrorRow, ...], simulator: int = 0) -> str:
         worst = max(overall.values(), key=lambda r: r.share, default=None)
         if worst is None or not worst.share > 0:
             return "No error was measured."
-        return f"{worst.share:.0%} of the error is on {worst.channel}; no regime of its motion stands out."
+        return f"{100 * worst.share:.0f} % of the error is on {worst.channel}; no regime of its motion stands out."
     inside = [r for r in own if r.regime == regime]
     top = max((r for r in candidates if r.regime == regime), key=_excess)
-    said = f"{sum(r.share for r in inside):.0%} of the error lies {WORDS[regime]}"
+    said = f"{100 * sum(r.share for r in inside):.0f} % of the error lies {WORDS[regime]}"
     among = "" if len(inside) == 1 else f", most of it on {top.channel}"
-    ahead = "" if not top.step_ratio else f", one step ahead {top.step_ratio:.2g} times"
+    ahead = "" if not top.step_ratio else f", one step ahead {times(top.step_ratio)} times"
     return (
-        f"{said}{among}: {top.error:.3g} {top.unit} there in {top.samples / overall[top.channel].samples:.0%} "
-        f"of the samples of {top.channel}, {top.ratio:.2g} times the error elsewhere{ahead}."
+        f"{said}{among}: {top.error:.3g} {top.unit} there in {100 * top.samples / overall[top.channel].samples:.0f} % "
+        f"of the samples of {top.channel}, {times(top.ratio)} times the error elsewhere{ahead}."
     )
 
 

@@ -9,7 +9,7 @@ from dynreg.report.diagnosis_words import (
     VERDICTS,
     diagnosis_steps,
     noise_words,
-    residual_words,
+    rest_words,
     size_word,
     standing,
     threshold_words,
@@ -18,8 +18,9 @@ from dynreg.report.diagnosis_words import (
 from dynreg.report.drawing import Chart, chart, ruler, track
 from dynreg.report.words import number
 from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
+from dynreg.results.sentence import times
 
-SHOWN_RANKS = 12
+SHOWN_RANKS = 8
 SHOWN_CHANNELS = 10
 FEW_CHANNELS = 3  # as many stand side by side on a phone
 SIMULATORS = ("nominal", "calibrated", "extended")
@@ -48,7 +49,7 @@ def diagnosis_page(result: Diagnosis) -> dict[str, Any]:
             for name, e in result.parameters.items()
         },
         "noise": noise_words(result.noise),
-        "residual": residual_words(result),
+        "rests": _rests(result),
         "unsaid": unsaid(result),
     }
 
@@ -59,7 +60,10 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
     best = next(s for s in reversed(SIMULATORS) if getattr(error, s) is not None)
     tiles = [
         (f"{number(error.nominal)} {error.unit}", f"nominal error of {error.channel}, {PART[error.part]}"),
-        (f"{number(getattr(error, best))} {error.unit}", f"{best} model's error, {PART[error.part]}"),
+        (
+            f"{number(getattr(error, best))} {error.unit}",
+            f"{best} model's error{_beside(error) if best == 'extended' else ''}, {PART[error.part]}",
+        ),
     ]
     if result.causes:
         first = result.causes[0]
@@ -79,8 +83,25 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
         )
     if result.noise is not None and result.noise.ratio is not None:
         floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
-        tiles.append((f"{result.noise.ratio:.2g} x", f"what is left, over the {floor[result.noise.basis]}"))
+        tiles.append(
+            (f"{times(result.noise.ratio)} x", f"what is left, over the {floor[result.noise.basis]}")
+        )
     return tiles
+
+
+def _beside(error: RolloutError) -> str:
+    return "" if error.calibrated is None else f" (calibrated {number(error.calibrated)})"
+
+
+def _rests(result: Diagnosis) -> list[dict[str, Any]]:
+    """Of each joint the sentence and the shares [%] of what is left that its signals tell."""
+    out = []
+    for rest, said in zip(result.rest or (), rest_words(result), strict=False):
+        told = [r for r in result.residual or () if r.joint == rest.joint and r.share > 0]
+        told.sort(key=lambda r: -r.share)
+        bars = [(r.signal.replace("_", " "), 100 * r.share) for r in told]
+        out.append({"said": said, "bars": bars})
+    return out
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
@@ -142,7 +163,7 @@ def _maps(where: Sequence[Where]) -> list[dict[str, Any]]:
     """Of each simulator a table of shares [%], channels by regimes; few channels stand side by side."""
     out = []
     for simulator in SIMULATORS:
-        mine = {(w.channel, w.regime): w for w in where if w.simulator == simulator}
+        mine = {(w.channel, w.regime): w for w in where if w.simulator == simulator and w.share > 0}
         if not mine:
             continue
         regimes = list(dict.fromkeys(regime for _, regime in mine))
@@ -171,8 +192,17 @@ def _by_share(mine: dict[tuple[str, str], Where]) -> list[str]:
     return sorted(share, key=lambda channel: -share[channel])
 
 
+REGIMES = {
+    "early": "first third of rollouts",
+    "late": "last third of rollouts",
+    "log_begin": "first third of the log",
+    "log_end": "last third of the log",
+    "saturation": "drive at its limit",
+}
+
+
 def _regime(name: str) -> str:
-    return name.replace("_", " ")
+    return REGIMES.get(name, name.replace("_", " "))
 
 
 def _cell(w: Where | None) -> dict[str, Any] | None:

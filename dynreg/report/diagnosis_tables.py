@@ -7,7 +7,7 @@ from dynreg.report.diagnosis_words import (
     PART,
     diagnosis_steps,
     noise_words,
-    residual_words,
+    rest_words,
     size_word,
     standing,
     threshold_words,
@@ -33,7 +33,7 @@ def diagnosis_tables(result: Diagnosis) -> Group:
         rows = [(m.name, m.before, m.after, m.unit) for m in result.moved]
         parts.append(table(("parameter", "before", "after", "unit"), rows, "what moved with the cause"))
     parts += [_errors(result), Text(f"\n{result.finding}") if result.finding else Text("")]
-    parts += [Text(line) for line in (noise_words(result.noise), residual_words(result)) if line]
+    parts += [Text(line) for line in (noise_words(result.noise), *rest_words(result)) if line]
     said = unsaid(result)
     parts += [Text("\nwhat the log cannot tell", style="bold")] if said else []
     parts += [Text(f"- {line}") for line in said]

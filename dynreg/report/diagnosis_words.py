@@ -2,9 +2,11 @@
 
 from dynreg.report.words import count, number
 from dynreg.results import Cause, Diagnosis, EffectEstimate, Noise, Ranked
+from dynreg.results.sentence import times
 
 FLOORS = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
 PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
+SHOWN_JOINTS = 6
 VERDICTS = {
     "named": "named",
     "ambiguous": "ambiguous",
@@ -60,20 +62,24 @@ def noise_words(noise: Noise | None) -> str:
     if noise.ratio is None:
         return f"{left}; {FLOORS[noise.basis]} is not known."
     white = {True: "; it looks like white noise", False: "; it is not white noise", None: ""}[noise.white]
-    return (
-        f"{left}, {noise.ratio:.2g} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
-    )
+    return f"{left}, {times(noise.ratio)} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
 
 
-def residual_words(result: Diagnosis) -> str:
-    """On what the rest depends; "" where that was not asked."""
-    if result.residual is None:
-        return ""
-    told = sorted((r for r in result.residual if r.share > 0), key=lambda r: -r.share)
-    if not told:
-        return "No signal of the joints tells anything of what is left."
-    parts = [f"{r.joint}'s {r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told]
-    return f"Signals that tell what is left, on unseen data: {', '.join(parts)}."
+def rest_words(result: Diagnosis) -> tuple[str, ...]:
+    """Of each joint how much of what is left can be told, and by which signals; () where that was not asked."""
+    out = []
+    for rest in (result.rest or ())[:SHOWN_JOINTS]:
+        of = f"{number(rest.left)} {rest.unit} (1 sigma) of {rest.joint}'s acceleration"
+        told = [r for r in result.residual or () if r.joint == rest.joint and r.share > 0]
+        told.sort(key=lambda r: -r.share)
+        if told:
+            parts = ", ".join(f"{r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told)
+            out.append(
+                f"{of} is left; on unseen data its signals tell {100 * rest.told:.0f} % of that: {parts}."
+            )
+        else:
+            out.append(f"{of} is left, none of which its signals tell.")
+    return tuple(out)
 
 
 def unsaid(result: Diagnosis) -> tuple[str, ...]:
@@ -83,7 +89,8 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
         edge = [name for name, e in cause.parameters.items() if e.at_bound]
         said += [f"{name} of {cause.key} lies on the edge of what a fit may reach." for name in edge]
         if cause.gain and cause.gain.low is not None and cause.gain.low <= 0:
-            said.append(f"On held-out data {cause.key} does not clearly help.")
+            alone = " by itself" if len(result.causes) > 1 else ""
+            said.append(f"On held-out data {cause.key}{alone} does not clearly help.")
     for name, e in result.parameters.items():
         if e.at_bound:
             said.append(f"{name} lies on the edge of its range: its interval says little.")
@@ -117,9 +124,7 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
 
 
 def _tie(cause: Cause) -> str:
-    how = f": {cause.separate_by}" if cause.separate_by else ""
+    how = "" if cause.separate_by else " What would tell them apart is not known."
     others = " and ".join(cause.equivalent)
     explain = "explains" if len(cause.equivalent) == 1 else "explain"
-    return (
-        f"{others} {explain} it as well as {cause.key}. What would tell them apart{how or ' is not known'}."
-    )
+    return f"{others} {explain} it as well as {cause.key}.{how}"

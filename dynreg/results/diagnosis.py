@@ -161,6 +161,23 @@ class ResidualShare(Result):
     share: float
 
 
+class Rest(Result):
+    """How much of what the best simulator leaves of a joint's acceleration can be told from the joint's signals.
+
+    left : 1 sigma in `unit`. told : the share of its variance that a small model predicts on trajectories that it has
+    not seen; what a cause that no library has could take off at most, as far as this joint's signals show it.
+    chance : the same for residuals paired with the signals of other trajectories.
+    """
+
+    joint: str
+    unit: str
+    left: float
+    told: float
+    chance: float
+    samples: int
+    trajectories: int
+
+
 class DiagnosisTrace(Result):
     """Measured and simulated values of one channel in one episode; time [s]; null where there is no such simulator."""
 
@@ -179,9 +196,11 @@ class Diagnosis(Result):
 
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
     verdict : of the first cause; "unknown": something is amiss that no effect explains; "none": nothing is.
-    sentence : the verdict for a person. threshold_nats : the evidence below which no cause is named.
+    sentence : the verdict for a person. gain : of all causes together over the calibrated simulator, on the test part;
+    null without causes or where nothing was held out. threshold_nats : the evidence below which no cause is named.
     error : of the channel that matters most; errors : of every channel. finding : the sentence of `where`.
-    residual : on what the rest depends; null where that was not asked.
+    rest, residual : where something is left, how much of it each joint's signals tell, and on which of them it
+    depends; null where nothing is, or where the log does not say from which states to predict.
     inputs : what the log measured and the simulators were driven by. notes : what else a reader must know.
     """
 
@@ -194,6 +213,7 @@ class Diagnosis(Result):
     verdict: Verdict
     sentence: str
     causes: tuple[Cause, ...]
+    gain: Gain | None = None
     ranking: tuple[Ranked, ...]
     threshold_nats: float
     threshold: Threshold
@@ -204,6 +224,7 @@ class Diagnosis(Result):
     where: tuple[Where, ...]
     finding: str = ""
     noise: Noise | None
+    rest: tuple[Rest, ...] | None = None
     residual: tuple[ResidualShare, ...] | None = None
     experiments: tuple[str, ...]
     parts: dict[Literal["fit", "select", "test"], tuple[str, ...]]

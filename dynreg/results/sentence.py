@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from dynreg.results.diagnosis import Cause, EffectEstimate, Noise, ResidualShare, RolloutError, Verdict
+from dynreg.results.result import Gain
 
 
 def diagnosis_sentence(
@@ -14,8 +15,12 @@ def diagnosis_sentence(
     threshold_nats: float,
     noise: Noise | None = None,
     residual: Sequence[ResidualShare] | None = None,
+    gain: Gain | None = None,
 ) -> str:
-    """What the verdict about the recording `name` means: the cause, how large it is, what it explains, what is left."""
+    """What the verdict about the recording `name` means: the cause, how large it is, what it explains, what is left.
+
+    gain : of all causes together; that of the first where it is not given.
+    """
     if verdict == "none":
         return (
             f"No effect of the library explains {name} better than chance could (that takes {threshold_nats:.3g}"
@@ -28,7 +33,7 @@ def diagnosis_sentence(
         )
     first = causes[0]
     said = f"{_effect(first)} ({_sizes(first)})"
-    also = f", and {' and '.join(_effect(c) for c in causes[1:])}" if causes[1:] else ""
+    also = f", and {' and '.join(f'{_effect(c)} ({_sizes(c)})' for c in causes[1:])}" if causes[1:] else ""
     if verdict == "named":
         text = f"{name} shows {said}{also}"
     elif verdict == "ambiguous":
@@ -36,7 +41,7 @@ def diagnosis_sentence(
         text = f"{name} shows {said} or {others}, which it cannot tell apart{also}"
     else:
         text = f"{name} is explained in part by {said}{also}"
-    return f"{text}{_gain(first)}{_left(noise, '; ')}."
+    return f"{text}{_gain(gain, len(causes)) if gain else _gain(first.gain, 1)}{_left(noise, '; ')}."
 
 
 def _effect(cause: Cause) -> str:
@@ -52,17 +57,17 @@ def _estimate(name: str, e: EffectEstimate) -> str:
     return f"{name} {e.value:.3g} [{e.low:.3g}, {e.high:.3g}]{unit}{' at its bound' if e.at_bound else ''}"
 
 
-def _gain(cause: Cause) -> str:
-    gain = cause.gain
+def _gain(gain: Gain | None, causes: int) -> str:
+    it, helps = ("it", "does") if causes == 1 else ("them", "do")
     if gain is None:
         return ""
     size = f"{100 * abs(gain.value):.0f} %"
     if gain.low is None or gain.high is None:
-        return f"; with it the held-out error is {size} {'lower' if gain.value >= 0 else 'higher'}"
+        return f"; with {it} the held-out error is {size} {'lower' if gain.value >= 0 else 'higher'}"
     interval = f"90 % interval of the gain {100 * gain.low:.0f} to {100 * gain.high:.0f} %"
     if gain.low <= 0 <= gain.high:
-        return f"; on held-out data it does not clearly help ({interval})"
-    return f"; with it the held-out error is {size} {'lower' if gain.low > 0 else 'higher'} ({interval})"
+        return f"; on held-out data {'it' if causes == 1 else 'they'} {helps} not clearly help ({interval})"
+    return f"; with {it} the held-out error is {size} {'lower' if gain.low > 0 else 'higher'} ({interval})"
 
 
 def _error(error: RolloutError) -> str:
@@ -76,7 +81,7 @@ def _left(noise: Noise | None, joint: str) -> str:
         return ""
     floors = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
     floor = floors[noise.basis]
-    return f"{joint}what is left is {noise.ratio:.2g} times {floor}"
+    return f"{joint}what is left is {times(noise.ratio)} times {floor}"
 
 
 def _depends(residual: Sequence[ResidualShare] | None) -> str:
@@ -84,3 +89,12 @@ def _depends(residual: Sequence[ResidualShare] | None) -> str:
     if most is None or most.share <= 0:
         return ""
     return f"; {100 * most.share:.0f} % of what is left of {most.joint} goes with its {most.signal.replace('_', ' ')}"
+
+
+def times(ratio: float) -> str:
+    """Two digits, without an exponent.
+
+    >>> times(358.2), times(1.07)
+    ('360', '1.1')
+    """
+    return f"{float(f'{ratio:.2g}'):g}"

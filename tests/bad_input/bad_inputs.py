@@ -345,6 +345,109 @@ ARGUMENTS = [
     Bad("export without a destination", "export bench", "--to", 2),
 ]
 
+DIAGNOSE = "diagnose {tmp}/run.csv --robot servo_pendulum --threshold-runs 0 --horizon 2 --effects payload"
+
+
+def _rows(keep: Callable[[int, int], bool]) -> str:
+    """The bench log with the rows that `keep` (row of the episode, episode) says."""
+    head, *rows = bench_csv().splitlines()
+    return "\n".join([head, *(r for j, r in enumerate(rows) if keep(j % 200, j // 200))]) + "\n"
+
+
+def _still(*columns: str) -> str:
+    places = [COLUMNS.index(c) for c in columns]
+    return bench_csv(lambda i, r: [0.25 if k in places else v for k, v in enumerate(r)])
+
+
+DIAGNOSES = [
+    Bad(
+        "diagnose a log of two rows an episode",
+        DIAGNOSE,
+        "2 measured rows",
+        files=_csv(_rows(lambda i, e: i < 2)),
+    ),
+    Bad("diagnose a log of 0.05 s", DIAGNOSE, "measured rows", files=_csv(_rows(lambda i, e: i < 5))),
+    Bad(
+        "diagnose one episode in one rollout",
+        DIAGNOSE,
+        "makes 1 rollout of 2 s",
+        files=_csv(_rows(lambda i, e: e == 0)),
+    ),
+    Bad(
+        "diagnose two episodes and hold one out",
+        DIAGNOSE + " --hold-out e0",
+        "nothing is left to select",
+        files=_csv(_rows(lambda i, e: e < 2)),
+    ),
+    Bad(
+        "diagnose a log in which no command changes",
+        DIAGNOSE,
+        "commands never change",
+        files=_csv(_still("arm/target")),
+    ),
+    Bad(
+        "diagnose a robot that does not move",
+        DIAGNOSE,
+        "'arm/position'",
+        files=_csv(_still("arm/position", "arm/velocity")),
+    ),
+    Bad("diagnose a log where nothing moves", DIAGNOSE, "never change", files=_csv(_still(*COLUMNS[1:4]))),
+    Bad("diagnose a log without commands", DIAGNOSE, "arm/target", files=_csv(_without("arm/target"))),
+    Bad(
+        "diagnose a log that holds no command",
+        DIAGNOSE,
+        "arm/target",
+        files=_csv(_each("arm/target", lambda v: "nan")),
+    ),
+    Bad(
+        "diagnose a log with a handful of positions",
+        DIAGNOSE,
+        "measured rows",
+        files=_csv(bench_csv(lambda i, r: r if i % 200 < 4 else [r[0], "nan", *r[2:]])),
+    ),
+    Bad(
+        "diagnose the log of another robot",
+        "diagnose {tmp}/run.csv --robot emps",
+        "slider/position",
+        files=_csv(bench_csv()),
+    ),
+    Bad(
+        "diagnose a recording as one of another robot",
+        "diagnose bench --robot emps",
+        "'servo_pendulum', not of 'emps'",
+        2,
+    ),
+    Bad("diagnose a recording that is not there", "diagnose tuesday", "'tuesday'", 4),
+    Bad("diagnose a log of no robot", "diagnose {tmp}/run.csv", "no robot", 2, files=_csv(bench_csv())),
+    Bad("an effect that nobody knows", "diagnose bench --effects gremlins", "'gremlins'", 2),
+    Bad("leave out an effect that nobody knows", "diagnose bench --without gremlins", "'gremlins'", 2),
+    Bad(
+        "effects that the robot cannot have",
+        "diagnose bench --effects ground_friction --threshold-runs 0",
+        "'ground_friction'",
+        2,
+    ),
+    Bad(
+        "an effect asked for and left out",
+        "diagnose bench --effects payload --without payload",
+        "'payload'",
+        2,
+    ),
+    Bad("no effects at all", "diagnose bench --effects ,", "','", 2),
+    Bad("no causes", "diagnose bench --max-causes 0", "--max-causes 0", 2),
+    Bad("a tolerance of nothing", "diagnose bench --tolerance 0", "tolerance 0", 2),
+    Bad("a horizon of nothing", "diagnose bench --horizon 0", "horizon 0", 2),
+    Bad("a horizon below a step", "diagnose bench --horizon 0.001", "0.001", 2),
+    Bad("a negative threshold", "diagnose bench --threshold-runs -1", "--threshold-runs -1", 2),
+    Bad("an engine that the robot lacks", "diagnose bench --engine warp --threshold-runs 0", "'warp'"),
+    Bad("start from what is not there", "diagnose bench --start wednesday", "'wednesday'", 4),
+    Bad("start from a query that was not asked", "diagnose bench --start nearest", "no query", 4),
+    Bad("diagnose and hold out an unknown episode", "diagnose bench --hold-out e17", "e17", 2),
+    Bad(
+        "report of a diagnosis into no folder", "diagnose bench --report {tmp}/none/page.html", "page.html", 2
+    ),
+]
+
 SETTINGS = [
     Bad(
         "an unknown setting",
@@ -468,4 +571,4 @@ REGISTRIES = [
     ),
 ]
 
-ALL = (*LOGS, *MAPS, *ROBOTS, *ARGUMENTS, *SETTINGS, *REGISTRIES)
+ALL = (*LOGS, *MAPS, *ROBOTS, *ARGUMENTS, *DIAGNOSES, *SETTINGS, *REGISTRIES)

@@ -109,7 +109,7 @@ def test_an_error_planted_in_a_regime_is_found_there(robot, regime):
         "high_speed": "at high speed",
         "high_load": "under high load",
     }
-    assert words[regime] in finding(rows) and f"{found.share:.0%}" in finding(rows)
+    assert words[regime] in finding(rows) and f"{100 * found.share:.0f} %" in finding(rows)
 
 
 def test_shares_are_of_the_weighted_error_and_sum_to_one(robot):
@@ -206,7 +206,7 @@ def test_a_diverged_simulation_counts_as_ten_times_the_motion(robot):
 def test_an_even_error_stands_out_nowhere(robot):
     windows = cut(robot, swing(401)[None])
     said = finding(split_errors(robot, windows, windows.measured[None] + 0.1))
-    assert said == "100% of the error is on arm/position; no regime of its motion stands out."
+    assert said == "100 % of the error is on arm/position; no regime of its motion stands out."
     assert finding(split_errors(robot, windows, windows.measured[None])) == "No error was measured."
 
 

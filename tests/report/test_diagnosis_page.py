@@ -6,7 +6,7 @@ import made_up_diagnosis
 import pytest
 from test_html import words
 
-from dynreg.report.diagnosis_page import diagnosis_page
+from dynreg.report.diagnosis_page import REGIMES, diagnosis_page
 from dynreg.report.drawing import ROOM, ruler
 from dynreg.report.html import page
 from dynreg.results import Where
@@ -22,7 +22,7 @@ def test_the_page_says_what_the_diagnosis_says(verdict: str) -> None:
     for cause in result.causes:
         assert cause.key in text and cause.title in text
         assert all(name in text for name in cause.parameters)
-    for ranked in result.ranking:
+    for ranked in (r for r in result.ranking if r.score_nats >= 0):
         assert f"{ranked.key} " in text and f"{ranked.score_nats:.1f}" in text
     for name in (*result.parameters, *(m.name for m in result.moved)):
         assert name in text
@@ -98,11 +98,32 @@ def test_shares_of_the_table_are_those_of_the_result() -> None:
         for channel, cell in zip(calibrated["columns"], cells, strict=True)
     }
     given = {
-        (w.channel, w.regime.replace("_", " ")): 100 * w.share
+        (w.channel, REGIMES.get(w.regime, w.regime.replace("_", " "))): 100 * w.share
         for w in result.where
         if w.simulator == "calibrated"
     }
     assert told == pytest.approx(given)
+
+
+@pytest.mark.parametrize("verdict", ["unknown", "partly_explained"])
+def test_what_is_left_is_shown_by_the_signals_that_tell_it(verdict: str) -> None:
+    result = made_up_diagnosis.diagnosis(verdict)
+    (left,) = diagnosis_page(result)["rests"]
+    assert left["bars"] == [("position", pytest.approx(14)), ("sign of velocity", pytest.approx(5))]
+    said = "3.1 rad/s^2 (1 sigma) of arm's acceleration is left; on unseen data its signals tell 19 % of that"
+    assert f"{said}: position 14 %, sign of velocity 5 %." in words(page(result))
+    untold = made_up_diagnosis.diagnosis(verdict).model_copy(update={"residual": ()})
+    assert "is left, none of which its signals tell." in words(page(untold))
+    assert not diagnosis_page(made_up_diagnosis.diagnosis("named"))["rests"]
+
+
+def test_a_channel_without_a_share_is_no_column() -> None:
+    result = made_up_diagnosis.diagnosis()
+    silent = tuple(
+        w.model_copy(update={"share": 0.0}) if w.channel == "arm/velocity" else w for w in result.where
+    )
+    shown = diagnosis_page(result.model_copy(update={"where": silent}))["maps"]
+    assert [m["columns"] for m in shown] == [["arm/position"]] * 2
 
 
 def test_errors_share_an_axis_with_their_repeatability() -> None:

@@ -41,6 +41,18 @@ def test_a_part_is_called_a_part_and_every_cause_is_told() -> None:
     assert "the sensor's stated noise" in said
 
 
+def test_the_gain_of_all_causes_is_told_where_it_is_known() -> None:
+    given = MADE["partly_explained"]
+    for gain, words in (
+        (Gain(value=0.44, low=0.2, high=0.6), "with them the held-out error is 44 % lower"),
+        (Gain(value=0.44, low=-0.2, high=0.6), "on held-out data they do not clearly help"),
+    ):
+        said = diagnosis_sentence(
+            "run", given.verdict, given.causes, error=given.error, threshold_nats=20.0, gain=gain
+        )
+        assert words in said and "delay 0.4 [0.31, 0.4] s at its bound" in said
+
+
 def test_without_a_cause_none_is_told() -> None:
     for verdict in ("unknown", "none"):
         assert "load_friction" not in MADE[verdict].sentence

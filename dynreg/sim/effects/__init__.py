@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 
 from dynreg.errors import RobotError, UsageError
@@ -47,6 +47,19 @@ _PACKAGED = (
 )
 
 
+def _made(point: EntryPoint) -> Effect:
+    """The effect of an installed plugin; RobotError where it cannot be made, whatever the reason."""
+    try:
+        plugin = point.load()()
+    except Exception as error:
+        raise RobotError(
+            f"plugin {point.value} cannot be loaded: {type(error).__name__}: {error}",
+            expected="a class derived from dynreg.sim.effects.Effect",
+            do="mend it, or uninstall its package",
+        ) from error
+    return plugin
+
+
 @cache
 def effects() -> Mapping[str, Effect]:
     """{id: effect}: those of dynreg, in the order in which they act, and those of installed plugins.
@@ -55,7 +68,7 @@ def effects() -> Mapping[str, Effect]:
     """
     table = {cls.id: cls() for cls in _PACKAGED}
     for point in entry_points(group="dynreg.effects"):
-        plugin = point.load()()
+        plugin = _made(point)
         if plugin.id in table:
             raise RobotError(
                 f"plugin {point.value} brings an effect {plugin.id!r}",

@@ -61,6 +61,25 @@ def test_the_documented_plugin_is_listed_and_works_on_both_engines(install):
     assert 1.4 < rms(pulled[0][1]) / rms(pulled[0][2]) < 2.8
 
 
+def test_an_installed_package_is_found_by_its_entry_point(tmp_path: Path, monkeypatch):
+    code = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL).group(1)
+    entry = re.search(
+        r"```toml\n\[project.entry-points.\"dynreg.effects\"\]\n(.*?)```", PAGE.read_text(), re.DOTALL
+    )
+    (tmp_path / "my_package").mkdir()
+    (tmp_path / "my_package" / "cables.py").write_text(code)
+    about = tmp_path / "my_package-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my_package\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[dynreg.effects]\n" + entry.group(1).replace('"', ""))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    effects.cache_clear()
+    try:
+        assert effect("cable_drag").title == "a cable pulls the joint back"
+    finally:
+        effects.cache_clear()
+
+
 def test_a_plugin_composes_with_the_packaged_effects(install):
     install(_documented())
     b, drag = bench("air"), effect("cable_drag")
@@ -73,6 +92,15 @@ def test_a_plugin_cannot_take_an_id_that_is_taken(install):
     taken = type("Taken", (_documented(),), {"id": "backlash"})
     install(taken)
     with pytest.raises(RobotError, match="'backlash'.*not taken"):
+        effects()
+
+
+def test_a_plugin_that_cannot_be_made_is_named(install):
+    def broken(self):
+        raise ValueError("no cable")
+
+    install(type("Broken", (_documented(),), {"__init__": broken}))
+    with pytest.raises(RobotError, match="somewhere:Broken cannot be loaded: ValueError: no cable"):
         effects()
 
 

@@ -1,0 +1,95 @@
+"""What no effect of the library explains is told by the signals that it depends on, on the whole way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import dynreg
+from dynreg.data.recording import Recording
+from dynreg.diagnose import rest as module
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.rest import rest
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
+from dynreg.report.diagnosis_words import rest_words
+from dynreg.sim.effects import term
+from dynreg.sim.robot import Robot, load_robot
+
+HELD = "test_0,test_1,test_2,test_3"
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("servo_pendulum")
+
+
+def recorded(robot: Robot, key: str, value: float | None = None) -> tuple[Hidden, Recording]:
+    """The log of a nominal robot with one effect at a strong size, or of the given value."""
+    hidden = hide(robot, (term(key),), "strong", 11)
+    hidden = replace(hidden, parameters=robot.space.nominal)
+    if value is not None:
+        hidden = replace(hidden, values=(np.array([value]),))
+    return hidden, log_of(robot, hidden, protocol(robot, seed=1), engine="joint")
+
+
+def posed(robot: Robot, recording: Recording) -> tuple[Problem, np.ndarray]:
+    problem, split = pose(None, robot, recording, Settings(hold_out=HELD, threads=1))
+    return problem, split.chosen
+
+
+def nominal(problem: Problem) -> Point:
+    return Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+
+
+def test_a_cause_that_the_library_lacks_is_told_by_its_signal(robot, tmp_path):
+    """Cogging depends on the position; here it is left out of the library."""
+    _, recording = recorded(robot, "cogging")
+    with dynreg.open(tmp_path / "registry") as registry:
+        name = registry.ingest(recording, robot, name="hidden").recording
+        found = registry.diagnose(name, hold_out=HELD, effects=["payload"], threshold_runs=0, threads=1)
+    assert found.verdict == "unknown" and not found.causes
+    (left,) = found.rest
+    assert left.joint == "arm" and left.unit == "rad/s^2" and left.trajectories == 16
+    assert left.told > 0.3 > left.chance
+    assert found.residual[0].signal == "position" and found.residual[0].share > 0.5 * left.told
+    assert "of what is left of arm goes with its position" in found.sentence
+    (words,) = rest_words(found)
+    assert f"tell {100 * left.told:.0f} % of that: position" in words
+
+
+@pytest.mark.parametrize("verdict", ["named", "ambiguous", "none"])
+def test_where_nothing_is_left_nothing_is_asked(robot, verdict):
+    problem, chosen = posed(robot, recorded(robot, "cogging")[1])
+    before = problem.candidates
+    assert rest(problem, nominal(problem), chosen, verdict) is None and problem.candidates == before
+
+
+def test_what_a_delay_remembers_is_no_dependence(robot, monkeypatch):
+    """A simulator with the right delay leaves next to nothing to tell, though each row is a start of its own."""
+    hidden, recording = recorded(robot, "command_delay", 0.025)
+    problem, chosen = posed(robot, recording)
+    point = replace(nominal(problem), hypothesis=Hypothesis(hidden.terms))
+    scale = problem.coordinates.effect_values(point.hypothesis, np.array([[1.0]]))[0][0, 0]
+    right = replace(point, effect=np.array([0.025 / scale]))
+    without = rest(problem, nominal(problem), chosen, "unknown")[0][0]
+    with_delay = rest(problem, right, chosen, "partly_explained")[0][0]
+    assert with_delay.told < 0.05 and with_delay.left < 0.7 * without.left and without.told > 0.2
+    monkeypatch.setattr(module, "LONGEST_LEAD", 0)
+    assert rest(problem, right, chosen, "partly_explained")[0][0].told > 0.2, (
+        "the lead is what makes it right"
+    )
+
+
+def test_a_state_that_was_never_measured_is_no_start():
+    robot = load_robot("quadruped")
+    hidden = hide(robot, (term("payload"),), "weak", 1)
+    recording = log_of(robot, hidden, protocol(robot, seed=1, seconds=12.5), engine=None)
+    base = [i for i, c in enumerate(recording.channels) if c.name.startswith("base")]
+    blank = lambda e: np.where(np.isin(np.arange(e.values.shape[1]), base), np.nan, e.values)  # noqa: E731
+    episodes = tuple(replace(e, values=blank(e)) for e in recording.episodes)
+    recording = Recording(recording.channels, episodes, measured=False)
+    blind, _ = pose(None, robot, recording, Settings(threads=1))
+    assert rest(blind, nominal(blind), np.arange(1), "unknown") is None
