@@ -11,6 +11,8 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
+CHEAP = 500_000  # commands to simulate for one candidate of every term, up to which all terms are refitted,
+PROMISING = 12  # and how many are, beyond that
 KEPT = 2  # starts of each hypothesis that are refitted,
 ROUGHLY = 2  # iterations for all of them,
 FINALISTS = 16  # and to the end for the best
@@ -113,7 +115,8 @@ def screen(
 ) -> list[Point]:
     """For every term the most promising starts: sizes and signs tried, nominal coordinates moved along to first order.
 
-    A term's change of the rollouts counts after what the nominal parameters can do as well is taken off.
+    A term's change of the rollouts counts after what the nominal parameters can do as well is taken off. Where
+    refitting them all would take too long, only the most promising terms are kept.
     """
     residual, slopes = sensitivities(problem, [base], fit_on)
     curvature, _ = information(problem, base, residual[0], slopes[0], effective)
@@ -139,7 +142,8 @@ def screen(
             (base.z + move)[: len(base.nominal)] ** 2
         )
         moves.append(move)
-    return _best_starts(problem, base, terms, tried, gains, moves)
+    samples = residual.shape[1] * residual.shape[2]
+    return _best_starts(problem, base, terms, tried, gains, moves, samples)
 
 
 def select(problem: Problem, base: Point, fitted: list[Point], windows: np.ndarray) -> Naming:
@@ -205,20 +209,27 @@ def _best_starts(
     tried: list[Point],
     gains: np.ndarray,
     moves: list[np.ndarray],
+    samples: int,
 ) -> list[Point]:
     from dynreg.diagnose.fit import bounds
 
-    out, at = [], 0
+    out, best, at = [], [], 0
     for term in terms:
         many = len(_starts(term))
         order = np.argsort(-gains[at : at + many])[:KEPT] + at
+        starts = []
         for i in order:
             limits = bounds(problem, tried[i])
             z = tried[i].z.copy()
             z[: len(moves[i])] += np.clip(moves[i], -3.0, 3.0)
-            out.append(tried[i].moved(np.clip(z, limits[:, 0], limits[:, 1])))
+            starts.append(tried[i].moved(np.clip(z, limits[:, 0], limits[:, 1])))
+        out.append(starts)
+        best.append(gains[order[0]])
         at += many
-    return out
+    kept = range(len(terms))
+    if len(terms) * samples > CHEAP:
+        kept = np.sort(np.argsort(-np.array(best), kind="stable")[:PROMISING])
+    return [start for i in kept for start in out[i]]
 
 
 def _log_square(problem: Problem, flat: np.ndarray, shape: tuple, effective: np.ndarray) -> float:
