@@ -79,7 +79,9 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
         )
     if result.noise is not None and result.noise.ratio is not None:
         floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
-        tiles.append((f"{result.noise.ratio:.2g} x", f"what is left, over the {floor[result.noise.basis]}"))
+        tiles.append(
+            (f"{number(result.noise.ratio)} x", f"what is left, over the {floor[result.noise.basis]}")
+        )
     return tiles
 
 

@@ -60,9 +60,7 @@ def noise_words(noise: Noise | None) -> str:
     if noise.ratio is None:
         return f"{left}; {FLOORS[noise.basis]} is not known."
     white = {True: "; it looks like white noise", False: "; it is not white noise", None: ""}[noise.white]
-    return (
-        f"{left}, {noise.ratio:.2g} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
-    )
+    return f"{left}, {number(noise.ratio)} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
 
 
 def residual_words(result: Diagnosis) -> str:

@@ -28,7 +28,7 @@ def diagnosis_sentence(
         )
     first = causes[0]
     said = f"{_effect(first)} ({_sizes(first)})"
-    also = f", and {' and '.join(_effect(c) for c in causes[1:])}" if causes[1:] else ""
+    also = f", and {' and '.join(f'{_effect(c)} ({_sizes(c)})' for c in causes[1:])}" if causes[1:] else ""
     if verdict == "named":
         text = f"{name} shows {said}{also}"
     elif verdict == "ambiguous":
@@ -36,7 +36,7 @@ def diagnosis_sentence(
         text = f"{name} shows {said} or {others}, which it cannot tell apart{also}"
     else:
         text = f"{name} is explained in part by {said}{also}"
-    return f"{text}{_gain(first)}{_left(noise, '; ')}."
+    return f"{text}{_gain(first) if not causes[1:] else _gains(causes)}{_left(noise, '; ')}."
 
 
 def _effect(cause: Cause) -> str:
@@ -65,6 +65,17 @@ def _gain(cause: Cause) -> str:
     return f"; with it the held-out error is {size} {'lower' if gain.low > 0 else 'higher'} ({interval})"
 
 
+def _gains(causes: Sequence[Cause]) -> str:
+    """What several causes gain together; each one's own gain is on top of those before it."""
+    kept = 1.0
+    for cause in causes:
+        if cause.gain is None:
+            return ""
+        kept *= 1.0 - cause.gain.value
+    size = f"{100 * abs(1.0 - kept):.0f} % {'lower' if kept <= 1 else 'higher'}"
+    return f"; with all of them the held-out error is {size}"
+
+
 def _error(error: RolloutError) -> str:
     if error.calibrated is None:
         return ""
@@ -76,7 +87,8 @@ def _left(noise: Noise | None, joint: str) -> str:
         return ""
     floors = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
     floor = floors[noise.basis]
-    return f"{joint}what is left is {noise.ratio:.2g} times {floor}"
+    times = f"{noise.ratio:.0f}" if noise.ratio >= 100 else f"{noise.ratio:.2g}"
+    return f"{joint}what is left is {times} times {floor}"
 
 
 def _depends(residual: Sequence[ResidualShare] | None) -> str:
