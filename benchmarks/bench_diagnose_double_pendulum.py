@@ -1,9 +1,9 @@
 """Diagnosis of the real double pendulum from the published model without friction and rotors, beside its peers.
 
 Four of the eight runs of excitation (every second one) are to fit and select by; the two swing-ups are held out.
-The torque was measured at the drives, so what happens between a command and its torque cannot be a cause. Error: open-loop
-rollouts of 0.5 s and 1 s from measured states every 0.25 s, driven by the measured torque, both joints' positions
-[rad]: root mean square, and the median window (windows near upright diverge, whatever the model).
+The torque was measured at the drives, so what happens between a command and its torque cannot be a cause. Error:
+open-loop rollouts of 0.5 s and 1 s from measured states every 0.25 s, driven by the measured torque, both joints'
+positions [rad]: root mean square, and the median window (windows near upright diverge, whatever the model).
 """
 
 import argparse

@@ -92,7 +92,10 @@ def peers(robot: Robot, recording: Recording) -> list[Peer]:
     """mujoco.sysid and sparse regression on the same file."""
     path = robot.folder / robot.file.robot.model
     found = identify(
-        path.read_text(encoding="utf-8"), knobs(), Segments.cut(robot, recording, [TRAIN], 1.0, 1.0), gain=GAIN
+        path.read_text(encoding="utf-8"),
+        knobs(),
+        Segments.cut(robot, recording, [TRAIN], 1.0, 1.0),
+        gain=GAIN,
     )
     model = mujoco.MjModel.from_xml_path(str(path))
     model.dof_damping[:] = VISCOUS

@@ -7,6 +7,7 @@
 import contextlib
 import copy
 import io
+import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -110,6 +111,7 @@ def identify(xml: str, knobs: Sequence[Knob], segments: Segments, *, gain: float
     if not hasattr(sysid, "optimize"):
         print("mujoco.sysid: skipped, it lacks packages (pip install 'dynreg[peers]')")
         return None
+    logging.getLogger("absl").setLevel(logging.ERROR)  # it warns of every segment whose sensors are states
     began = time.perf_counter()
     spread = segments.measured.std(axis=(0, 1))
     parameters = sysid.ParameterDict()
