@@ -1,6 +1,6 @@
 """Diagnosis of the real double pendulum from the published model without friction and rotors, beside its peers.
 
-Four of the eight runs of excitation (every second one) are to fit and select by; the two swing-ups are held out.
+The eight runs of excitation are to fit and select by; the two swing-ups are held out.
 The torque was measured at the drives, so what happens between a command and its torque cannot be a cause. Error:
 open-loop rollouts of 0.5 s and 1 s from measured states every 0.25 s, driven by the measured torque, both joints'
 positions [rad]: root mean square, and the median window (windows near upright diverge, whatever the model).
@@ -104,13 +104,16 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--max-causes", type=int, default=3)
     parser.add_argument("--threshold-runs", type=int, default=0)
+    parser.add_argument("--effects", nargs="*", help="only these effects [all but those before the torque]")
+    parser.add_argument("--runs", nargs="*", help="runs to fit and select by [all eight]")
     given = parser.parse_args()
     logs = sorted((DATA / "dfki_double_pendulum").glob("*.parquet"))
     if not logs:
         print("bench_diagnose_double_pendulum: skipped, no double pendulum log in DYNREG_DATA_DIR")
         return
     held = [log for log in logs if log.stem in HELD_OUT]
-    train = [log for log in logs if log.stem not in HELD_OUT][::2]
+    train = [log for log in logs if log.stem not in HELD_OUT]
+    train = [log for log in train if not given.runs or log.stem in given.runs]
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         identity = reg.ingest([*train, *held], "double_pendulum", name="swings").recording
         recording, robot = reg.registry.recording(identity), load_robot("double_pendulum")
@@ -120,7 +123,8 @@ def main() -> None:
             hold_out=",".join(HELD_OUT),
             threshold_runs=given.threshold_runs,
             max_causes=given.max_causes,
-            without=BEFORE_THE_TORQUE,
+            effects=given.effects,
+            without=() if given.effects else BEFORE_THE_TORQUE,
             threads=given.threads,
         )
         seconds = time.perf_counter() - began
@@ -141,10 +145,10 @@ def main() -> None:
         for peer in peers(robot, recording, [log.stem for log in train]):
             rows.append({"model": peer.name, **scores(peer.run, robot, recording)})
             rows[-1] |= {"seconds": peer.seconds, "named": peer.named, "values": peer.values}
-    report(found, rows)
+    report(found, rows, vars(given))
 
 
-def report(found, rows: list[dict]) -> None:
+def report(found, rows: list[dict], asked: dict) -> None:
     """Print the causes and the table, and keep both."""
     print(f"{found.verdict}:")
     for cause in found.causes:
@@ -160,6 +164,7 @@ def report(found, rows: list[dict]) -> None:
             f"          {row.get('seconds', 0):6.1f}   {row.get('named', '')[:150]}"
         )
     document = {
+        "asked": asked,
         "verdict": found.verdict,
         "causes": [
             {"key": c.key, "nats": c.evidence_nats, **{k: v.value for k, v in c.parameters.items()}}

@@ -20,6 +20,7 @@ from open_loop import Segments
 from scipy.signal import butter, sosfiltfilt
 
 from dynreg.data.recording import Recording
+from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.robot import Robot
 
 TERMS = ("1", "v", "sign(v)", "v|v|", "|v|", "a")  # what sparse regression may use of each joint's motion
@@ -55,7 +56,8 @@ class Peer:
 
     def run(self, segments: Segments) -> np.ndarray:
         """(W, T+1, 2 A) positions and velocities from the measured states under the measured commands."""
-        return _run(self.model, segments, self.gain, self.force)
+        with quiet():  # a regression can have a friction that pushes
+            return _run(self.model, segments, self.gain, self.force)
 
 
 @dataclass(frozen=True)
