@@ -91,10 +91,8 @@ def peers(robot, recording, train: list[str]) -> list[Peer]:
     """mujoco.sysid and sparse regression on the same runs."""
     xml = (robot.folder / robot.file.robot.model).read_text(encoding="utf-8")
     found = identify(xml, knobs(), Segments.cut(robot, recording, train, WINDOW, WINDOW))
-    half = len(train) // 2
-    fit, select = (
-        Motion.of(robot, recording, part, filter_hz=FILTER, every=10) for part in (train[:half], train[half:])
-    )
+    parts = (train[::2], train[1::2])
+    fit, select = (Motion.of(robot, recording, part, filter_hz=FILTER, every=10) for part in parts)
     return [p for p in (found, sparse(robot.model, fit, select)) if p]
 
 
