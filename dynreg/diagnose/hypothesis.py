@@ -97,8 +97,7 @@ class Coordinates:
         """{quantity: (A,)} what sizes of effects are multiples of, for each drive."""
         law = servo_law(nominal_ports(self.robot, 1), self.robot.input_defaults[None])
         model, data = self.robot.model, at_reset(self.robot)
-        diagonal = data.M[model.M_rowadr + model.M_rownnz - 1]
-        inertia = diagonal[driven_dofs(self.robot)]
+        inertia = _felt_inertia(model, data)[driven_dofs(self.robot)]
         limit = law.limit[0].copy()
         unlimited = limit > 1e5  # a drive that states no limit: what gravity and a lively motion ask for
         moved = np.abs(data.qfrc_bias[driven_dofs(self.robot)]) + 10.0 * inertia
@@ -181,6 +180,18 @@ def single_terms(robot: Robot, only: tuple[str, ...] = (), without: tuple[str, .
         if effect.scope == "joint" and len(joints) > 1:
             out += [Term(effect, (joint,)) for joint in joints]
     return out
+
+
+def _felt_inertia(model, data) -> np.ndarray:
+    """(nv,) inertia that a torque on each joint alone accelerates, with all other joints free to give way.
+
+    In a chain that is less than the joint's own entry of the inertia matrix, and what adds to it shows at once.
+    """
+    import mujoco
+
+    inverse = np.eye(model.nv)
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    return 1.0 / np.diag(inverse)
 
 
 def _effect_value(p: EffectParameter, scale: float, z: np.ndarray) -> np.ndarray:

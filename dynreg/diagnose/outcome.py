@@ -1,6 +1,7 @@
 """From points to the result: causes with intervals and gains, parameters, errors, traces, the simulators registered."""
 
 import time
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,8 @@ from dynreg.results.diagnosis import (
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.rng import stream
 from dynreg.sim.config import SimConfig
+from dynreg.sim.effects import EffectParameter, Term
+from dynreg.sim.robot import Robot
 
 if TYPE_CHECKING:
     from dynreg.diagnose.diagnose import Found
@@ -41,6 +44,18 @@ MOVED = 0.5  # of its nameplate's sigma that a parameter must move to be told
 PLACES = 12  # rows of where the error lives
 WINDOWS, CHANNELS, POINTS = 3, 4, 300  # of the traces
 NAMES = ("nominal", "calibrated", "extended")
+ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
+    {
+        "rad": "m",
+        "rad/s": "m/s",
+        "N*m": "N",
+        "N*m/s": "N/s",
+        "N*m/rad": "N/m",
+        "N*m*s/rad": "N*s/m",
+        "N*m*s^2/rad^2": "N*s^2/m^2",
+        "kg*m^2": "kg",
+    }
+)
 
 
 def outcome(
@@ -193,11 +208,23 @@ def _estimates(problem: Problem, point: Point, number: int, sigma: np.ndarray) -
             value=float(at[1][k]),
             low=ends[0],
             high=ends[1],
-            unit=p.unit,
+            unit=_unit(problem.robot, term, p),
             at_bound=bool(z <= low + 1e-3 and p.signed or z >= high - 1e-3),
             sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
         )
     return out
+
+
+def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
+    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles."""
+    import mujoco
+
+    owners = dict.fromkeys(name.split("/")[0] for name in robot.actions)
+    joints = [joint for joint in owners if not term.joints or joint in term.joints]
+    slides = [robot.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for j in joints]
+    if term.effect.scope != "joint" or not slides or not all(slides):
+        return parameter.unit
+    return ON_SLIDES.get(parameter.unit, parameter.unit)
 
 
 def _gain(problem: Problem, before: np.ndarray, after: np.ndarray, judged: np.ndarray) -> Gain | None:

@@ -21,7 +21,7 @@ def number(value: float | int | None) -> str:
         return "-"
     if isinstance(value, int):
         return str(value)
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value:.3g}" if abs(value) < 999.5 else f"{value:.0f}"
 
 
 def count(how_many: int, what: str) -> str:

@@ -10,6 +10,7 @@ from dynreg.data.ingest import read_recording
 from dynreg.data.maps import read_map
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
+from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot, require_commands
 from dynreg.sim.run import Run
@@ -28,7 +29,7 @@ def _errors(
     seconds: float,
     every: float,
     engine: str | None = None,
-    **values: float,
+    effects: dict | None = None,
 ) -> np.ndarray:
     """(N, T+1, S) simulated minus measured states of open-loop rollouts from measured states."""
     require_commands(robot, recording)
@@ -37,33 +38,47 @@ def _errors(
     starts = [(e, at) for e in recording.episodes for at in range(0, len(e.time) - steps, stride)]
     measured = np.stack([e.values[at : at + steps + 1, states] for e, at in starts])
     commands = np.stack([e.values[at : at + steps, actions] for e, at in starts])
-    row = robot.space.from_dict(values)[None]
-    out = rollout(robot, row, Run(commands, initial=measured[:, 0]), engine=engine)
+    terms = terms_of(SimConfig(robot.hash, robot.name, {}, effects or {}))
+    run = Run(commands, initial=measured[:, 0])
+    out = rollout(robot, robot.space.nominal[None], run, engine=engine, threads=1, terms=terms)
     return out.states[0] - measured
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "joint"])
 def test_emps_open_loop_seconds_are_good_to_millimetres(engine: str, data_dir: Path):
     robot, recording = _recording("emps", "emps_mat", "emps/*.mat", data_dir)
-    for episode, published in (("DATA_EMPS", 1.55e-3), ("DATA_EMPS_PULSES", 2.17e-3)):
-        errors = _errors(robot, recording.select([episode]), 1.0, 0.5, engine)[..., 0]
-        assert np.sqrt(np.mean(errors**2)) < 1.3 * published
-    without = _errors(robot, recording, 1.0, 0.5, engine, coulomb=5.0)[..., 0]
-    assert np.sqrt(np.mean(without**2)) > 10e-3
+    published = {"coulomb_friction": {"torque": 20.3935}, "force_offset": {"torque": 3.1648}}
+    for episode, error in (("DATA_EMPS", 1.55e-3), ("DATA_EMPS_PULSES", 2.17e-3)):
+        part = recording.select([episode])
+        errors = _errors(robot, part, 1.0, 0.5, engine, effects=published)[..., 0]
+        assert np.sqrt(np.mean(errors**2)) < 1.3 * error
+        without = _errors(robot, part, 1.0, 0.5, engine)[..., 0]
+        assert np.sqrt(np.mean(without**2)) > 10e-3
 
 
-def test_double_pendulum_follows_the_published_model(data_dir: Path):
+def test_double_pendulum_follows_the_published_models(data_dir: Path):
     robot, recording = _recording(
         "double_pendulum", "dfki_parquet", "dfki_double_pendulum/*.parquet", data_dir
     )
     swings = recording.select([e.name for e in recording.episodes if "154" in e.name])
-    windows = np.sqrt(np.mean(_errors(robot, swings, 0.5, 0.25)[..., :2] ** 2, axis=(1, 2)))
-    # another implementation of the same published model: 0.369 (0.092)
-    assert np.sqrt(np.mean(windows**2)) == pytest.approx(0.369, abs=0.02)
-    assert np.median(windows) == pytest.approx(0.092, abs=0.01)
-    friction = dict(shoulder_coulomb=0.256, elbow_coulomb=0.178)  # as identified on the other runs
-    better = np.sqrt(np.mean(_errors(robot, swings, 0.5, 0.25, **friction)[..., :2] ** 2, axis=(1, 2)))
-    assert np.median(better) < 0.6 * np.median(windows)
+
+    def windows(shoulder: float, elbow: float, rotor: float) -> np.ndarray:
+        effects = {
+            "coulomb_friction[shoulder]": {"torque": shoulder},
+            "coulomb_friction[elbow]": {"torque": elbow},
+            "inertia": {"armature": rotor},
+        }
+        errors = _errors(robot, swings, 0.5, 0.25, effects=effects)
+        return np.sqrt(np.mean(errors[..., :2] ** 2, axis=(1, 2)))
+
+    # another implementation of the same published models: 0.915 (0.329) without friction, 0.369 (0.092) with it
+    wrong, better = windows(0.0, 0.0, 0.0), windows(0.16, 0.12, 0.0022634)
+    assert np.sqrt(np.mean(wrong**2)) == pytest.approx(0.915, abs=0.03)
+    assert np.median(wrong) == pytest.approx(0.329, abs=0.01)
+    assert np.sqrt(np.mean(better**2)) == pytest.approx(0.369, abs=0.02)
+    assert np.median(better) == pytest.approx(0.092, abs=0.01)
+    best = windows(0.256, 0.178, 0.0022634)  # as identified on the other runs
+    assert np.median(best) < 0.6 * np.median(better)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "joint"])

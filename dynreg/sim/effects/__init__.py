@@ -28,6 +28,7 @@ _PACKAGED = (
     friction.LoadFriction,
     friction.StribeckLoadFriction,
     friction.AsymmetricFriction,
+    friction.AsymmetricViscous,
     friction.FrictionDrift,
     friction.QuadraticDrag,
     transmission.Backlash,

@@ -114,6 +114,31 @@ class AsymmetricFriction(Effect):
         return np.maximum(p["mean"] + p["difference"] * np.sign(towards), 0.0)
 
 
+class AsymmetricViscous(Effect):
+    """Viscous friction that differs between the two directions: a torque of -difference |v|, whatever the sign of v."""
+
+    id, acts_on = "asymmetric_viscous", "friction"
+    title = "viscous friction that differs between directions"
+    parameters = (
+        EffectParameter(
+            "difference",
+            "N*m*s/rad",
+            "half the difference",
+            0.02 / NO_SPEED,
+            0.06 / NO_SPEED,
+            0.15 / NO_SPEED,
+            1.0 / NO_SPEED,
+            per="torque",
+            signed=True,
+        ),
+    )
+    near = ("asymmetric_friction", "force_offset")
+    separate_by = "the same constant speeds in both directions, slow and fast"
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque - p["difference"] * np.abs(x.v)
+
+
 class FrictionDrift(Effect):
     """Dry friction that grows with the time of the log."""
 

@@ -1,0 +1,58 @@
+"""Open-loop rollouts of a recording from its measured states, and their errors, for any simulator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Pieces of a recording. measured : (W, T+1, S) states. commands : (W, T, A). period : s between them."""
+
+    measured: np.ndarray
+    commands: np.ndarray
+    period: float
+
+    @classmethod
+    def cut(
+        cls, robot: Robot, recording: Recording, names: list[str], seconds: float, every: float
+    ) -> "Segments":
+        """Pieces of `seconds` that begin every `every` seconds of the episodes `names`."""
+        states, actions = recording.columns(robot.channels), recording.columns(robot.actions)
+        steps, stride = round(seconds * robot.rate), round(every * robot.rate)
+        cuts = [
+            e.values[at : at + steps + 1]
+            for e in recording.episodes
+            if e.name in names
+            for at in range(0, len(e.time) - steps, stride)
+        ]
+        values = np.stack(cuts)
+        return cls(values[:, :, states], values[:, :-1, actions], 1.0 / robot.rate)
+
+    def positions(self, count: int) -> np.ndarray:
+        """(W, T+1, count): the first channels, which are the joints' positions."""
+        return self.measured[..., :count]
+
+
+def simulated(robot: Robot, config: SimConfig, segments: Segments) -> np.ndarray:
+    """(W, T+1, S) what a registered simulator does from the measured states under the measured commands."""
+    run = Run(segments.commands, initial=segments.measured[:, 0], period=segments.period)
+    values = robot.space.from_dict(dict(config.values))[None]
+    return rollout(robot, values, run, threads=1, terms=terms_of(config)).states[0]
+
+
+def window_errors(states: np.ndarray, segments: Segments, joints: int) -> np.ndarray:
+    """(W,) root mean square over a window and its `joints` positions."""
+    apart = states[..., :joints] - segments.positions(joints)
+    return np.sqrt(np.mean(apart[:, 1:] ** 2, axis=(1, 2)))
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
