@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals
-from dynreg.diagnose.fit import bounds, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.name import Naming
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.tied import tied
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
 from dynreg.replay.parts import Parts, names
@@ -18,7 +20,6 @@ from dynreg.results import Cost, Diagnosis, Gain
 from dynreg.results.diagnosis import (
     Cause,
     DiagnosisTrace,
-    EffectEstimate,
     Moved,
     Pulled,
     Ranked,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from dynreg.diagnose.diagnose import Found
     from dynreg.diagnose.settings import Settings
 
-NINETY = 1.645  # standard deviations to either side
 MOVED = 0.5  # of its nameplate's sigma that a parameter must move to be told
 PLACES = 12  # rows of where the error lives
 WINDOWS, CHANNELS, POINTS = 3, 4, 300  # of the traces
@@ -61,8 +61,12 @@ def outcome(
     stages = _stages(found)
     states = problem.states([nominal, found.base, *stages], judged)
     errors = _errors(problem, states, judged, evidence, "test" if split.test.any() else "select")
-    sigma = _sigma(problem, found.extended, split.chosen)
-    causes = _causes(problem, found, stages, states, judged, sigma, verdict, bool(split.test.any()))
+    draws = posterior(problem, found.extended, split.chosen)
+    parameters = _parameters(problem, found.extended, draws)
+    looked, pairs = tied(problem, found, split.chosen, settings)
+    if verdict == "named" and any(pair.absent for pair in pairs):
+        verdict = "ambiguous"
+    causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     ids = [
         _register(registry, problem, p, recording, n)
         for p, n in ((found.base, "calibrated"), (found.extended, "extended"))
@@ -84,6 +88,8 @@ def outcome(
             error=worst,
             threshold_nats=found.threshold.nats,
             noise=evidence.noise,
+            looked=looked,
+            inseparable=pairs,
         ),
         causes=causes,
         ranking=_ranking(found),
@@ -93,12 +99,14 @@ def outcome(
             cached=found.threshold.cached,
             note=_threshold_note(found),
         ),
-        parameters=_parameters(problem, found.extended, sigma),
+        parameters=parameters,
         moved=_moved(problem, found) if found.accepted else (),
         error=worst,
         errors=errors,
         where=_where(rows),
         finding=finding(rows, 1),
+        looked=looked,
+        inseparable=pairs,
         noise=evidence.noise,
         experiments=_experiments(found, verdict),
         parts={
@@ -107,7 +115,7 @@ def outcome(
         },
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=_notes(problem, found, evidence),
+        notes=_notes(parameters, evidence),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -127,22 +135,13 @@ def _stages(found: "Found") -> list[Point]:
     return [*after[:-1], found.extended] if after else [found.extended]
 
 
-def _sigma(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
-    """(P' + K,) standard deviation of every coordinate, from the curvature of the log posterior."""
-    residual, slopes = sensitivities(problem, [point], chosen)
-    effective = effective_samples(residual[0])
-    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    inverse = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
-    return np.sqrt(np.maximum(np.diag(inverse), 0.0))
-
-
 def _causes(
     problem: Problem,
     found: "Found",
     stages: list[Point],
     states: np.ndarray,
     judged: np.ndarray,
-    sigma: np.ndarray,
+    draws: Posterior,
     verdict: Verdict,
     tested: bool,
 ) -> tuple[Cause, ...]:
@@ -163,7 +162,7 @@ def _causes(
                 joints=term.joints,
                 title=term.effect.title,
                 verdict=this,
-                parameters=_estimates(problem, found.extended, number, sigma),
+                parameters=estimates(problem, found.extended, number, draws),
                 evidence_nats=naming.chosen.nats,
                 equivalent=apart + same,
                 inseparable=same,
@@ -172,33 +171,6 @@ def _causes(
             )
         )
     return tuple(out)
-
-
-def _estimates(problem: Problem, point: Point, number: int, sigma: np.ndarray) -> dict[str, EffectEstimate]:
-    """Parameters of the point's term `number` with 90 % intervals, through the fit's own coordinates."""
-    hypothesis = point.hypothesis
-    before = sum(len(t.effect.parameters) for t in hypothesis.terms[:number])
-    limits = bounds(problem, point)[len(point.nominal) :]
-    spread = NINETY * sigma[len(point.nominal) :]
-    term = hypothesis.terms[number]
-    at = [
-        problem.coordinates.effect_values(hypothesis, np.clip(z, *limits.T)[None])[number][0]
-        for z in (point.effect - spread, point.effect, point.effect + spread)
-    ]
-    out = {}
-    for k, p in enumerate(term.effect.parameters):
-        ends = sorted((float(at[0][k]), float(at[2][k])))
-        z, (low, high) = point.effect[before + k], limits[before + k]
-        scale = problem.coordinates.scale(term, p) / p.medium
-        out[p.name] = EffectEstimate(
-            value=float(at[1][k]),
-            low=ends[0],
-            high=ends[1],
-            unit=p.unit,
-            at_bound=bool(z <= low + 1e-3 and p.signed or z >= high - 1e-3),
-            sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
-        )
-    return out
 
 
 def _gain(problem: Problem, before: np.ndarray, after: np.ndarray, judged: np.ndarray) -> Gain | None:
@@ -255,14 +227,11 @@ def _spread(problem: Problem, channel: str) -> float:
     return float(problem.windows.spread[problem.robot.channels.index(channel)])
 
 
-def _parameters(problem: Problem, point: Point, sigma: np.ndarray) -> dict[str, Pulled]:
+def _parameters(problem: Problem, point: Point, draws: Posterior) -> dict[str, Pulled]:
     c = problem.coordinates
     limits = c.nominal_bounds
-    spread = NINETY * sigma[: len(point.nominal)]
-    value, low, high = (
-        c.values(np.clip(z, *limits.T))
-        for z in (point.nominal, point.nominal - spread, point.nominal + spread)
-    )
+    value = c.values(np.clip(point.nominal, *limits.T))
+    low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
     out = {}
     for i, p in enumerate(problem.robot.space.parameters):
         free = np.flatnonzero(c.free == i)
@@ -363,17 +332,13 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _notes(problem: Problem, found: "Found", evidence: Evidence) -> tuple[str, ...]:
+def _notes(parameters: dict[str, Pulled], evidence: Evidence) -> tuple[str, ...]:
     out = []
     if evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"
         )
-    at_bound = [
-        n
-        for n, p in _parameters(problem, found.extended, np.zeros(len(found.extended.z))).items()
-        if p.at_bound
-    ]
+    at_bound = [name for name, p in parameters.items() if p.at_bound]
     if at_bound:
         out.append(
             f"{', '.join(at_bound)} at the edge of the allowed range: widen it in robot.toml, or look on"

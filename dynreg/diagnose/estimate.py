@@ -1,0 +1,38 @@
+"""Parameters of a term, in its units and with their intervals, from draws of the posterior."""
+
+import numpy as np
+
+from dynreg.diagnose.fit import bounds
+from dynreg.diagnose.interval import NINETY, Posterior
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.results.diagnosis import EffectEstimate
+
+
+def estimates(
+    problem: Problem, point: Point, number: int, draws: Posterior, *, median: bool = False
+) -> dict[str, EffectEstimate]:
+    """Parameters of the point's term `number` with 90 % intervals; `draws` are of the same hypothesis.
+
+    median : give the posterior's, not the point's own values: along a valley the best point says nothing.
+    """
+    hypothesis, c, free = point.hypothesis, problem.coordinates, len(point.nominal)
+    before = sum(len(t.effect.parameters) for t in hypothesis.terms[:number])
+    limits = bounds(problem, point)[free:]
+    value = c.effect_values(hypothesis, np.clip(point.effect, *limits.T)[None])[number][0]
+    low, middle, high = draws.quantiles(
+        c.effect_values(hypothesis, draws.z[:, free:])[number], (NINETY[0], 0.5, NINETY[1])
+    )
+    value = middle if median else value
+    term, out = hypothesis.terms[number], {}
+    for k, p in enumerate(term.effect.parameters):
+        z, (least, most) = point.effect[before + k], limits[before + k]
+        scale = c.scale(term, p) / p.medium
+        out[p.name] = EffectEstimate(
+            value=float(value[k]),
+            low=float(min(low[k], value[k])),
+            high=float(max(high[k], value[k])),
+            unit=p.unit,
+            at_bound=bool(z <= least + 1e-3 and p.signed or z >= most - 1e-3),
+            sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
+        )
+    return out
