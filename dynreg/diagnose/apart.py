@@ -24,11 +24,13 @@ SIZES = (0.3, 1.5)  # medium sizes of a rival from which its fit with the cause 
 class Together:
     """A cause and a rival, the last two terms of `point`, with draws of both.
 
-    growth : how many times wider the interval of the cause's first parameter is once it has to hold with the rival.
+    alike : how many times less sure of the cause's first parameter the curvature is with the rival free. growth : how
+    many times wider its interval is once it has to hold with the rival.
     """
 
     point: Point
     draws: Posterior
+    alike: float
     growth: float
 
     @property
@@ -39,8 +41,8 @@ class Together:
 
     @property
     def inseparable(self) -> bool:
-        """Whether the rival makes the cause's size uncertain."""
-        return self.growth >= SHARED
+        """Whether the rival makes the cause's size uncertain, by the curvature and by the draws."""
+        return min(self.alike, self.growth) >= SHARED
 
 
 def together(
@@ -61,7 +63,7 @@ def together(
         best = points[int(cost.argmin())]
         draws = posterior(problem, best, chosen)
         growth = float(np.ptp([ends, draws.quantiles(draws.z[:, at])]) / max(np.ptp(ends), 1e-9))
-        out.append(Together(best, draws, growth))
+        out.append(Together(best, draws, float(alike[i]), growth))
     return tuple(sorted(out, key=lambda one: -one.growth))
 
 

@@ -64,8 +64,6 @@ def outcome(
     draws = posterior(problem, found.extended, split.chosen)
     parameters = _parameters(problem, found.extended, draws)
     looked, pairs = tied(problem, found, split.chosen, settings)
-    if verdict == "named" and any(pair.absent for pair in pairs):
-        verdict = "ambiguous"
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     ids = [
         _register(registry, problem, p, recording, n)

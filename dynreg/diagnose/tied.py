@@ -44,7 +44,9 @@ def tied(
         whatever={name: _widest([alone[name], *(e[name] for e in with_rivals)]) for name in alone},
     )
     return looked, tuple(
-        _said(problem, one, inside) for one, inside in zip(both, with_rivals, strict=True) if one.inseparable
+        _said(problem, one, inside, _proven(found, one))
+        for one, inside in zip(both, with_rivals, strict=True)
+        if one.inseparable
     )
 
 
@@ -77,7 +79,9 @@ def _widest(every: list[EffectEstimate]) -> EffectEstimate:
     return every[0].model_copy(update={"low": min(e.low for e in every), "high": max(e.high for e in every)})
 
 
-def _said(problem: Problem, found: apart.Together, inside: dict[str, EffectEstimate]) -> Inseparable:
+def _said(
+    problem: Problem, found: apart.Together, inside: dict[str, EffectEstimate], proven: bool
+) -> Inseparable:
     cause, rival = found.pair
     number = len(found.point.hypothesis.terms) - 1
     return Inseparable(
@@ -85,9 +89,17 @@ def _said(problem: Problem, found: apart.Together, inside: dict[str, EffectEstim
         cause=inside,
         rival=estimates(problem, found.point, number, found.draws, median=True),
         growth=found.growth,
-        absent=_may_be_absent(cause, inside),
+        absent=not proven and _may_be_absent(cause, inside),
         experiment=_command(problem.robot.name, cause.key, rival.key),
     )
+
+
+def _proven(found: "Found", one: apart.Together) -> bool:
+    """Whether the cause has been named, and the rival alone explains the data less well: it is there."""
+    equals = (
+        {s.point.hypothesis.terms[-1].key for s in found.rounds[0].equivalent} if found.accepted else set()
+    )
+    return found.accepted > 0 and one.pair[1].key not in equals
 
 
 def _may_be_absent(term: Term, said: dict[str, EffectEstimate]) -> bool:
