@@ -146,6 +146,8 @@ def search(
     for number in range(settings.max_causes):
         report("causes", number, settings.max_causes)
         left = [t for t in terms if t.key not in {u.key for u in current.hypothesis.terms}]
+        if not left:
+            break
         naming = name_one(problem, current, left, fit_on, select_on, effective)
         rounds.append(naming)
         if number == 0:

@@ -1,18 +1,19 @@
 """From points to the result: causes with intervals and gains, parameters, errors, traces, the simulators registered."""
 
 import time
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals
-from dynreg.diagnose.fit import bounds, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.name import Naming
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
+from dynreg.diagnose.tied import tied
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
 from dynreg.replay.parts import Parts, names
@@ -20,7 +21,6 @@ from dynreg.results import Cost, Diagnosis, Gain
 from dynreg.results.diagnosis import (
     Cause,
     DiagnosisTrace,
-    EffectEstimate,
     Moved,
     Pulled,
     Ranked,
@@ -32,30 +32,15 @@ from dynreg.results.diagnosis import (
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.rng import stream
 from dynreg.sim.config import SimConfig
-from dynreg.sim.effects import EffectParameter, Term
-from dynreg.sim.robot import Robot
 
 if TYPE_CHECKING:
     from dynreg.diagnose.diagnose import Found
     from dynreg.diagnose.settings import Settings
 
-NINETY = 1.645  # standard deviations to either side
 MOVED = 0.5  # of its nameplate's sigma that a parameter must move to be told
 PLACES = 12  # rows of where the error lives
 WINDOWS, CHANNELS, POINTS = 3, 4, 300  # of the traces
 NAMES = ("nominal", "calibrated", "extended")
-ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
-    {
-        "rad": "m",
-        "rad/s": "m/s",
-        "N*m": "N",
-        "N*m/s": "N/s",
-        "N*m/rad": "N/m",
-        "N*m*s/rad": "N*s/m",
-        "N*m*s^2/rad^2": "N*s^2/m^2",
-        "kg*m^2": "kg",
-    }
-)
 
 
 def outcome(
@@ -77,8 +62,10 @@ def outcome(
     stages = _stages(found)
     states = problem.states([nominal, found.base, *stages], judged)
     errors = _errors(problem, states, judged, evidence, "test" if split.test.any() else "select")
-    sigma = _sigma(problem, found.extended, split.chosen)
-    causes = _causes(problem, found, stages, states, judged, sigma, verdict, bool(split.test.any()))
+    draws = posterior(problem, found.extended, split.chosen)
+    parameters = _parameters(problem, found.extended, draws)
+    looked, pairs = tied(problem, found, split.chosen, settings)
+    causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     whole = _gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     kinds = {"calibrated": found.base, "extended": found.extended}
     ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
@@ -102,18 +89,22 @@ def outcome(
             noise=evidence.noise,
             residual=depends,
             gain=whole,
+            looked=looked,
+            inseparable=pairs,
         ),
         causes=causes,
         gain=whole,
         ranking=_ranking(found),
         threshold_nats=found.threshold.nats,
         threshold=_threshold(found),
-        parameters=_parameters(problem, found.extended, sigma),
+        parameters=parameters,
         moved=_moved(problem, found) if found.accepted else (),
         error=worst,
         errors=errors,
         where=_where(rows),
         finding=finding(rows, 1),
+        looked=looked,
+        inseparable=pairs,
         noise=evidence.noise,
         rest=left,
         residual=depends,
@@ -121,7 +112,7 @@ def outcome(
         parts=_parts(problem, recording, split),
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=_notes(problem, found, evidence),
+        notes=_notes(parameters, evidence),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -141,22 +132,13 @@ def _stages(found: "Found") -> list[Point]:
     return [*after[:-1], found.extended] if after else [found.extended]
 
 
-def _sigma(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
-    """(P' + K,) standard deviation of every coordinate, from the curvature of the log posterior."""
-    residual, slopes = sensitivities(problem, [point], chosen)
-    effective = effective_samples(residual[0])
-    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    inverse = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
-    return np.sqrt(np.maximum(np.diag(inverse), 0.0))
-
-
 def _causes(
     problem: Problem,
     found: "Found",
     stages: list[Point],
     states: np.ndarray,
     judged: np.ndarray,
-    sigma: np.ndarray,
+    draws: Posterior,
     verdict: Verdict,
     tested: bool,
 ) -> tuple[Cause, ...]:
@@ -177,7 +159,7 @@ def _causes(
                 joints=term.joints,
                 title=term.effect.title,
                 verdict=this,
-                parameters=_estimates(problem, found.extended, number, sigma),
+                parameters=estimates(problem, found.extended, number, draws),
                 evidence_nats=naming.chosen.nats,
                 equivalent=apart + same,
                 inseparable=same,
@@ -186,45 +168,6 @@ def _causes(
             )
         )
     return tuple(out)
-
-
-def _estimates(problem: Problem, point: Point, number: int, sigma: np.ndarray) -> dict[str, EffectEstimate]:
-    """Parameters of the point's term `number` with 90 % intervals, through the fit's own coordinates."""
-    hypothesis = point.hypothesis
-    before = sum(len(t.effect.parameters) for t in hypothesis.terms[:number])
-    limits = bounds(problem, point)[len(point.nominal) :]
-    spread = NINETY * sigma[len(point.nominal) :]
-    term = hypothesis.terms[number]
-    at = [
-        problem.coordinates.effect_values(hypothesis, np.clip(z, *limits.T)[None])[number][0]
-        for z in (point.effect - spread, point.effect, point.effect + spread)
-    ]
-    out = {}
-    for k, p in enumerate(term.effect.parameters):
-        ends = sorted((float(at[0][k]), float(at[2][k])))
-        z, (low, high) = point.effect[before + k], limits[before + k]
-        scale = problem.coordinates.scale(term, p) / p.medium
-        out[p.name] = EffectEstimate(
-            value=float(at[1][k]),
-            low=ends[0],
-            high=ends[1],
-            unit=_unit(problem.robot, term, p),
-            at_bound=bool(z <= low + 1e-3 and p.signed or z >= high - 1e-3),
-            sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
-        )
-    return out
-
-
-def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
-    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles."""
-    import mujoco
-
-    owners = dict.fromkeys(name.split("/")[0] for name in robot.actions)
-    joints = [joint for joint in owners if not term.joints or joint in term.joints]
-    slides = [robot.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for j in joints]
-    if term.effect.scope != "joint" or not slides or not all(slides):
-        return parameter.unit
-    return ON_SLIDES.get(parameter.unit, parameter.unit)
 
 
 def _gain(problem: Problem, before: np.ndarray, after: np.ndarray, judged: np.ndarray) -> Gain | None:
@@ -281,14 +224,11 @@ def _spread(problem: Problem, channel: str) -> float:
     return float(problem.windows.spread[problem.robot.channels.index(channel)])
 
 
-def _parameters(problem: Problem, point: Point, sigma: np.ndarray) -> dict[str, Pulled]:
+def _parameters(problem: Problem, point: Point, draws: Posterior) -> dict[str, Pulled]:
     c = problem.coordinates
     limits = c.nominal_bounds
-    spread = NINETY * sigma[: len(point.nominal)]
-    value, low, high = (
-        c.values(np.clip(z, *limits.T))
-        for z in (point.nominal, point.nominal - spread, point.nominal + spread)
-    )
+    value = c.values(np.clip(point.nominal, *limits.T))
+    low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
     out = {}
     for i, p in enumerate(problem.robot.space.parameters):
         free = np.flatnonzero(c.free == i)
@@ -400,17 +340,13 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _notes(problem: Problem, found: "Found", evidence: Evidence) -> tuple[str, ...]:
+def _notes(parameters: dict[str, Pulled], evidence: Evidence) -> tuple[str, ...]:
     out = []
     if evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"
         )
-    at_bound = [
-        n
-        for n, p in _parameters(problem, found.extended, np.zeros(len(found.extended.z))).items()
-        if p.at_bound
-    ]
+    at_bound = [name for name, p in parameters.items() if p.at_bound]
     if at_bound:
         out.append(
             f"{', '.join(at_bound)} at the edge of the allowed range: widen it in robot.toml, or look on"

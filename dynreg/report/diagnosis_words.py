@@ -1,7 +1,7 @@
 """What a diagnosis says, does not say and asks for, in sentences."""
 
 from dynreg.report.words import count, number
-from dynreg.results import Cause, Diagnosis, EffectEstimate, Noise, Ranked
+from dynreg.results import Cause, Diagnosis, EffectEstimate, Inseparable, Noise, Ranked
 from dynreg.results.sentence import times
 
 FLOORS = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
@@ -85,6 +85,7 @@ def rest_words(result: Diagnosis) -> tuple[str, ...]:
 def unsaid(result: Diagnosis) -> tuple[str, ...]:
     """What the recording cannot tell, and where a number says less than it seems to."""
     said = [_tie(cause) for cause in result.causes if cause.equivalent]
+    said += [_valley(pair) for pair in result.inseparable]
     for cause in result.causes:
         edge = [name for name, e in cause.parameters.items() if e.at_bound]
         said += [f"{name} of {cause.key} lies on the edge of what a fit may reach." for name in edge]
@@ -112,6 +113,10 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
             steps.append(
                 f"Commands that tell them apart: dynreg excite {result.robot} --for {pair} -o next.csv"
             )
+    for pair in result.inseparable:
+        step = f"Commands that tell {pair.between[0]} from {pair.between[1]}: {pair.experiment}"
+        if not any(pair.experiment in other for other in steps):
+            steps.append(step)
     if result.verdict == "unknown":
         steps.append(f"Check the log first: dynreg doctor LOG --robot {result.robot}")
     if not result.parts.get("test"):
@@ -121,6 +126,18 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
             f"Take the extended simulator along: dynreg export {result.extended_simulator[:12]} --to FOLDER"
         )
     return tuple(steps)
+
+
+def _valley(pair: Inseparable) -> str:
+    """A pair of causes that make up for each other, and how far."""
+    cause, rival = (
+        ", ".join(
+            f"{name} {number(e.low)} to {number(e.high)}{'' if e.unit == '1' else ' ' + e.unit}"
+            for name, e in of.items()
+        )
+        for of in (pair.cause, pair.rival)
+    )
+    return f"How much is {pair.between[0]} and how much {pair.between[1]}: {cause} goes with {rival}."
 
 
 def _tie(cause: Cause) -> str:

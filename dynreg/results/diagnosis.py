@@ -61,6 +61,43 @@ class Cause(Result):
         return cause_key(self.effect, self.joints)
 
 
+class Looked(Result):
+    """How large the effect may be that was looked at most closely: the first cause, or without one that asked for, or
+    the best ranked.
+
+    alone : its parameters with 90 % intervals (value: the median), if nothing else is amiss. rivals : its neighbours
+    that move the robot most like it. whatever : intervals that hold with each of them acting, too.
+    """
+
+    effect: str
+    joints: tuple[str, ...] = ()
+    rivals: tuple[str, ...]
+    alone: dict[str, EffectEstimate]
+    whatever: dict[str, EffectEstimate]
+
+    @property
+    def key(self) -> str:
+        """`effect[joints]`."""
+        return cause_key(self.effect, self.joints)
+
+
+class Inseparable(Result):
+    """Two causes that the recording cannot tell apart: the interval of one grows when the other may act as well.
+
+    between : keys of the cause looked at and its rival. cause, rival : parameters of both, with 90 % intervals, if both
+    may act (value: the median). growth : how many times wider the interval of the cause's first parameter gets when it
+    has to hold in both cases. absent : whether it then reaches down to where the cause is not worth naming.
+    experiment : the command that writes an experiment which separates them.
+    """
+
+    between: tuple[str, str]
+    cause: dict[str, EffectEstimate]
+    rival: dict[str, EffectEstimate]
+    growth: float
+    absent: bool
+    experiment: str
+
+
 class Ranked(Result):
     """A hypothesis and what it scored in round `round` (the first cause is found in round 1); note : why it lost."""
 
@@ -201,6 +238,8 @@ class Diagnosis(Result):
     error : of the channel that matters most; errors : of every channel. finding : the sentence of `where`.
     rest, residual : where something is left, how much of it each joint's signals tell, and on which of them it
     depends; null where nothing is, or where the log does not say from which states to predict.
+    looked : how large the first cause may be, whatever else acts. inseparable : the rivals that the recording cannot
+    tell from it.
     inputs : what the log measured and the simulators were driven by. notes : what else a reader must know.
     """
 
@@ -223,6 +262,8 @@ class Diagnosis(Result):
     errors: tuple[RolloutError, ...] = ()
     where: tuple[Where, ...]
     finding: str = ""
+    looked: Looked | None = None
+    inseparable: tuple[Inseparable, ...] = ()
     noise: Noise | None
     rest: tuple[Rest, ...] | None = None
     residual: tuple[ResidualShare, ...] | None = None

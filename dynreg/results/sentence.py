@@ -2,7 +2,16 @@
 
 from collections.abc import Sequence
 
-from dynreg.results.diagnosis import Cause, EffectEstimate, Noise, ResidualShare, RolloutError, Verdict
+from dynreg.results.diagnosis import (
+    Cause,
+    EffectEstimate,
+    Inseparable,
+    Looked,
+    Noise,
+    ResidualShare,
+    RolloutError,
+    Verdict,
+)
 from dynreg.results.result import Gain
 
 
@@ -15,12 +24,47 @@ def diagnosis_sentence(
     threshold_nats: float,
     noise: Noise | None = None,
     residual: Sequence[ResidualShare] | None = None,
+    looked: Looked | None = None,
+    inseparable: Sequence[Inseparable] = (),
     gain: Gain | None = None,
 ) -> str:
-    """What the verdict about the recording `name` means: the cause, how large it is, what it explains, what is left.
+    """What the verdict about the recording `name` means: the cause, how large it is, what it explains, what is left,
+    and what it cannot be told from.
 
     gain : of all causes together; that of the first where it is not given.
     """
+    said = _verdict(name, verdict, causes, error, threshold_nats, noise, residual, gain)
+    return f"{said} {inseparable_sentence(looked, inseparable)}".strip()
+
+
+def inseparable_sentence(looked: Looked | None, pairs: Sequence[Inseparable]) -> str:
+    """Which causes cannot be told apart, the interval of the first whatever acts, and the experiment to run.
+
+    "" where there are no pairs.
+    """
+    if looked is None or not pairs:
+        return ""
+    others = " or ".join(pair.between[1] for pair in pairs)
+    name, wide = next(iter(looked.whatever.items()))
+    alone, unit = looked.alone[name], "" if wide.unit == "1" else f" {wide.unit}"
+    absent = ", or it may not be there at all" if any(pair.absent for pair in pairs) else ""
+    return (
+        f"These data cannot tell {looked.key} from {others}: its {name} may be anything from {wide.low:.3g} to"
+        f" {wide.high:.3g}{unit}{absent} ({alone.low:.3g} to {alone.high:.3g} only if nothing else is amiss); to"
+        f" separate them, run `{pairs[0].experiment}`."
+    )
+
+
+def _verdict(
+    name: str,
+    verdict: Verdict,
+    causes: Sequence[Cause],
+    error: RolloutError,
+    threshold_nats: float,
+    noise: Noise | None,
+    residual: Sequence[ResidualShare] | None,
+    gain: Gain | None,
+) -> str:
     if verdict == "none":
         return (
             f"No effect of the library explains {name} better than chance could (that takes {threshold_nats:.3g}"

@@ -13,7 +13,7 @@ class Payload(Effect):
 
     id, acts_on, title = "payload", "body", "the robot carries more mass than the model"
     parameters = (EffectParameter("share", "1", "share of the body's mass", 0.05, 0.15, 0.40, 3.0),)
-    near = ("inertia", "coulomb_friction")
+    near = ("inertia", "coulomb_friction", "drive_gain")
     separate_by = "a slow triangle against a chirp, or a known mass added"
     scope = "robot"
 

@@ -1,0 +1,113 @@
+"""What a recording cannot tell apart: a cause, and the neighbours that make its size uncertain when they are let free.
+
+Declared neighbours are first judged by the curvature alone: how collinear the changes of the motion are (the variance
+inflation of D. Belsley, E. Kuh, R. Welsch, Regression Diagnostics, 1980; as a test of what can be identified R. Brun,
+P. Reichert, H. Kuensch, Water Resour. Res. 37, 2001). The worst are fitted with the cause and sampled, as valleys bend.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.diagnose.fit import fit, information, sensitivities
+from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.sim.effects import Term
+
+SHARED = 1.5  # times the interval without the rival: from here on the two are not told apart
+SAMPLED = 2  # rivals that are fitted and sampled
+SIZES = (0.3, 1.5)  # medium sizes of a rival from which its fit with the cause starts
+
+
+@dataclass(frozen=True)
+class Together:
+    """A cause and a rival, the last two terms of `point`, with draws of both.
+
+    alike : how many times less sure of the cause's first parameter the curvature is with the rival free. growth : how
+    many times wider its interval is once it has to hold with the rival.
+    """
+
+    point: Point
+    draws: Posterior
+    alike: float
+    growth: float
+
+    @property
+    def pair(self) -> tuple[Term, Term]:
+        """The cause and its rival."""
+        cause, rival = self.point.hypothesis.terms[-2:]
+        return cause, rival
+
+    @property
+    def inseparable(self) -> bool:
+        """Whether the rival makes the cause's size uncertain, by the curvature and by the draws."""
+        return min(self.alike, self.growth) >= SHARED
+
+
+def together(
+    problem: Problem, point: Point, alone: Posterior, rivals: Sequence[Term], chosen: np.ndarray
+) -> tuple[Together, ...]:
+    """The last term of `point` (draws: `alone`) with each of the rivals most like it in the windows `chosen`."""
+    if not rivals:
+        return ()
+    effective = effective_samples(problem.residuals([point], chosen)[0])
+    doubled = [with_term(point, rival, 0.0) for rival in rivals]
+    at = len(point.z) - _many(point)
+    alike = _collinear(problem, doubled, at, chosen, effective)
+    ends, out = alone.quantiles(alone.z[:, at]), []
+    for i in np.argsort(-alike, kind="stable")[:SAMPLED]:
+        signs = (1.0, -1.0) if rivals[i].effect.parameters[0].signed else (1.0,)
+        starts = [doubled[i], *(with_term(point, rivals[i], sign * size) for size in SIZES for sign in signs)]
+        points, cost = fit(problem, starts, chosen, effective, iterations=3)
+        best = points[int(cost.argmin())]
+        draws = posterior(problem, best, chosen)
+        growth = float(np.ptp([ends, draws.quantiles(draws.z[:, at])]) / max(np.ptp(ends), 1e-9))
+        out.append(Together(best, draws, float(alike[i]), growth))
+    return tuple(sorted(out, key=lambda one: -one.growth))
+
+
+def neighbours(term: Term, among: Sequence[Term]) -> list[Term]:
+    """Those of `among` that either effect declares near, on the same joints, and not of the same exact group."""
+    out = []
+    for other in among:
+        near = other.effect.id in term.effect.near or term.effect.id in other.effect.near
+        same = other.key == term.key or (term.effect.group and other.effect.group == term.effect.group)
+        if near and not same and (not term.joints or not other.joints or other.joints == term.joints):
+            out.append(other)
+    return out
+
+
+def _many(point: Point) -> int:
+    """How many parameters the last term has."""
+    return len(point.hypothesis.terms[-1].effect.parameters)
+
+
+def with_term(point: Point, term: Term, size: float) -> Point:
+    """The point with one more term, its sizes at `size` medium ones."""
+    sizes = [0.0 if p.shape else size for p in term.effect.parameters]
+    return Point(point.hypothesis.with_term(term), point.nominal, np.concatenate([point.effect, sizes]))
+
+
+def _collinear(
+    problem: Problem, points: list[Point], at: int, chosen: np.ndarray, effective: np.ndarray
+) -> np.ndarray:
+    """(n,) how many times less sure the data alone are of coordinate `at` with each point's last term free.
+
+    The nominal parameters are held: they may do what a rival does, and would hide it.
+    """
+    residual, slopes = sensitivities(problem, points, chosen)
+    out = []
+    for point, r, slope in zip(points, residual, slopes, strict=True):
+        own = [at, *range(len(point.z) - _many(point), len(point.z))]
+        prior = np.diag(np.concatenate([np.ones(len(point.nominal)), _shapes(point)]))
+        data = (information(problem, point, r, slope, effective)[0] - prior)[np.ix_(own, own)]
+        size = np.sqrt(np.maximum(np.diag(data), 1e-12))
+        alike = data / np.outer(size, size) + 1e-9 * np.eye(len(own))
+        out.append(np.sqrt(np.linalg.inv(alike)[0, 0]))
+    return np.array(out)
+
+
+def _shapes(point: Point) -> np.ndarray:
+    """(K,) 1 for the shapes among the effects' coordinates, which have a prior in `fit.information`."""
+    return np.array([float(p.shape) for p in point.hypothesis.parameters])

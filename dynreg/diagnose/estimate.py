@@ -1,0 +1,66 @@
+"""Parameters of a term, in its units and with their intervals, from draws of the posterior."""
+
+from types import MappingProxyType
+
+import mujoco
+import numpy as np
+
+from dynreg.diagnose.fit import bounds
+from dynreg.diagnose.interval import NINETY, Posterior
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.results.diagnosis import EffectEstimate
+from dynreg.sim.effects import EffectParameter, Term
+from dynreg.sim.robot import Robot
+
+ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
+    {
+        "rad": "m",
+        "rad/s": "m/s",
+        "N*m": "N",
+        "N*m/s": "N/s",
+        "N*m/rad": "N/m",
+        "N*m*s/rad": "N*s/m",
+        "N*m*s^2/rad^2": "N*s^2/m^2",
+        "kg*m^2": "kg",
+    }
+)
+
+
+def estimates(
+    problem: Problem, point: Point, number: int, draws: Posterior, *, median: bool = False
+) -> dict[str, EffectEstimate]:
+    """Parameters of the point's term `number` with 90 % intervals; `draws` are of the same hypothesis.
+
+    median : give the posterior's, not the point's own values: along a valley the best point says nothing.
+    """
+    hypothesis, c, free = point.hypothesis, problem.coordinates, len(point.nominal)
+    before = sum(len(t.effect.parameters) for t in hypothesis.terms[:number])
+    limits = bounds(problem, point)[free:]
+    value = c.effect_values(hypothesis, np.clip(point.effect, *limits.T)[None])[number][0]
+    low, middle, high = draws.quantiles(
+        c.effect_values(hypothesis, draws.z[:, free:])[number], (NINETY[0], 0.5, NINETY[1])
+    )
+    value = middle if median else value
+    term, out = hypothesis.terms[number], {}
+    for k, p in enumerate(term.effect.parameters):
+        z, (least, most) = point.effect[before + k], limits[before + k]
+        scale = c.scale(term, p) / p.medium
+        out[p.name] = EffectEstimate(
+            value=float(value[k]),
+            low=float(min(low[k], value[k])),
+            high=float(max(high[k], value[k])),
+            unit=_unit(problem.robot, term, p),
+            at_bound=bool(z <= least + 1e-3 and p.signed or z >= most - 1e-3),
+            sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
+        )
+    return out
+
+
+def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
+    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles."""
+    owners = dict.fromkeys(name.split("/")[0] for name in robot.actions)
+    joints = [joint for joint in owners if not term.joints or joint in term.joints]
+    slides = [robot.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for j in joints]
+    if term.effect.scope != "joint" or not slides or not all(slides):
+        return parameter.unit
+    return ON_SLIDES.get(parameter.unit, parameter.unit)

@@ -1,0 +1,182 @@
+"""Intervals: the posterior of all coordinates of a hypothesis, sampled, for long valleys and bounds have no curvature.
+
+Adaptive importance sampling (Cappe, Guillin, Marin, Robert: Population Monte Carlo, J. Comput. Graph. Stat. 13, 2004)
+with the weights of the deterministic mixture of all rounds (Cornuet, Marin, Mira, Robert: Adaptive Multiple Importance
+Sampling, Scand. J. Stat. 39, 2012). Proposals are Student t: their tails must not be shorter than the posterior's.
+Two things widen it where the model is wrong. Samples count by the autocorrelation time of the residual; and where the
+windows pull at the parameters more than their own noise would let them, the likelihood is raised to the power that
+makes the two agree (Pauli, Racugno, Ventura: Bayesian composite marginal likelihoods, Stat. Sinica 21, 2011; Mueller:
+Risk of Bayesian inference in misspecified models, Econometrica 81, 2013). Where so few draws carry the weight that they
+tell no interval, it is flattened further until enough do.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import logsumexp
+from scipy.stats import multivariate_t
+
+from dynreg.diagnose.fit import bounds, information, objective, sensitivities
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.problem import Point, Problem, effective_samples, mean_squares
+from dynreg.rng import stream
+
+VECTORISED = ("joint", "kinematic")  # engines on which a thousand draws take a second
+NINETY = (0.05, 0.95)
+ROUNDS = 8  # of proposals, each made of what the last ones found
+DRAWS = 100  # in a round
+PRIOR = 40  # draws of the prior, in the first
+FREEDOM = 5.0  # degrees of freedom of the proposals
+WIDER = 1.3  # than the draws so far
+TRIED = 20  # times the draws: what a proposal may throw beyond the bounds
+ENOUGH = 40.0  # draws, in equivalents of equal weight, that an interval takes
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Weighted draws z (N, D) of a hypothesis' coordinates; weights (N,) sum to 1.
+
+    power : in (0, 1], to which the likelihood was raised; 1 where the windows agree and enough draws carry the weight.
+    """
+
+    hypothesis: Hypothesis
+    z: np.ndarray
+    weights: np.ndarray
+    power: float
+
+    def quantiles(self, values: np.ndarray, at: tuple[float, ...] = NINETY) -> np.ndarray:
+        """(len(at), ...) weighted quantiles of values (N, ...), one row for each draw."""
+        return np.quantile(values, at, axis=0, weights=self.weights, method="inverted_cdf")
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A Student t about `middle` (D,) with scale matrix `spread` (D, D), cut off at limits (D, 2)."""
+
+    middle: np.ndarray
+    spread: np.ndarray
+    limits: np.ndarray
+
+    def draw(self, rng: np.random.Generator, many: int) -> tuple[np.ndarray, float]:
+        """At most `many` draws (n, D) within the limits, and the logarithm of the share that lay there."""
+        size = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, TRIED * many))
+        root = np.linalg.cholesky(self.spread)
+        z = self.middle + size[:, None] * (rng.standard_normal((len(size), len(root))) @ root.T)
+        inside = ((z >= self.limits[:, 0]) & (z <= self.limits[:, 1])).all(axis=1)
+        return z[inside][:many], float(np.log(max(inside.mean(), 1.0 / len(z))))
+
+    def log_density(self, z: np.ndarray) -> np.ndarray:
+        """(n,) of draws z (n, D), before the cut."""
+        return np.atleast_1d(multivariate_t.logpdf(z, self.middle, self.spread, FREEDOM))
+
+
+def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0) -> Posterior:
+    """The posterior about its maximum `point`, by the windows `chosen`.
+
+    The prior of nominal coordinates is the nameplate; of shapes, a factor of three; of sizes, normal about zero with
+    the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
+    approximation, cut off at the bounds.
+    """
+    fast = [e for e in problem.robot.file.robot.engines if e in VECTORISED]
+    problem = replace(problem, engine=fast[0]) if fast else problem
+    residual, slopes = sensitivities(problem, [point], chosen)
+    effective = effective_samples(residual[0])
+    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
+    width, limits = prior_widths(point), bounds(problem, point)
+    curvature += prior_curvature(point)
+    agreed = _agreement(problem, residual[0], slopes[0], effective, curvature)
+    rng = stream(seed, "interval", point.hypothesis.key)
+    if not fast:
+        return _approximation(
+            point, agreed * curvature + (1.0 - agreed) * np.diag(1.0 / width**2), limits, rng, agreed
+        )
+    proposals = [
+        Proposal(point.z, np.linalg.inv(curvature), limits),
+        Proposal(np.zeros(len(width)), np.diag(width**2), limits),
+    ]
+    counts = [DRAWS - PRIOR, PRIOR]
+    made, inside = zip(*(p.draw(rng, n) for p, n in zip(proposals, counts, strict=True)), strict=True)
+    made, inside = list(made), list(inside)
+    likelihood = [_likelihood(problem, point, z, chosen, effective) for z in made]
+    while True:
+        z, fit = np.concatenate(made), np.concatenate(likelihood)
+        prior = -0.5 * np.sum((z / width) ** 2, axis=1)
+        drawn = [
+            p.log_density(z) - cut + np.log(len(own))
+            for p, cut, own in zip(proposals, inside, made, strict=True)
+        ]
+        weights, power = _weighted(agreed * fit, prior - logsumexp(drawn, axis=0))
+        if len(proposals) > ROUNDS:
+            return Posterior(point.hypothesis, z, weights, agreed * power)
+        spread = np.cov(z.T, aweights=weights).reshape(len(width), -1)
+        proposals.append(Proposal(weights @ z, WIDER**2 * spread + 1e-8 * np.eye(len(width)), limits))
+        new, cut = proposals[-1].draw(rng, DRAWS)
+        made.append(new)
+        inside.append(cut)
+        likelihood.append(_likelihood(problem, point, new, chosen, effective))
+
+
+def _approximation(
+    point: Point, curvature: np.ndarray, limits: np.ndarray, rng: np.random.Generator, power: float
+) -> Posterior:
+    """Draws of the normal distribution about a point that has the posterior's curvature there."""
+    root = np.linalg.cholesky(np.linalg.inv(curvature))
+    z = point.z + rng.standard_normal((ROUNDS * DRAWS, len(root))) @ root.T
+    z = np.clip(z, *limits.T)
+    return Posterior(point.hypothesis, z, np.full(len(z), 1.0 / len(z)), power)
+
+
+def prior_widths(point: Point) -> np.ndarray:
+    """(P' + K,) standard deviations of the prior of a point's coordinates."""
+    strong = [
+        1.0 if p.shape else (p.medium / p.strong if p.inverse else p.strong / p.medium)
+        for p in point.hypothesis.parameters
+    ]
+    return np.concatenate([np.ones(len(point.nominal)), np.maximum(strong, 1.0)])
+
+
+def prior_curvature(point: Point) -> np.ndarray:
+    """(D, D) what the priors of sizes add to `fit.information`, which has the other coordinates' already."""
+    shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
+    sizes = np.concatenate([np.zeros(len(point.nominal), dtype=bool), ~shapes])
+    return np.diag(np.where(sizes, 1.0 / prior_widths(point) ** 2, 0.0) + 1e-9)
+
+
+def _agreement(
+    problem: Problem, residual: np.ndarray, slope: np.ndarray, effective: np.ndarray, curvature: np.ndarray
+) -> float:
+    """At most 1: the pulls that windows should have on coordinates, over those that they have; mean over directions."""
+    squares = mean_squares(residual[None], problem.floor)[0]
+    count = np.maximum(np.isfinite(residual).sum(axis=1), 1)
+    weight = np.nan_to_num(effective / squares) / count
+    pulls = np.einsum("dwtc,wtc,wc->wd", np.nan_to_num(slope), np.nan_to_num(residual), weight)
+    ratio = np.trace(np.linalg.solve(curvature, pulls.T @ pulls)) / len(curvature)
+    return float(1.0 / max(ratio, 1.0))
+
+
+def _likelihood(
+    problem: Problem, point: Point, z: np.ndarray, chosen: np.ndarray, effective: np.ndarray
+) -> np.ndarray:
+    """(n,) log likelihood of coordinates z (n, D)."""
+    points = [point.moved(one) for one in z]
+    if not points:
+        return np.empty(0)
+    penalty = np.array([p.penalty for p in points])
+    return penalty - objective(problem, points, problem.residuals(points, chosen), effective)
+
+
+def _weighted(likelihood: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, float]:
+    """Weights (n,) from log likelihoods and the logarithm of prior over proposal, and the power that was needed."""
+
+    def weights(power: float) -> np.ndarray:
+        log = power * likelihood + rest
+        return np.exp(log - logsumexp(log))
+
+    def lacking(power: float) -> float:
+        return float(1.0 / np.sum(weights(power) ** 2)) - ENOUGH
+
+    power = 1.0
+    if lacking(1.0) < 0:
+        power = brentq(lacking, 0.0, 1.0, xtol=1e-3) if lacking(0.0) > 0 else 0.0
+    return weights(power), power

@@ -1,0 +1,71 @@
+"""Intervals: draws cut off at bounds, weights that suffice, a posterior that holds the truth; who is a neighbour."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm, truncnorm
+
+from dynreg.diagnose import interval
+from dynreg.diagnose.apart import neighbours
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.fit import bounds, fit
+from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.diagnose.interval import Posterior, Proposal, posterior
+from dynreg.diagnose.name import calibrate
+from dynreg.diagnose.problem import Point
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
+
+
+def test_a_proposal_cut_at_a_bound_gives_the_quantiles_of_what_is_left():
+    limits = np.array([[0.5, 9.0]])
+    proposal = Proposal(np.zeros(1), np.eye(1), limits)
+    z, inside = proposal.draw(np.random.default_rng(0), 4000)
+    weights, power = interval._weighted(
+        np.zeros(len(z)), norm.logpdf(z[:, 0]) - proposal.log_density(z) + inside
+    )
+    told = Posterior(Hypothesis(), z, weights, power).quantiles(z[:, 0])
+    assert power == 1.0 and z.min() >= 0.5
+    assert told == pytest.approx(truncnorm(0.5, 9.0).ppf([0.05, 0.95]), abs=0.08)
+
+
+def test_a_likelihood_that_few_draws_meet_is_flattened_until_enough_do():
+    likelihood = -np.linspace(0.0, 3000.0, 500)
+    weights, power = interval._weighted(likelihood, np.zeros(500))
+    assert 0 < power < 1
+    assert 1.0 / np.sum(weights**2) == pytest.approx(interval.ENOUGH, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def servo():
+    """A servo with Coulomb friction of medium size: its problem, windows, and the fitted point."""
+    robot = load_robot("servo_pendulum")
+    hidden = hide(robot, (term("coulomb_friction"),), "medium", 3)
+    recording = log_of(robot, hidden, protocol(robot, seed=2, seconds=25.0), engine="mujoco")
+    problem, split = pose(None, robot, recording, Settings(threads=1))
+    base, effective = calibrate(problem, split.chosen)
+    start = Point(Hypothesis((term("coulomb_friction"),)), base.nominal, np.ones(1))
+    (point,), _ = fit(problem, [start], split.chosen, effective)
+    return problem, split.chosen, point, float(hidden.values[0][0])
+
+
+def test_the_posterior_holds_the_truth_within_the_bounds(servo):
+    problem, chosen, point, true = servo
+    draws = posterior(problem, point, chosen)
+    limits = bounds(problem, point)
+    assert (draws.z >= limits[:, 0]).all() and (draws.z <= limits[:, 1]).all()
+    values = problem.coordinates.effect_values(point.hypothesis, draws.z[:, len(point.nominal) :])[0]
+    low, high = draws.quantiles(values)
+    assert low[0] <= true <= high[0]
+    assert np.array_equal(posterior(problem, point, chosen).weights, draws.weights)
+
+
+def test_neighbours_are_declared_by_either_effect_and_not_of_the_same_group():
+    robot = load_robot("simple_pendulum")
+    terms = single_terms(robot)
+    assert {"coulomb_friction", "drive_gain", "inertia"} <= {
+        t.key for t in neighbours(term("payload"), terms)
+    }
+    assert "payload" in {t.key for t in neighbours(term("drive_gain"), terms)}
+    assert not {"com_offset", "encoder_offset"} & {t.key for t in neighbours(term("gravity_tilt"), terms)}

@@ -1,0 +1,41 @@
+"""The real pendulum whose logs do not tell its bob's mass: the diagnosis says so, and what would."""
+
+import pytest
+
+import dynreg
+from dynreg.results import Diagnosis
+
+BOB = 0.62  # kg
+LOADED = "energy_shaping_1kg"  # with about 0.4 kg more
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory, data_dir):
+    folder = data_dir / "dfki_simple_pendulum"
+    logs = [folder / f"control_method_{LOADED}_{part}.csv" for part in ("measured", "desired")]
+    with dynreg.open(tmp_path_factory.mktemp("registry")) as registry:
+        name = registry.ingest(logs, "simple_pendulum", name=LOADED).recording
+        yield registry.diagnose(
+            name, effects=["payload"], engine="joint", horizon=1.0, threshold_runs=0, threads=1
+        )
+
+
+def test_payload_and_friction_are_reported_as_not_told_apart(found):
+    assert ("payload", "coulomb_friction") in [pair.between for pair in found.inseparable]
+    pair = next(p for p in found.inseparable if p.between[1] == "coulomb_friction")
+    assert pair.absent and pair.growth > 1.5
+
+
+def test_the_interval_holds_the_payload_only_if_rivals_may_act(found):
+    true = 0.4 / BOB
+    alone, wide = found.looked.alone["share"], found.looked.whatever["share"]
+    assert not alone.low <= true <= alone.high
+    assert wide.low <= true <= wide.high
+
+
+def test_the_sentence_names_the_pair_the_interval_and_the_experiment(found):
+    wide = found.looked.whatever["share"]
+    assert "cannot tell payload from" in found.sentence and "coulomb_friction" in found.sentence
+    assert f"{wide.low:.3g} to {wide.high:.3g}" in found.sentence
+    assert "dynreg excite simple_pendulum --for payload," in found.sentence
+    assert Diagnosis.model_validate_json(found.to_json()) == found
