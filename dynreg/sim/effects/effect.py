@@ -144,6 +144,10 @@ class Effect:
         """Why the effect cannot act on this robot; None where it can."""
         return None if drives(robot, "position", "duty_servo", "torque", "dcmotor") else "no driven joint"
 
+    def shown_by(self, robot: Robot) -> tuple[str, ...]:
+        """Inputs of the robot that already hold the effect, where a log measured them while it moved."""
+        return ()
+
     @property
     def size(self) -> EffectParameter:
         """The parameter that says how large the effect is: the first."""
