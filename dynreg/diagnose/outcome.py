@@ -11,6 +11,7 @@ from dynreg.diagnose.fit import bounds, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.shown import shown
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
 from dynreg.replay.parts import Parts, names
@@ -360,6 +361,8 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
             )
         elif table.optional:
             out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
+    for name, by in shown(problem.robot, problem.windows).items():
+        out.append(f"{name} is no candidate: what was measured as {by} already holds it")
     return tuple(out)
 
 
