@@ -11,7 +11,7 @@ from dynreg.diagnose.problem import Point, Problem, effective_samples
 from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
-SPREAD = 1.0  # of a coordinate's unit that starts lie apart
+SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
 STARTS = 10  # of the last fit, the point that the search ended with among them
 KEPT = 3  # of them that are fitted to the end,
 ROUGHLY, FULLY = 3, 12  # after so many iterations, by so many
@@ -54,18 +54,31 @@ def revise(
 def settle(
     problem: Problem, point: Point, chosen: np.ndarray, effective: np.ndarray, *, seed: int = 0
 ) -> Point:
-    """The point refitted on the windows `chosen` from several starts around it: shapes of effects have local optima.
+    """The point refitted on the windows `chosen` from several starts: shapes of effects have local optima.
 
+    The search went from one cause to the next, and what the first made up for alone may hold it fast: the other
+    starts are drawn anew, the nominal parameters and shapes from their priors, with the effects smaller.
     effective : (W, C) independent samples of those windows, to begin with; then those of the best fit.
     """
-    limits = bounds(problem, point)
-    draws = SPREAD * stream(seed, "settle", point.hypothesis.key).standard_normal((STARTS - 1, len(point.z)))
-    starts = [point, *(point.moved(np.clip(point.z + d, *limits.T)) for d in draws)]
+    starts = [point, *_starts(problem, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
     best = [rough[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
     effective = effective_samples(problem.residuals(best[:1], chosen)[0])
     fitted, cost = fit(problem, best, chosen, effective, iterations=FULLY, tolerance=0.05)
     return fitted[int(cost.argmin())]
+
+
+def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Point]:
+    """Starts of the last fit besides the point itself."""
+    limits = bounds(problem, point)
+    shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
+    out = []
+    for _ in range(STARTS - 1):
+        nominal = rng.standard_normal(len(point.nominal))
+        smaller = point.effect * rng.uniform(*SMALLER, len(point.effect))
+        effect = np.where(shapes, 0.5 * rng.standard_normal(len(point.effect)), smaller)
+        out.append(point.moved(np.clip(np.concatenate([nominal, effect]), *limits.T)))
+    return out
 
 
 def _exchanges(point: Point, naming: Naming, number: int) -> list[tuple[Scored, Point]]:
