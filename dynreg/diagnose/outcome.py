@@ -9,6 +9,7 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, rivals
 from dynreg.diagnose.fit import bounds, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem, effective_samples
 from dynreg.diagnose.shown import shown
@@ -62,7 +63,8 @@ def outcome(
     stages = _stages(found)
     states = problem.states([nominal, found.base, *stages], judged)
     errors = _errors(problem, states, judged, evidence, "test" if split.test.any() else "select")
-    sigma = _sigma(problem, found.extended, split.chosen)
+    covariance = _covariance(problem, found.extended, split.chosen)
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     causes = _causes(problem, found, stages, states, judged, sigma, verdict, bool(split.test.any()))
     ids = [
         _register(registry, problem, p, recording, n)
@@ -108,7 +110,7 @@ def outcome(
         },
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=_notes(problem, found, evidence),
+        notes=(*_notes(problem, found, evidence), *loose_ends(problem.coordinates, covariance)),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -128,13 +130,12 @@ def _stages(found: "Found") -> list[Point]:
     return [*after[:-1], found.extended] if after else [found.extended]
 
 
-def _sigma(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
-    """(P' + K,) standard deviation of every coordinate, from the curvature of the log posterior."""
+def _covariance(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
+    """(P' + K, P' + K) covariance of the coordinates, from the curvature of the log posterior."""
     residual, slopes = sensitivities(problem, [point], chosen)
     effective = effective_samples(residual[0])
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    inverse = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
-    return np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    return np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
 
 
 def _causes(
