@@ -8,6 +8,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, verdict_of
+from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Coordinates, single_terms
 from dynreg.diagnose.name import Naming, calibrate, name_one
 from dynreg.diagnose.outcome import outcome
@@ -154,9 +155,8 @@ def search(
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
-    plain = base
-    base = settle(problem, base, both, pooled, seed=settings.seed)
-    current = base if current is plain else settle(problem, current, both, pooled, seed=settings.seed)
+    (base,), _ = fit(problem, [base], both, pooled, iterations=4)
+    current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base
     return Found(base, current, tuple(rounds), accepted, limit)
 
 
