@@ -1,24 +1,30 @@
-"""Diagnosis of the real XL330 bench: the cause, and the error on the held-out gain, with and without the supply.
+"""Diagnosis of the real XL330 bench: the causes, and the error on the held-out gain, with and without the supply.
 
-6 s closed-loop rollouts from t = 0, mean absolute error of position [rad]. The structure is chosen on the other
-three gains alone. The bench's nameplate is a rough guess, so its tolerances are widened fivefold, for the
-threshold's robots too.
+6 s closed-loop rollouts from t = 0, mean absolute error of position [rad]. Causes are chosen on the other three
+gains alone. The bench's nameplate is a rough guess, so its tolerances are widened fivefold, for the threshold's
+robots too. `--peers N` puts beside it mujoco.sysid and CMA-ES on the published friction ladder (N simulations each).
 """
 
 import argparse
 import json
 import os
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from servo_peers import LADDER, identify, ladder
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.settings import Settings
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
+RESULTS = HERE / "results" / "diagnose_servo.json"
 TOLERANCE = 5.0
+SUPPLIES = ("measured", "nominal")
 
 
 def without(recording: Recording, channel: str) -> Recording:
@@ -33,50 +39,93 @@ def without(recording: Recording, channel: str) -> Recording:
 
 
 def main() -> None:
-    """Print the table and write benchmarks/results/diagnose_servo.json."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--held-out", type=float, nargs="*", default=[400.0])
-    parser.add_argument("--threshold-runs", type=int, default=0)
-    given = parser.parse_args()
+    """Print every row as it is found; keep all of them in benchmarks/results/diagnose_servo.json."""
+    given = _arguments()
     logs = sorted((DATA / "bam_xl330_pendulum" / "raw").glob("*.json"))
     if not logs:
         print("bench_diagnose_servo: skipped, no XL330 log in DYNREG_DATA_DIR")
         return
-    rows = []
+    rows: dict[str, dict] = json.loads(RESULTS.read_text()) if given.keep and RESULTS.exists() else {}
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         measured = reg.ingest(logs, "servo_pendulum", name="measured").recording
         loaded = reg.registry.recording(measured)
         robot = reg._robot_of_recording(measured)
-        nominal = reg.registry.put_recording(without(loaded, "supply"), robot.hash, "nominal")
-        for supply, recording in (("measured supply", measured), ("nominal supply", nominal)):
+        plain = without(loaded, "supply")
+        reg.registry.put_recording(plain, robot.hash, "nominal")
+        for supply in given.supply:
             for kp in given.held_out:
-                found = reg.diagnose(
-                    recording, hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threshold_runs=given.threshold_runs
-                )
-                error = next(e for e in found.errors if e.channel == "arm/position")
-                causes = [f"{c.key} ({c.evidence_nats:.0f} nats)" for c in found.causes]
-                rows.append(
-                    {
-                        "supply": supply,
-                        "held out": kp,
-                        "verdict": found.verdict,
-                        "causes": causes,
-                        "ranking": [[r.key, r.score_nats] for r in found.ranking if r.round == 1][:5],
-                        "nominal": error.nominal,
-                        "calibrated": error.calibrated,
-                        "extended": error.extended,
-                        "seconds": found.cost.seconds,
-                    }
-                )
-                print(
-                    f"{supply}, kp {kp:g} held out: {found.verdict}, {', '.join(causes) or 'no cause'}\n"
-                    f"  error {error.nominal:.4f} nominal, {error.calibrated:.4f} calibrated, "
-                    f"{error.extended:.4f} extended; {found.cost.seconds:.0f} s\n  ranking "
-                    + ", ".join(f"{k} {n:.1f}" for k, n in rows[-1]["ranking"]),
-                    flush=True,
-                )
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "diagnose_servo.json").write_text(json.dumps(rows, indent=1) + "\n")
+                if given.peers:
+                    recording = loaded if supply == "measured" else plain
+                    for row in _peers(robot, recording, kp, given):
+                        _tell(rows, f"{supply} supply, kp {kp:g} held out, {row['name']}", row)
+                for seed in given.seeds:
+                    name = f"{supply} supply, kp {kp:g} held out, diagnosis, seed {seed}"
+                    name += f", of {len(given.effects)} effects" if given.effects else ""
+                    _tell(rows, name, _diagnosed(reg, supply, kp, seed, given))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--held-out", type=float, nargs="*", default=[400.0])
+    parser.add_argument("--supply", nargs="*", choices=SUPPLIES, default=list(SUPPLIES))
+    parser.add_argument("--seeds", type=int, nargs="*", default=[0])
+    parser.add_argument("--effects", nargs="*", help="only these, where the whole library takes too long")
+    parser.add_argument("--threshold-runs", type=int, default=0)
+    parser.add_argument("--peers", type=int, default=2400, help="simulations of each; 0 for no peers")
+    parser.add_argument("--keep", action="store_true", help="keep the rows of earlier runs")
+    return parser.parse_args()
+
+
+def _diagnosed(reg, supply: str, kp: float, seed: int, given: argparse.Namespace) -> dict:
+    found = reg.diagnose(
+        supply,
+        hold_out=f"kp={kp:g}",
+        tolerance=TOLERANCE,
+        threshold_runs=given.threshold_runs,
+        seed=seed,
+        effects=given.effects,
+        threads=1,
+    )
+    error = next(e for e in found.errors if e.channel == "arm/position")
+    return {
+        "verdict": found.verdict,
+        "causes": {c.key: round(c.evidence_nats, 1) for c in found.causes},
+        "equivalent": {c.key: c.equivalent for c in found.causes},
+        "sizes": {c.key: {k: round(v.value, 4) for k, v in c.parameters.items()} for c in found.causes},
+        "ranking": [[r.key, round(r.score_nats, 1)] for r in found.ranking if r.round == 1][:5],
+        "nominal": error.nominal,
+        "calibrated": error.calibrated,
+        "held_out": error.extended,
+        "inputs": found.inputs,
+        "notes": found.notes,
+        "simulations": found.cost.rollouts,
+        "seconds": found.cost.seconds,
+    }
+
+
+def _peers(robot, recording: Recording, kp: float, given: argparse.Namespace):
+    problem, split = pose(
+        None, robot, recording, Settings(hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threads=1)
+    )
+    test = np.flatnonzero(split.test)
+    for rung in LADDER:
+        yield asdict(ladder(problem, rung, split.chosen, test, seed=given.seeds[0], budget=given.peers))
+    peer = identify(problem, split.chosen, test)
+    if peer is not None:
+        yield asdict(peer)
+
+
+def _tell(rows: dict[str, dict], name: str, row: dict) -> None:
+    """Print a row, and write all of them."""
+    said = ", ".join(f"{key} ({nats:.0f} nats)" for key, nats in row.get("causes", {}).items())
+    verdict = f"{row['verdict']}: {said}" if said else "names no cause"
+    fitted = (
+        f"calibrated {row['calibrated']:.4f} -> " if "calibrated" in row else f"train {row['train']:.4f} -> "
+    )
+    print(f"{name}: {verdict}; {fitted}{row['held_out']:.4f}; {row['seconds']:.0f} s", flush=True)
+    rows[name] = row
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(rows, indent=1) + "\n")
 
 
 if __name__ == "__main__":

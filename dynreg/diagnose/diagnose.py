@@ -14,6 +14,8 @@ from dynreg.diagnose.name import Naming, calibrate, name_one
 from dynreg.diagnose.outcome import outcome
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.settle import revise, settle, unlike
+from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import Calibrated, threshold
 from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.registry import Registry
@@ -59,10 +61,12 @@ def diagnose(
     began = time.perf_counter()
     problem, split = pose(registry, robot, recording, settings)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
-    terms = single_terms(robot, settings.effects or (), settings.without)
+    held = shown(robot, problem.windows)
+    terms = single_terms(robot, settings.effects or (), (*settings.without, *held))
     if not terms:
+        measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
         raise UsageError(
-            f"none of the effects {list(settings.effects or ())} can act on robot {robot.name!r}",
+            f"none of the effects {list(settings.effects or ())} can act on robot {robot.name!r}{measured}",
             expected="an effect that can",
             do=f"see `dynreg effects {robot.name}`",
         )
@@ -125,7 +129,7 @@ def search(
     """
     report = progress or (lambda *_: None)
     report("calibrate", 0, 1)
-    base, effective = calibrate(problem, fit_on)
+    base, effective = calibrate(problem, fit_on, seed=settings.seed)
     report("calibrate", 1, 1)
     limit = (
         Calibrated(needed, ())
@@ -145,7 +149,7 @@ def search(
     accepted, current = 0, base
     for number in range(settings.max_causes):
         report("causes", number, settings.max_causes)
-        left = [t for t in terms if t.key not in {u.key for u in current.hypothesis.terms}]
+        left = unlike(terms, current.hypothesis.terms)
         if not left:
             break
         naming = name_one(problem, current, left, fit_on, select_on, effective)
@@ -154,11 +158,14 @@ def search(
             base = naming.start.point
         if naming.chosen is None or naming.chosen.nats < limit.nats:
             break
-        accepted, current = accepted + 1, naming.chosen.point
+        accepted += 1
+        rounds = revise(problem, rounds, fit_on, select_on, effective)
+        current = rounds[-1].chosen.point
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
-    (base, current), _ = fit(problem, [base, current], both, pooled, iterations=4)
+    (base,), _ = fit(problem, [base], both, pooled, iterations=4)
+    current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base
     return Found(base, current, tuple(rounds), accepted, limit)
 
 

@@ -51,13 +51,15 @@ class Naming:
     improved: bool = False
 
 
-def calibrate(problem: Problem, fit_on: np.ndarray, *, iterations: int = 8) -> tuple[Point, np.ndarray]:
+def calibrate(
+    problem: Problem, fit_on: np.ndarray, *, iterations: int = 8, seed: int = 0
+) -> tuple[Point, np.ndarray]:
     """The plain model at its maximum a posteriori, and the independent samples (W, C) that its residual has.
 
     Starts at the nameplate and at draws from its tolerances: dry friction makes local optima.
     """
     many = len(problem.coordinates)
-    draws = stream(0, "calibrate").standard_normal((DRAWS, many))
+    draws = stream(seed, "calibrate").standard_normal((DRAWS, many))
     points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *draws)]
     effective = np.full((len(fit_on), len(problem.use)), 20.0)
     points, cost = fit(problem, points, fit_on, effective, iterations=3)

@@ -8,11 +8,14 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals
+from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.name import Naming
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.problem import Point, Problem, effective_samples
 from dynreg.diagnose.rest import rest
+from dynreg.diagnose.shown import shown
 from dynreg.diagnose.tied import tied
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
@@ -69,6 +72,7 @@ def outcome(
     whole = _gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     kinds = {"calibrated": found.base, "extended": found.extended}
     ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
+    covariance = _covariance(problem, found.extended, split.chosen)
     worst = max(errors, key=lambda e: (e.calibrated or 0.0) / max(_spread(problem, e.channel), 1e-12))
     shown = np.stack([states[0], states[1], states[-1]])
     rows = split_errors(robot, problem.windows.take(judged), shown)
@@ -112,7 +116,7 @@ def outcome(
         parts=_parts(problem, recording, split),
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=_notes(parameters, evidence),
+        notes=(*_notes(parameters, evidence), *loose_ends(problem.coordinates, covariance)),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -130,6 +134,14 @@ def _stages(found: "Found") -> list[Point]:
     """The point after each accepted cause; the last is the extended simulator, refitted on fit and select."""
     after = [naming.chosen.point for naming in found.rounds[: found.accepted]]
     return [*after[:-1], found.extended] if after else [found.extended]
+
+
+def _covariance(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
+    """(P' + K, P' + K) covariance of the coordinates, from the curvature of the log posterior."""
+    residual, slopes = sensitivities(problem, [point], chosen)
+    effective = effective_samples(residual[0])
+    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
+    return np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
 
 
 def _causes(
@@ -337,6 +349,8 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
             )
         elif table.optional:
             out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
+    for name, by in shown(problem.robot, problem.windows).items():
+        out.append(f"{name} is no candidate: what was measured as {by} already holds it")
     return tuple(out)
 
 

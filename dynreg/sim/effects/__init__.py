@@ -19,6 +19,7 @@ _PACKAGED = (
     drive.SpeedLimit,
     drive.DriveGain,
     drive.VoltageSag,
+    drive.TorqueSaturation,
     drive.ThermalFade,
     drive.Cogging,
     drive.ForceOffset,

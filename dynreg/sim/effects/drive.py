@@ -54,19 +54,41 @@ class DriveGain(Effect):
 
 
 class VoltageSag(Effect):
-    """The supply drops in proportion to the torque drawn: `sag` of it at full torque."""
+    """The supply drops in proportion to the current drawn: `sag` of it at full torque."""
 
     id, acts_on, title = "voltage_sag", "drive", "the supply sags under load"
     parameters = (EffectParameter("sag", "1", "drop at full torque", 0.03, 0.08, 0.20, 0.8),)
+    group = "torque droop"
     near = ("torque_limit", "thermal_fade", "drive_gain")
-    separate_by = "log the supply voltage"
+    separate_by = "log the supply voltage at the drive"
 
     def why_not(self, robot: Robot) -> str | None:
         return _limited(robot)
 
+    def shown_by(self, robot: Robot) -> tuple[str, ...]:
+        supplies = (getattr(t, "supply_input", None) for t in robot.file.drives)
+        return tuple(dict.fromkeys(name for name in supplies if name))
+
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        drawn = np.minimum(np.abs(torque) / x.limit, 1.0)
-        return torque * (1.0 - p["sag"] * drawn)
+        current = np.minimum(np.abs(torque - x.damping * x.v) / x.limit, 1.0)  # of that at full torque
+        return torque * (1.0 - p["sag"] * current)
+
+
+class TorqueSaturation(VoltageSag):
+    """The drive gives less torque for each ampere the more it draws: `loss` of it at full torque.
+
+    Iron that saturates, bridges that warm, magnets that weaken: behind the terminals, where no log sees it. In the
+    motion alone it is the same as a sagging supply.
+    """
+
+    id, title = "torque_saturation", "the drive gives less torque per ampere at high current"
+    parameters = (EffectParameter("loss", "1", "share lost at full torque", 0.03, 0.08, 0.20, 0.8),)
+
+    def shown_by(self, robot: Robot) -> tuple[str, ...]:
+        return ()
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return super().drive(torque, x, {"sag": p["loss"]})
 
 
 class ThermalFade(Effect):

@@ -53,8 +53,9 @@ class Moment:
 
     time : (rows, 1) [s] since the log began. h : (rows, 1) the time step [s].
     q, v : position and velocity of the joints. u : their commands. load : gravity and spring torque [N m].
-    torque : what the drives give [N m]. limit, gain, stiffness, inertia : the drive's torque limit, gain and
-    stiffness, and the joint's inertia. memory : the effect's own state, kept between time steps.
+    torque : what the drives give [N m]; friction sees it less the drives' damping (a motor's back-EMF).
+    limit, stiffness, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state, kept
+    between time steps.
     past : command `delay` (rows, 1) [s] ago, averaged over the time step.
     """
 
@@ -146,6 +147,10 @@ class Effect:
     def why_not(self, robot: Robot) -> str | None:
         """Why the effect cannot act on this robot; None where it can."""
         return None if drives(robot, "position", "duty_servo", "torque", "dcmotor") else "no driven joint"
+
+    def shown_by(self, robot: Robot) -> tuple[str, ...]:
+        """Inputs of the robot that already hold the effect, where a log measured them while it moved."""
+        return ()
 
     @property
     def size(self) -> EffectParameter:

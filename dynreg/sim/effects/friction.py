@@ -74,7 +74,11 @@ class LoadFriction(Effect):
 
 
 class StribeckLoadFriction(Effect):
-    """Load friction that is larger near standstill: (coefficient + extra exp(-(v / velocity)^2)) |load|."""
+    """Load friction that is larger near standstill: (coefficient + extra exp(-|v| / velocity)) |load|.
+
+    The exponential fades sharply at first and has a long tail, as gears do; a bell curve has to choose one of the
+    two, and a fit of it ends in one local optimum or the other.
+    """
 
     id, acts_on = "stribeck_load_friction", "friction"
     title = "load friction, larger near standstill"
@@ -87,7 +91,7 @@ class StribeckLoadFriction(Effect):
     separate_by = "slow reversals at two loads"
 
     def friction(self, x: Moment, p: Values) -> np.ndarray:
-        return (p["coefficient"] + p["extra"] * np.exp(-((x.v / p["velocity"]) ** 2))) * transmitted(x)
+        return (p["coefficient"] + p["extra"] * np.exp(-np.abs(x.v) / p["velocity"])) * transmitted(x)
 
 
 class AsymmetricFriction(Effect):

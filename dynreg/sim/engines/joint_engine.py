@@ -159,7 +159,8 @@ class _Motion:
         stop = self.stop
         after = (self.kept * v + self.h * (torque - load)) / self.drag
         if self.rubbing:
-            friction = bound(self.rubbing, self.plant.coulomb, torque, q, v, load, self.clock)
+            net = torque - law.damping * v  # what the gear carries: a motor's back-EMF takes its share
+            friction = bound(self.rubbing, self.plant.coulomb, net, q, v, load, self.clock)
             stop = self.h * friction / self.drag
         return after - np.minimum(np.maximum(after, -stop), stop)  # what is left beyond what friction stops
 

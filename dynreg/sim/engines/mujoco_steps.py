@@ -132,7 +132,8 @@ class EffectSteps(Steps):
         if self._driving:
             self._applied[:, self._dof] = torque - plain
         if self._rubbing:
-            friction = bound(self._rubbing, self._drives.plain, torque, q, v, load, self.clock)
+            net = torque - self._law.damping * v  # what the gear carries: a motor's back-EMF takes its share
+            friction = bound(self._rubbing, self._drives.plain, net, q, v, load, self.clock)
             self._drives.rub(friction)
 
     def _load(self, v: np.ndarray) -> np.ndarray:

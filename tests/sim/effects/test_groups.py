@@ -60,3 +60,13 @@ def test_late_commands_are_late_measurements():
     size, left = _fitted(b, "sensor_delay", late)
     assert left < LEFT
     assert abs(size * E["sensor_delay"].size.weak / (2.0 * E["command_delay"].size.weak) - 1.0) < 0.05
+
+
+@pytest.mark.parametrize("size", [1.0, 6.0])
+def test_a_sagging_supply_is_a_motor_that_saturates(size: float):
+    """Which of the two it is, only the voltage at the drive tells: the motion is the same to the last bit."""
+    assert _members("torque droop") == ["voltage_sag", "torque_saturation"]
+    b = bench("servo_short")
+    sag, saturation = (b.changes({E[name]: size})[0] for name in ("voltage_sag", "torque_saturation"))
+    assert rms(sag) > 0
+    np.testing.assert_array_equal(sag, saturation)

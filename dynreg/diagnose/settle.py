@@ -1,0 +1,127 @@
+"""What a search ends with: earlier causes chosen again beside the later ones, and a last fit from several starts."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynreg.diagnose.fit import bounds, fit
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.name import NEAR, Naming, Scored, select
+from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.rng import stream
+from dynreg.sim.effects import Term
+
+SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
+STARTS = 10  # of the last fit, the point that the search ended with among them
+KEPT = 3  # of them that are fitted to the end,
+ROUGHLY, FULLY = 3, 12  # after so many iterations, by so many
+
+
+def unlike(terms: list[Term], accepted: tuple[Term, ...]) -> list[Term]:
+    """The terms that are neither accepted nor, on the same joints, of the exact group of one that is."""
+    used = {t.key for t in accepted}
+    groups = {(t.effect.group, t.joints) for t in accepted if t.effect.group}
+    return [t for t in terms if t.key not in used and (t.effect.group, t.joints) not in groups]
+
+
+def revise(
+    problem: Problem, rounds: list[Naming], fit_on: np.ndarray, select_on: np.ndarray, effective: np.ndarray
+) -> list[Naming]:
+    """The rounds with every earlier cause exchanged for an equivalent that does better beside the later causes.
+
+    What one cause alone leaves open (Stribeck's or plain load friction), the next may decide. An equivalent must
+    beat the model by `NEAR` of its whole evidence, as in every choice.
+    effective : (W, C) independent samples of the fit windows.
+    """
+    rounds = list(rounds)
+    for number in range(len(rounds) - 1):
+        current = rounds[-1].chosen
+        others = _exchanges(current.point, rounds[number], number)
+        if not others:
+            continue
+        fitted, _ = fit(problem, [p for _, p in others], fit_on, effective, iterations=6)
+        ranking = select(problem, current.point, fitted, fit_on, select_on).ranking
+        total = sum(r.chosen.nats for r in rounds)
+        if not ranking or ranking[0].nats <= NEAR * total:
+            continue
+        key = ranking[0].key
+        other = next(s for (s, _), p in zip(others, fitted, strict=True) if p.hypothesis.key == key)
+        rounds = _exchanged(rounds, number, other, ranking[0])
+    return rounds
+
+
+def settle(
+    problem: Problem, point: Point, chosen: np.ndarray, effective: np.ndarray, *, seed: int = 0
+) -> Point:
+    """The point refitted on the windows `chosen` from several starts: shapes of effects have local optima.
+
+    The search went from one cause to the next, and what the first made up for alone may hold it fast: the other
+    starts are drawn anew, the nominal parameters and shapes from their priors, with the effects smaller. One cause
+    without a shape needs none of them.
+    effective : (W, C) independent samples of those windows, to begin with; then those of the best fit.
+    """
+    if len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters):
+        (fitted,), _ = fit(problem, [point], chosen, effective, iterations=4)
+        return fitted
+    starts = [point, *_starts(problem, point, stream(seed, "settle", point.hypothesis.key))]
+    rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
+    best = [rough[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
+    effective = effective_samples(problem.residuals(best[:1], chosen)[0])
+    fitted, cost = fit(problem, best, chosen, effective, iterations=FULLY, tolerance=0.05)
+    return fitted[int(cost.argmin())]
+
+
+def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Point]:
+    """Starts of the last fit besides the point itself."""
+    limits = bounds(problem, point)
+    shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
+    out = []
+    for _ in range(STARTS - 1):
+        nominal = rng.standard_normal(len(point.nominal))
+        smaller = point.effect * rng.uniform(*SMALLER, len(point.effect))
+        effect = np.where(shapes, 0.5 * rng.standard_normal(len(point.effect)), smaller)
+        out.append(point.moved(np.clip(np.concatenate([nominal, effect]), *limits.T)))
+    return out
+
+
+def _exchanges(point: Point, naming: Naming, number: int) -> list[tuple[Scored, Point]]:
+    """Starts with term `number` of the point exchanged for each equivalent of its round: (equivalent, start)."""
+    terms = point.hypothesis.terms
+    rest = terms[:number] + terms[number + 1 :]
+    sizes = np.cumsum([0, *(len(t.effect.parameters) for t in terms)])
+    out = []
+    for other in naming.equivalent:
+        term = other.point.hypothesis.terms[-1]
+        if not unlike([term], rest):
+            continue
+        own = other.point.effect[len(other.point.effect) - len(term.effect.parameters) :]
+        effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])
+        hypothesis = Hypothesis((*terms[:number], term, *terms[number + 1 :]))
+        out += [(other, Point(hypothesis, z, effect)) for z in (point.nominal, other.point.nominal)]
+    return out
+
+
+def _exchanged(rounds: list[Naming], number: int, other: Scored, last: Scored) -> list[Naming]:
+    """The rounds with the cause of round `number` exchanged; `last` is the point of the last round after it."""
+    naming = rounds[number]
+    rest = [s for s in naming.equivalent if s is not other]
+    out = list(rounds)
+    out[number] = replace(naming, chosen=other, equivalent=[naming.chosen, *rest])
+    term = other.point.hypothesis.terms[-1]
+    for later in range(number + 1, len(rounds)):
+        scored = rounds[later].chosen
+        if later == len(rounds) - 1:
+            scored = replace(scored, point=last.point, square=last.square)
+        else:
+            scored = replace(scored, point=_with(scored.point, number, term, other.point, last.point))
+        out[later] = replace(rounds[later], chosen=scored)
+    return out
+
+
+def _with(point: Point, number: int, term: Term, other: Point, last: Point) -> Point:
+    """The point of a round in between with term `number` exchanged, at the sizes that it has in `other`."""
+    terms = point.hypothesis.terms
+    sizes = np.cumsum([0, *(len(t.effect.parameters) for t in terms)])
+    own = other.effect[len(other.effect) - len(term.effect.parameters) :]
+    effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])
+    return Point(Hypothesis((*terms[:number], term, *terms[number + 1 :])), last.nominal, effect)

@@ -1,0 +1,55 @@
+"""What a recording already holds is not asked for; what it does not tell is said."""
+
+import numpy as np
+import pytest
+
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.hypothesis import Coordinates
+from dynreg.diagnose.loose import loose_ends
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.shown import shown
+from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.sim.robot import Robot, load_robot
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("servo_pendulum")
+
+
+def covariance_of(coordinates: Coordinates, wide: dict[str, float], deviation: float, rest: float = 0.05):
+    """(P', P') covariance: `deviation` along the direction `wide`, `rest` across it."""
+    names = [p.name for p in coordinates.robot.space.parameters]
+    direction = np.array([wide.get(names[i], 0.0) for i in coordinates.free])
+    direction /= np.linalg.norm(direction)
+    return rest**2 * np.eye(len(direction)) + (deviation**2 - rest**2) * np.outer(direction, direction)
+
+
+@pytest.fixture
+def coordinates(robot: Robot) -> Coordinates:
+    return Coordinates(robot, np.full(len(robot.space), np.nan))
+
+
+def test_only_a_supply_that_was_measured_while_the_robot_moved_holds_its_sag(robot: Robot):
+    recording = log_of(robot, hide(robot, (), None, 3), protocol(robot, seconds=12.5))
+    problem, _ = pose(None, robot, recording, Settings(threshold_runs=0))
+    assert shown(robot, problem.windows) == {}  # one level an episode
+    supply = robot.inputs.index("supply")
+    problem.windows.run.inputs[0, 5:, supply] -= 0.3
+    assert shown(robot, problem.windows) == {"voltage_sag": "supply"}
+
+
+def test_a_parameter_as_wide_as_its_nameplate_is_not_told(coordinates: Coordinates):
+    (said,) = loose_ends(coordinates, covariance_of(coordinates, {"resistance": 1.0}, 0.97))
+    assert "does not tell resistance:" in said
+
+
+def test_parameters_that_scale_together_are_told_with_their_signs(coordinates: Coordinates):
+    # the same factor on each: the mass is known to 2 %, friction to 10 %
+    wide = {"tip_mass": 1 / 0.02, "coulomb_friction": 1 / 0.1, "resistance": -1 / 0.05}
+    (said,) = loose_ends(coordinates, covariance_of(coordinates, wide, 0.85))
+    assert "the scale of tip_mass, coulomb_friction against resistance" in said
+
+
+def test_nothing_is_said_where_everything_is_told(coordinates: Coordinates):
+    assert loose_ends(coordinates, covariance_of(coordinates, {"tip_mass": 1.0}, 0.3)) == ()
