@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.diagnose.fit import fit, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
-from dynreg.diagnose.problem import Point, Problem, effective_samples, log_likelihood, mean_squares
+from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
@@ -61,9 +61,9 @@ def calibrate(problem: Problem, fit_on: np.ndarray, *, iterations: int = 8) -> t
     points, cost = fit(problem, points, fit_on, effective, iterations=3)
     for rounds, kept in ((3, 2), (iterations, 1)):
         points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]
-        effective = effective_samples(problem.residuals(points[:1], fit_on)[0])
+        effective = problem.effective(problem.residuals(points[:1], fit_on)[0])
         points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
-    return points[0], effective_samples(problem.residuals(points[:1], fit_on)[0])
+    return points[0], problem.effective(problem.residuals(points[:1], fit_on)[0])
 
 
 def name_one(
@@ -147,7 +147,7 @@ def select(problem: Problem, base: Point, fitted: list[Point], windows: np.ndarr
     everything = problem.residuals([base, *fitted], windows)
     squares = mean_squares(everything, problem.floor)
     rough = np.array([np.nansum(np.log(s)) for s in squares])
-    effective = effective_samples(everything[int(rough.argmin())])
+    effective = problem.effective(everything[int(rough.argmin())])
     likelihood = log_likelihood(squares, effective)
     start = Scored(base, 0.0, squares[0])
     best: dict[str, Scored] = {}

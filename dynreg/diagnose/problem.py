@@ -78,6 +78,10 @@ class Problem:
         lost = ~np.isfinite(scaled) & np.isfinite(measured)
         return np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
 
+    def effective(self, residuals: np.ndarray) -> np.ndarray:
+        """(W, C) independent samples in residuals (W, T, C); see `effective_samples`."""
+        return effective_samples(residuals, apart=len(self.robot.actions) > 1)
+
     def _terms(self, points: list[Point]) -> Terms | None:
         """The terms of all points, NaN where a point does not have one."""
         groups: dict[tuple, list[int]] = {}
@@ -113,11 +117,12 @@ def log_likelihood(squares: np.ndarray, effective: np.ndarray) -> np.ndarray:
     return -0.5 * np.nansum(effective * np.log(squares), axis=(1, 2))
 
 
-def effective_samples(residuals: np.ndarray) -> np.ndarray:
+def effective_samples(residuals: np.ndarray, *, apart: bool = False) -> np.ndarray:
     """(W, C) independent samples in residuals (W, T, C): rows over the integrated autocorrelation time.
 
     That time is the median over the windows: a window that happens to be fitted down to white noise must not count
-    for more, or the next fit would do nothing but fit it better still.
+    for more, or the next fit would do nothing but fit it better still. apart : a window with a longer time of its own
+    counts for less: many joints creep, slide or fall where others hold still.
     """
     windows, rows, channels = residuals.shape
     out, measured = np.full((windows, channels), np.nan), np.zeros((windows, channels))
@@ -136,4 +141,5 @@ def effective_samples(residuals: np.ndarray) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a channel that nowhere moves
         usual = np.nanmedian(out, axis=0)
-    return measured / np.where(np.isfinite(usual), usual, np.inf)
+    usual = np.where(np.isfinite(usual), usual, np.inf)
+    return measured / (np.fmax(out, usual) if apart else usual)
