@@ -10,10 +10,11 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Coordinates, single_terms
-from dynreg.diagnose.name import Naming, calibrate, name_one
+from dynreg.diagnose.name import DRAWS, Naming, calibrate, name_one
 from dynreg.diagnose.outcome import outcome
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.threshold import Calibrated, threshold
 from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.registry import Registry
@@ -118,7 +119,8 @@ def search(
     """
     report = progress or (lambda *_: None)
     report("calibrate", 0, 1)
-    base, effective = calibrate(problem, fit_on)
+    many = len(terms) > MANY
+    base, effective = calibrate(problem, fit_on, draws=0 if many else DRAWS)
     report("calibrate", 1, 1)
     limit = (
         Calibrated(needed, ())
@@ -149,7 +151,7 @@ def search(
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
-    (base, current), _ = fit(problem, [base, current], both, pooled, iterations=4)
+    (base, current), _ = fit(problem, [base, current], both, pooled, iterations=1 if many else 4)
     return Found(base, current, tuple(rounds), accepted, limit)
 
 

@@ -17,6 +17,7 @@ DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
 SHARES = (2.0, 0.4, 0.15)  # of the boldest step, tried too: valleys are long, and bent
+FEWER = (0, 2, 3, 5)  # of all these steps, those tried where derivatives are only roughly known
 
 
 def fit(
@@ -27,10 +28,12 @@ def fit(
     *,
     iterations: int = 4,
     tolerance: float = 0.3,
+    leading: np.ndarray | None = None,
 ) -> tuple[list[Point], np.ndarray]:
     """Improve every point on the windows `chosen`.
 
-    effective : (W, C) independent samples of each window and channel.
+    effective : (W, C) independent samples of each window and channel. leading : (L, W, T, C) derivatives of the first
+    L coordinates where they are known well enough: only the others are measured, and fewer steps are tried.
     Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration gains less
     than `tolerance`.
     """
@@ -41,10 +44,11 @@ def fit(
     for _ in range(iterations):
         if not len(going):
             break
-        slopes = _slopes(problem, [points[i] for i in going], chosen)
+        slopes = _slopes(problem, [points[i] for i in going], chosen, leading)
         tries: list[Point] = []
         for i, slope in zip(going, slopes, strict=True):
-            tries += _steps(problem, points[i], residuals[i], slope, effective)
+            steps = _steps(problem, points[i], residuals[i], slope, effective)
+            tries += steps if leading is None else [steps[k] for k in FEWER]
         made = problem.residuals(tries, chosen)
         costs = objective(problem, tries, made, effective).reshape(len(going), -1)
         best = costs.argmin(axis=1)
@@ -100,24 +104,28 @@ def _prior(point: Point) -> np.ndarray:
     return np.concatenate([np.ones(len(point.nominal)), shapes])
 
 
-def _slopes(problem: Problem, points: list[Point], chosen: np.ndarray) -> list[np.ndarray]:
-    """Of each point the derivatives (P' + K, W, T, C) of its residuals."""
+def _slopes(
+    problem: Problem, points: list[Point], chosen: np.ndarray, leading: np.ndarray | None = None
+) -> list[np.ndarray]:
+    """Of each point the derivatives (P' + K, W, T, C) of its residuals; the `leading` ones are taken as they are."""
     moved, apart = [], []
+    first = 0 if leading is None else len(leading)
     for point in points:
         limits = bounds(problem, point)
         up, down = np.minimum(point.z + STEP, limits[:, 1]), np.maximum(point.z - STEP, limits[:, 0])
-        for i in range(len(point.z)):
+        for i in range(first, len(point.z)):
             for end in (up, down):
                 z = point.z.copy()
                 z[i] = end[i]
                 moved.append(point.moved(z))
-        apart.append(up - down)
+        apart.append((up - down)[first:])
     made = problem.residuals(moved, chosen)
     out, at = [], 0
     for point, width in zip(points, apart, strict=True):
-        many = 2 * len(point.z)
+        many = 2 * (len(point.z) - first)
         change = made[at : at + many : 2] - made[at + 1 : at + many : 2]
-        out.append(change / np.maximum(width, 1e-9)[:, None, None, None])
+        slope = change / np.maximum(width, 1e-9)[:, None, None, None]
+        out.append(slope if leading is None else np.concatenate([leading, slope]))
         at += many
     return out
 

@@ -7,6 +7,7 @@ import numpy as np
 from dynreg.diagnose.fit import fit, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
+from dynreg.diagnose.shortlist import MANY, shortlisted
 from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
@@ -49,17 +50,19 @@ class Naming:
     improved: bool = False
 
 
-def calibrate(problem: Problem, fit_on: np.ndarray, *, iterations: int = 8) -> tuple[Point, np.ndarray]:
+def calibrate(
+    problem: Problem, fit_on: np.ndarray, *, iterations: int = 8, draws: int = DRAWS
+) -> tuple[Point, np.ndarray]:
     """The plain model at its maximum a posteriori, and the independent samples (W, C) that its residual has.
 
-    Starts at the nameplate and at draws from its tolerances: dry friction makes local optima.
+    Starts at the nameplate and at `draws` from its tolerances: dry friction makes local optima.
     """
     many = len(problem.coordinates)
-    draws = stream(0, "calibrate").standard_normal((DRAWS, many))
-    points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *draws)]
+    apart = stream(0, "calibrate").standard_normal((draws, many))
+    points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *apart)]
     effective = np.full((len(fit_on), len(problem.use)), 20.0)
     points, cost = fit(problem, points, fit_on, effective, iterations=3)
-    for rounds, kept in ((3, 2), (iterations, 1)):
+    for rounds, kept in ((3, 2), (iterations, 1)) if draws else ((iterations, 1),):
         points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]
         effective = problem.effective(problem.residuals(points[:1], fit_on)[0])
         points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
@@ -82,11 +85,14 @@ def name_one(
 
     effective : (W, C) independent samples of the fit windows.
     """
+    many = len(terms) > MANY
     for _ in range(ROUNDS):
-        naming = _one_round(problem, base, terms, fit_on, select_on, effective, iterations)
+        naming = _one_round(problem, base, terms, fit_on, select_on, effective, iterations, many)
         base = naming.start.point
-        if not naming.improved:
+        if not naming.improved or not naming.ranking:
             break
+        if many:  # the best of a long list stay the best
+            terms = [scored.point.hypothesis.terms[-1] for scored in naming.ranking]
     return naming
 
 
@@ -98,13 +104,18 @@ def _one_round(
     select_on: np.ndarray,
     effective: np.ndarray,
     iterations: int,
+    many: bool,
 ) -> Naming:
-    starts = screen(problem, base, terms, fit_on, effective)
-    rough, cost = fit(problem, starts, fit_on, effective, iterations=ROUGHLY)
-    fitted, _ = fit(problem, _finalists(rough, cost), fit_on, effective, iterations=iterations)
+    if many:
+        fitted = shortlisted(problem, base, terms, fit_on, effective, iterations)
+    else:
+        starts = screen(problem, base, terms, fit_on, effective)
+        rough, cost = fit(problem, starts, fit_on, effective, iterations=ROUGHLY)
+        fitted, _ = fit(problem, _finalists(rough, cost), fit_on, effective, iterations=iterations)
     # the model without the term gets the same chance: it starts where the best of the others ended, too
-    others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in fitted[:3])]
-    again, price = fit(problem, others, fit_on, effective, iterations=iterations)
+    rivals = fitted[: 1 if many else 3]
+    others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in rivals)]
+    again, price = fit(problem, others, fit_on, effective, iterations=2 if many else iterations)
     naming = select(problem, again[int(price.argmin())], fitted, np.concatenate([fit_on, select_on]))
     naming.improved = float(price[0] - price.min()) > BETTER
     return naming
