@@ -23,9 +23,11 @@ from dynreg.replay.parts import Parts, parts
 from dynreg.replay.windows import Windows, windows
 from dynreg.results import Diagnosis
 from dynreg.sim.effects import Term
+from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
+STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose
 STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
 Progress = Callable[[str, int, int], None]
 
@@ -95,7 +97,7 @@ def pose(
             expected="at least two episodes beside those held out",
             do="record more episodes, hold out less, or cut it finer with --horizon",
         )
-    cut = cut.scaled_by(robot, split.chosen)
+    cut = _settled(robot, cut.scaled_by(robot, split.chosen), settings.engine)
     _check_motion(robot, cut, split)
     centre = _centre(registry, robot, recording, settings)
     coordinates = Coordinates(robot, known_values(robot, recording), centre, settings.tolerance)
@@ -153,6 +155,23 @@ def search(
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
     (base, current), _ = fit(problem, [base, current], both, pooled, iterations=1 if many else 4)
     return Found(base, current, tuple(rounds), accepted, limit)
+
+
+def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
+    """Windows in which a floating base begins as it stands after its reset begin at just that state.
+
+    Joints put where their noise has them would lift feet off the ground, and the robot would turn as it lands.
+    """
+    if robot.file.reset.settle <= 0 or not (robot.model.jnt_type == 0).any():  # 0: a free joint
+        return cut
+    run = cut.run
+    inputs = None if run.inputs is None else run.inputs[:, :1]
+    first = replace(run, actions=run.actions[:, :1], inputs=inputs, initial=None)
+    stands = rollout(robot, robot.space.nominal[None], first, engine=engine).states[0][:, 0]
+    joints = [i for i, name in enumerate(robot.channels) if name.endswith("/position")]
+    apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
+    initial = np.where(apart[:, None] < STANDS, np.nan, run.initial)
+    return replace(cut, run=replace(run, initial=initial))
 
 
 def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
