@@ -153,7 +153,9 @@ def search(
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
-    (base, current), _ = fit(problem, [base, current], both, pooled, iterations=1 if many else 4)
+    if many:
+        problem.refine([current], np.arange(len(problem.windows)))
+    (base, current), _ = fit(problem, [base, current], both, pooled, iterations=2 if many else 4)
     return Found(base, current, tuple(rounds), accepted, limit)
 
 
