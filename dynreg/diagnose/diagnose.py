@@ -10,11 +10,12 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Coordinates, single_terms
-from dynreg.diagnose.name import Naming, calibrate, name_one
+from dynreg.diagnose.name import DRAWS, Naming, calibrate, name_one
 from dynreg.diagnose.outcome import outcome
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.settle import revise, settle, unlike
+from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import Calibrated, threshold
 from dynreg.errors import LogError, NoMatchError, UsageError
@@ -24,10 +25,12 @@ from dynreg.replay.parts import Parts, parts
 from dynreg.replay.windows import Windows, windows
 from dynreg.results import Diagnosis
 from dynreg.sim.effects import Term
+from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 FEWEST = 50  # measured rows in each of fit and select: fewer say nothing of any cause
+STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose
 STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
 Progress = Callable[[str, int, int], None]
 
@@ -105,7 +108,7 @@ def pose(
             do="record more episodes, hold out less, or cut it finer with --horizon",
         )
     _check_length(robot, cut, split)
-    cut = cut.scaled_by(robot, split.chosen)
+    cut = _settled(robot, cut.scaled_by(robot, split.chosen), settings.engine)
     _check_motion(robot, cut, split)
     centre = _centre(registry, robot, recording, settings)
     coordinates = Coordinates(robot, known_values(robot, recording), centre, settings.tolerance)
@@ -129,7 +132,8 @@ def search(
     """
     report = progress or (lambda *_: None)
     report("calibrate", 0, 1)
-    base, effective = calibrate(problem, fit_on, seed=settings.seed)
+    many = len(terms) > MANY
+    base, effective = calibrate(problem, fit_on, draws=0 if many else DRAWS, seed=settings.seed)
     report("calibrate", 1, 1)
     limit = (
         Calibrated(needed, ())
@@ -164,8 +168,12 @@ def search(
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
-    (base,), _ = fit(problem, [base], both, pooled, iterations=4)
-    current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base
+    if many:
+        problem.refine([current], np.arange(len(problem.windows)))
+    (base,), _ = fit(problem, [base], both, pooled, iterations=2 if many else 4)
+    current = (
+        settle(problem, current, both, pooled, several=not many, seed=settings.seed) if accepted else base
+    )
     return Found(base, current, tuple(rounds), accepted, limit)
 
 
@@ -181,6 +189,23 @@ def _check_length(robot: Robot, cut: Windows, split: Parts) -> None:
                 expected=f"at least {FEWEST}",
                 do="record longer, or more episodes",
             )
+
+
+def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
+    """Windows in which a floating base begins as it stands after its reset begin at just that state.
+
+    Joints put where their noise has them would lift feet off the ground, and the robot would turn as it lands.
+    """
+    if robot.file.reset.settle <= 0 or not (robot.model.jnt_type == 0).any():  # 0: a free joint
+        return cut
+    run = cut.run
+    inputs = None if run.inputs is None else run.inputs[:, :1]
+    first = replace(run, actions=run.actions[:, :1], inputs=inputs, initial=None)
+    stands = rollout(robot, robot.space.nominal[None], first, engine=engine).states[0][:, 0]
+    joints = [i for i, name in enumerate(robot.channels) if name.endswith("/position")]
+    apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
+    initial = np.where(apart[:, None] < STANDS, np.nan, run.initial)
+    return replace(cut, run=replace(run, initial=initial))
 
 
 def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:

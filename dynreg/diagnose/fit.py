@@ -17,6 +17,7 @@ DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
 SHARES = (2.0, 0.4, 0.15)  # of the boldest step, tried too: valleys are long, and bent
+FEWER = (0, 2, 3, 5)  # of all these steps, those tried where derivatives are only roughly known
 
 
 def fit(
@@ -27,13 +28,12 @@ def fit(
     *,
     iterations: int = 4,
     tolerance: float = 0.3,
-    known: np.ndarray | None = None,
+    leading: np.ndarray | None = None,
 ) -> tuple[list[Point], np.ndarray]:
     """Improve every point on the windows `chosen`.
 
-    effective : (W, C) independent samples of each window and channel.
-    known : (D', W, T, C) derivatives by the first D' coordinates where the points lie close together: the first
-        iteration takes them for all rows, at a fraction of its cost.
+    effective : (W, C) independent samples of each window and channel. leading : (L, W, T, C) derivatives of the first
+    L coordinates where they are known well enough: only the others are measured, and fewer steps are tried.
     Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration gains less
     than `tolerance`.
     """
@@ -41,13 +41,14 @@ def fit(
     residuals = problem.residuals(points, chosen)
     cost = objective(problem, points, residuals, effective)
     going = np.arange(len(points))
-    for number in range(iterations):
+    for _ in range(iterations):
         if not len(going):
             break
-        slopes = _slopes(problem, [points[i] for i in going], chosen, None if number else known)
+        slopes = _slopes(problem, [points[i] for i in going], chosen, leading)
         tries: list[Point] = []
         for i, slope in zip(going, slopes, strict=True):
-            tries += _steps(problem, points[i], residuals[i], slope, effective)
+            steps = _steps(problem, points[i], residuals[i], slope, effective)
+            tries += steps if leading is None else [steps[k] for k in FEWER]
         made = problem.residuals(tries, chosen)
         costs = objective(problem, tries, made, effective).reshape(len(going), -1)
         best = costs.argmin(axis=1)
@@ -104,11 +105,11 @@ def _prior(point: Point) -> np.ndarray:
 
 
 def _slopes(
-    problem: Problem, points: list[Point], chosen: np.ndarray, known: np.ndarray | None = None
+    problem: Problem, points: list[Point], chosen: np.ndarray, leading: np.ndarray | None = None
 ) -> list[np.ndarray]:
-    """Of each point the derivatives (P' + K, W, T, C) of its residuals; the first ones are `known`, where given."""
-    first = 0 if known is None else len(known)
+    """Of each point the derivatives (P' + K, W, T, C) of its residuals; the `leading` ones are taken as they are."""
     moved, apart = [], []
+    first = 0 if leading is None else len(leading)
     for point in points:
         limits = bounds(problem, point)
         up, down = np.minimum(point.z + STEP, limits[:, 1]), np.maximum(point.z - STEP, limits[:, 0])
@@ -123,8 +124,8 @@ def _slopes(
     for point, width in zip(points, apart, strict=True):
         many = 2 * (len(point.z) - first)
         change = made[at : at + many : 2] - made[at + 1 : at + many : 2]
-        change /= np.maximum(width, 1e-9)[:, None, None, None]
-        out.append(change if known is None else np.concatenate([known, change]))
+        slope = change / np.maximum(width, 1e-9)[:, None, None, None]
+        out.append(slope if leading is None else np.concatenate([leading, slope]))
         at += many
     return out
 

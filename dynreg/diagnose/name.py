@@ -6,7 +6,8 @@ import numpy as np
 
 from dynreg.diagnose.fit import fit, information, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
-from dynreg.diagnose.problem import Point, Problem, effective_samples, log_likelihood, mean_squares
+from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
+from dynreg.diagnose.shortlist import MANY, shortlisted
 from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
@@ -52,22 +53,24 @@ class Naming:
 
 
 def calibrate(
-    problem: Problem, fit_on: np.ndarray, *, iterations: int = 8, seed: int = 0
+    problem: Problem, fit_on: np.ndarray, *, iterations: int = 8, draws: int = DRAWS, seed: int = 0
 ) -> tuple[Point, np.ndarray]:
     """The plain model at its maximum a posteriori, and the independent samples (W, C) that its residual has.
 
-    Starts at the nameplate and at draws from its tolerances: dry friction makes local optima.
+    Starts at the nameplate and at `draws` from its tolerances: dry friction makes local optima.
     """
     many = len(problem.coordinates)
-    draws = stream(seed, "calibrate").standard_normal((DRAWS, many))
-    points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *draws)]
+    apart = stream(seed, "calibrate").standard_normal((draws, many))
+    points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *apart)]
     effective = np.full((len(fit_on), len(problem.use)), 20.0)
     points, cost = fit(problem, points, fit_on, effective, iterations=3)
-    for rounds, kept in ((3, 2), (iterations, 1)):
+    for rounds, kept in ((3, 2), (iterations, 1)) if draws else ((iterations, 1),):
         points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]
-        effective = effective_samples(problem.residuals(points[:1], fit_on)[0])
+        effective = problem.effective(problem.residuals(points[:1], fit_on)[0])
         points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
-    return points[0], effective_samples(problem.residuals(points[:1], fit_on)[0])
+        if kept == 1 and problem.refine(points, np.arange(len(problem.windows))):
+            points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
+    return points[0], problem.effective(problem.residuals(points[:1], fit_on)[0])
 
 
 def name_one(
@@ -84,11 +87,14 @@ def name_one(
 
     effective : (W, C) independent samples of the fit windows.
     """
+    many = len(terms) > MANY
     for _ in range(ROUNDS):
-        naming = _one_round(problem, base, terms, fit_on, select_on, effective, iterations)
+        naming = _one_round(problem, base, terms, fit_on, select_on, effective, iterations, many)
         base = naming.start.point
-        if not naming.improved:
+        if not naming.improved or not naming.ranking:
             break
+        if many:  # the best of a long list stay the best
+            terms = [scored.point.hypothesis.terms[-1] for scored in naming.ranking]
     return naming
 
 
@@ -100,13 +106,19 @@ def _one_round(
     select_on: np.ndarray,
     effective: np.ndarray,
     iterations: int,
+    many: bool,
 ) -> Naming:
-    starts, slopes = screen(problem, base, terms, fit_on, effective)
-    rough, cost = fit(problem, starts, fit_on, effective, iterations=1, known=slopes)
-    fitted, _ = fit(problem, _best_of_each(rough, cost)[:FINALISTS], fit_on, effective, iterations=iterations)
+    if many:
+        fitted = shortlisted(problem, base, terms, fit_on, effective, iterations)
+    else:
+        starts, slopes = screen(problem, base, terms, fit_on, effective)
+        rough, cost = fit(problem, starts, fit_on, effective, iterations=1, leading=slopes)
+        best = _best_of_each(rough, cost)[:FINALISTS]
+        fitted, _ = fit(problem, best, fit_on, effective, iterations=iterations)
     # the model without the term gets the same chance: it starts where the best of the others ended, too
-    others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in fitted[:3])]
-    again, price = fit(problem, others, fit_on, effective, iterations=iterations)
+    rivals = fitted[: 1 if many else 3]
+    others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in rivals)]
+    again, price = fit(problem, others, fit_on, effective, iterations=2 if many else iterations)
     naming = select(problem, again[int(price.argmin())], fitted, fit_on, select_on)
     naming.improved = float(price[0] - price.min()) > BETTER
     return naming
@@ -158,7 +170,7 @@ def select(
     everything = problem.residuals([base, *fitted], windows)
     squares = mean_squares(everything, problem.floor)
     rough = np.array([np.nansum(np.log(s)) for s in squares])
-    effective = effective_samples(everything[int(rough.argmin())])
+    effective = problem.effective(everything[int(rough.argmin())])
     many = len(fit_on)
     gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
     on_fit, on_select = (g - g[0] for g in gained)

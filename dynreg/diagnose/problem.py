@@ -1,7 +1,7 @@
 """The data of one diagnosis and what a hypothesis makes of it: batched rollouts, residuals, likelihood."""
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
+FINER = 4  # times finer time steps tell what those of the model get wrong
+MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class Problem:
 
     use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
     candidates : how many simulators were run through windows so far (window by window).
+    corrections : {hypothesis: (W, T, C)} what rollouts without a time step would differ by, in units of the spread.
     """
 
     robot: Robot
@@ -52,6 +55,7 @@ class Problem:
     engine: str | None = None
     threads: int = 1
     candidates: int = field(default=0)
+    corrections: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self):
         self.use = np.flatnonzero(self.windows.weight > 0)
@@ -60,11 +64,41 @@ class Problem:
 
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
+        return self._rollouts(self.robot, points, chosen)
+
+    def refine(self, points: list[Point], chosen: np.ndarray) -> bool:
+        """Find what the time step does to the rollouts of these points, and take it off all of their hypotheses.
+
+        MuJoCo's integrator is of first order: half a time step late looks like a soft joint. Rollouts with a time
+        step `FINER` times finer say by how much, which is extrapolated to none at all. False where the engine needs
+        none of it.
+        """
+        if (self.engine or self.robot.file.robot.engines[0]) != "mujoco":
+            return False
+        table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
+        finer = replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
+        change = self._rollouts(finer, points, chosen) - self._rollouts(self.robot, points, chosen)
+        scaled = FINER / (FINER - 1) * change[..., 1:, self.use] / self.windows.spread[self.use]
+        for point, own in zip(points, scaled, strict=True):
+            known = np.zeros((len(self.windows), *own.shape[1:]))
+            known[chosen] = np.clip(np.nan_to_num(own), -MOST, MOST)
+            self.corrections[point.hypothesis.key] = known
+        return True
+
+    def _correction(self, hypothesis: Hypothesis) -> np.ndarray:
+        """(W, T, C) of the hypothesis, else of the one that it extends by a term."""
+        for terms in (hypothesis.terms, hypothesis.terms[:-1], ()):
+            known = self.corrections.get(Hypothesis(terms).key)
+            if known is not None:
+                return known
+        return next(iter(self.corrections.values())) * 0.0
+
+    def _rollouts(self, robot: Robot, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         self.candidates += len(points)
         values = self.coordinates.values(np.array([p.nominal for p in points]))
         run = self.windows.run.take(chosen)
         return rollout(
-            self.robot, values, run, engine=self.engine, threads=self.threads, terms=self._terms(points)
+            robot, values, run, engine=self.engine, threads=self.threads, terms=self._terms(points)
         ).states
 
     def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
@@ -75,8 +109,14 @@ class Problem:
         states = self.states(points, chosen)[..., 1:, self.use]
         measured = self.windows.measured[chosen][:, 1:, self.use]
         scaled = (states - measured) / self.windows.spread[self.use]
+        if self.corrections:
+            scaled += np.array([self._correction(p.hypothesis)[chosen] for p in points])
         lost = ~np.isfinite(scaled) & np.isfinite(measured)
         return np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
+
+    def effective(self, residuals: np.ndarray) -> np.ndarray:
+        """(W, C) independent samples in residuals (W, T, C); see `effective_samples`."""
+        return effective_samples(residuals, apart=len(self.robot.actions) > 1)
 
     def _terms(self, points: list[Point]) -> Terms | None:
         """The terms of all points, NaN where a point does not have one."""
@@ -113,11 +153,12 @@ def log_likelihood(squares: np.ndarray, effective: np.ndarray) -> np.ndarray:
     return -0.5 * np.nansum(effective * np.log(squares), axis=(1, 2))
 
 
-def effective_samples(residuals: np.ndarray) -> np.ndarray:
+def effective_samples(residuals: np.ndarray, *, apart: bool = False) -> np.ndarray:
     """(W, C) independent samples in residuals (W, T, C): rows over the integrated autocorrelation time.
 
     That time is the median over the windows: a window that happens to be fitted down to white noise must not count
-    for more, or the next fit would do nothing but fit it better still.
+    for more, or the next fit would do nothing but fit it better still. apart : a window with a longer time of its own
+    counts for less: many joints creep, slide or fall where others hold still.
     """
     windows, rows, channels = residuals.shape
     out, measured = np.full((windows, channels), np.nan), np.zeros((windows, channels))
@@ -136,4 +177,5 @@ def effective_samples(residuals: np.ndarray) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a channel that nowhere moves
         usual = np.nanmedian(out, axis=0)
-    return measured / np.where(np.isfinite(usual), usual, np.inf)
+    usual = np.where(np.isfinite(usual), usual, np.inf)
+    return measured / (np.fmax(out, usual) if apart else usual)

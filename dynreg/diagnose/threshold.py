@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dynreg.diagnose.name import calibrate, name_one
+from dynreg.diagnose.name import DRAWS, calibrate, name_one
 from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.truth import hide, measured_states
 from dynreg.registry import Registry
 from dynreg.rng import stream_seed
@@ -80,7 +81,7 @@ def null_score(
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
     same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)
     fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
-    base, effective = calibrate(same, fits)
+    base, effective = calibrate(same, fits, draws=0 if len(terms) > MANY else DRAWS)
     ranking = name_one(same, base, terms, fits, selects, effective).ranking
     return max(0.0, ranking[0].nats) if ranking else 0.0
 

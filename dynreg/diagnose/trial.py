@@ -84,8 +84,12 @@ def one_trial(
     *,
     without: tuple[str, ...] = (),
     max_causes: int = 1,
+    share: bool = True,
 ) -> TrialResult:
-    """Hide `terms` at `size` in the robot of `seed`, diagnose its log, score the first cause."""
+    """Hide `terms` at `size` in the robot of `seed`, diagnose its log, score the first cause.
+
+    share : whether to find the share of the attainable gain, which takes another fit.
+    """
     hidden = hide(robot, terms, size, seed)
     recording = log_of(robot, hidden, plan, engine=_truth_engine(robot, settings))
     began = time.perf_counter()
@@ -98,11 +102,14 @@ def one_trial(
     )
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     seconds = time.perf_counter() - began
-    return _scored(robot, problem, split, hidden, found, verdict, seconds)
+    result = _scored(robot, problem, hidden, found, verdict, seconds)
+    if not share or not hidden.terms or not found.accepted:
+        return result
+    return result.model_copy(update={"share_of_attainable_gain": _share(problem, split, hidden, found)})
 
 
 def _scored(
-    robot: Robot, problem: Problem, split, hidden: Hidden, found: Found, verdict, seconds: float
+    robot: Robot, problem: Problem, hidden: Hidden, found: Found, verdict, seconds: float
 ) -> TrialResult:
     first = found.rounds[0].chosen.point.hypothesis.terms[-1] if found.accepted else None
     stated = (
@@ -134,10 +141,10 @@ def _scored(
         causes=causes,
         verdict=verdict,
         right=right,
+        joint_right=_joint_right(hidden, first),
         false_alarm=not hidden.terms and first is not None,
         in_set=bool(stated & set().union(*truths)) if hidden.terms and first else None,
         size_of_set=1 + len(rivals(found.rounds[0])) if first else 0,
-        share_of_attainable_gain=_share(problem, split, hidden, found) if hidden.terms and first else None,
         parameter_error=_size_error(problem, hidden, found) if same else None,
         seconds=seconds,
     )
@@ -151,6 +158,12 @@ def _same(robot: Robot, hidden: Term) -> set[str]:
         for t in single_terms(robot)
         if group and t.effect.group == group and t.joints in ((), hidden.joints)
     }
+
+
+def _joint_right(hidden: Hidden, first: Term | None) -> bool | None:
+    """Whether the cause sits in the joints where one is hidden; None where it does not sit in a joint."""
+    joints = tuple(j for t in hidden.terms for j in t.joints)
+    return first is not None and first.joints == joints if joints else None
 
 
 def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | None:

@@ -69,10 +69,13 @@ class Protocol:
     names: tuple[str, ...]
 
 
-def protocol(robot: Robot, *, seed: int = 0, seconds: float = 50.0, episode: float = 2.5) -> Protocol:
+def protocol(
+    robot: Robot, *, seed: int = 0, seconds: float = 50.0, episode: float = 2.5, reach: float = REACH
+) -> Protocol:
     """Random levels that saturate, a chirp, slow triangles, a torque-off drop, each twice; others to test.
 
-    Two fifths of `seconds` to fit, the same commands again to select, a fifth of new ones to test.
+    Two fifths of `seconds` to fit, the same commands again to select, a fifth of new ones to test. reach : as in
+    `excitation`.
     Raises UsageError where there is no room for two episodes to fit and one to test.
     """
     rate = robot.rate
@@ -84,7 +87,7 @@ def protocol(robot: Robot, *, seed: int = 0, seconds: float = 50.0, episode: flo
             expected=f"at least {5 * episode:g} s, two episodes to fit, two to select, one to test",
             do="ask for more seconds or shorter episodes",
         )
-    bank = {"reach": REACH, "sizes": SIZES}
+    bank = {"reach": reach, "sizes": SIZES}
     first = excitation(robot, seed=seed, name="diagnose", episodes=fits, steps=steps, **bank)
     last = excitation(robot, seed=seed, name="diagnose test", episodes=tests, steps=steps, **bank)
     join = lambda a: (  # noqa: E731

@@ -48,7 +48,8 @@ class TrialResult(Result):
     hidden_values : the effect's true values; true_parameters : those of the robot. named : key of the first cause;
     causes : of all that were stated. right : the verdict is named or ambiguous, and the first cause is the truth or
     one of its exact group, and with several hidden each is among the causes so; with nothing hidden, that no cause
-    was stated. false_alarm : one was. in_set : the truth is among the first cause and
+    was stated. joint_right : the first cause sits in the joint of the truth; null where that sits in no single
+    joint. false_alarm : one was. in_set : the truth is among the first cause and
     its equivalents; size_of_set : how many these are. share_of_attainable_gain : (calibrated - extended) /
     (calibrated - true structure refitted) of the error on the test part. parameter_error : of the effect's size,
     relative to the truth. seconds : of the diagnosis.
@@ -66,6 +67,7 @@ class TrialResult(Result):
     causes: tuple[str, ...] = ()
     verdict: Verdict
     right: bool
+    joint_right: bool | None = None
     false_alarm: bool
     in_set: bool | None = None
     size_of_set: int = 0
@@ -99,14 +101,16 @@ class Confusion(Result):
 class TrialTable(Result):
     """Many trials with their rates; make one with `TrialTable.of`.
 
-    right, in_set, wrong : of the trials that hid an effect; false_alarm : of those that hid none. wrong counts stated
-    causes that are none. by_size and by_effect : the same trials, apart. set_median, set_p95 : of the sizes of sets.
+    right, in_set, wrong : of the trials that hid an effect; joint_right : of those that hid it in some joints only;
+    false_alarm : of those that hid none. wrong counts stated causes that are none. by_size and by_effect : the same
+    trials, apart. set_median, set_p95 : of the sizes of sets.
     """
 
     schema_: Literal["dynreg/trials/1"] = Field(default="dynreg/trials/1", alias="schema")
     robot: str
     trials: tuple[TrialResult, ...]
     right: Rate | None
+    joint_right: Rate | None = None
     in_set: Rate | None
     wrong: Rate | None
     false_alarm: Rate | None
@@ -130,6 +134,7 @@ class TrialTable(Result):
             robot=robot,
             trials=tuple(trials),
             right=rate(t.right for t in with_effect),
+            joint_right=rate(t.joint_right for t in with_effect if t.joint_right is not None),
             in_set=_in_set(with_effect),
             wrong=rate(t.wrong for t in with_effect),
             false_alarm=rate(t.false_alarm for t in trials if t.hidden is None),
@@ -154,7 +159,12 @@ class TrialTable(Result):
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:
         """Rates with their intervals, and the trials."""
-        named = [("right", self.right), ("in set", self.in_set), ("wrong name", self.wrong)]
+        named = [
+            ("right", self.right),
+            ("joint right", self.joint_right),
+            ("in set", self.in_set),
+            ("wrong name", self.wrong),
+        ]
         named += [("false alarm", self.false_alarm), *((f"right, {s}", r) for s, r in self.by_size.items())]
         named += [(f"right, {g.hidden or 'nothing hidden'}", g.right) for g in self.by_effect]
         return {
@@ -167,6 +177,7 @@ class TrialTable(Result):
             f"{name} {r.hits} of {r.of}"
             for name, r in (
                 ("right", self.right),
+                ("joint right", self.joint_right),
                 ("wrong name", self.wrong),
                 ("false alarm", self.false_alarm),
             )

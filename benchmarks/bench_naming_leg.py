@@ -1,0 +1,82 @@
+"""Hidden effects on a leg of three joints, in the air and on the ground: which effect, and in which joint.
+
+An effect is drawn, then the joint that it sits in (effects of the whole robot sit in none); the robots that are
+reported were never used in development (`REPORT`). The truth runs with a time step ten times finer, nameplate
+errors, a torque disturbance, sensor noise and quantisation. The threshold comes from robots without an effect of
+other seeds. 16 s a log: 6 to fit, 6 to select, 4 to test.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+from naming import Job, report, run_all, write
+
+from dynreg.diagnose.hypothesis import single_terms
+from dynreg.diagnose.settings import TrialSettings
+from dynreg.diagnose.trial import trial_threshold
+from dynreg.diagnose.truth import Protocol, protocol
+from dynreg.rng import stream, stream_seed
+from dynreg.sim.robot import Robot, load_robot
+
+TUNE, REPORT = 3, 20261130
+HEIGHTS = {"air": 0.5, "ground": 0.2}  # m of the rail's lower stop
+SIZES = ("medium", "strong")
+KINDS = ["levels", "chirp", "triangle"]
+REACH = {"air": 1.0, "ground": 1.0}  # of the robot's own excitation
+
+
+def plan_of(robot: Robot, where: str) -> Protocol:
+    """The commands of all trials in the air or on the ground: large motions, the drives always on."""
+    table = robot.file.excitation.model_copy(update={"kinds": KINDS})
+    lively = replace(robot, file=robot.file.model_copy(update={"excitation": table}))
+    plan = protocol(lively, seed=TUNE, seconds=15.0, episode=2.0, reach=REACH[where])
+    return replace(plan, run=replace(plan.run, settings=np.full_like(plan.run.settings, HEIGHTS[where])))
+
+
+def drawn(robot: Robot, where: str, many: int, seed: int) -> list[tuple[str, str, int]]:
+    """(effect and joint, size, seed of the robot) of the trials; nothing that needs the ground in the air."""
+    terms = [t for t in single_terms(robot) if where == "ground" or t.effect.acts_on != "contact"]
+    effects = list(dict.fromkeys(t.effect.id for t in terms))
+    rng, order, out = stream(seed, "leg", where), [], []
+    for i in range(many):
+        if not order:
+            order = list(rng.permutation(effects))  # every effect once before any comes again
+        own = [t.key for t in terms if t.effect.id == order[-1]]
+        order.pop()
+        key = str(rng.choice(own[1:] or own))  # the first sits in all joints
+        out.append((key, SIZES[i % 2], stream_seed(seed, "leg", where, i) % 2**31))
+    return out
+
+
+def main() -> None:
+    """Print the tables and write benchmarks/results/naming_leg.json."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--trials", type=int, default=30, help="robots in the air, and as many on the ground")
+    parser.add_argument("--none", type=int, default=5, help="robots without an effect, each")
+    parser.add_argument("--where", nargs="*", default=list(HEIGHTS))
+    parser.add_argument("--threshold-runs", type=int, default=6)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
+    given = parser.parse_args()
+    seed = TUNE if given.tune else REPORT
+    robot, documents = load_robot("leg"), {}
+    for where in given.where:
+        plan = plan_of(robot, where)
+        began = time.perf_counter()
+        settings = TrialSettings(threshold_runs=given.threshold_runs, seed=TUNE, threads=1)
+        needed = trial_threshold(None, robot, plan, settings)
+        print(f"{where}: threshold {needed:.1f} nats from {given.threshold_runs} robots, ", end="")
+        print(f"{time.perf_counter() - began:.0f} s", flush=True)
+        jobs = [Job(robot, plan, *one, needed) for one in drawn(robot, where, given.trials, seed)]
+        for i in range(given.none):
+            none = stream_seed(seed, "leg", where, "none", i) % 2**31
+            jobs.append(Job(robot, plan, None, None, none, needed))
+        documents[where] = report(f"leg, {where}", run_all(jobs, given.processes), needed)
+    if not given.tune:
+        write("naming_leg.json", documents)
+
+
+if __name__ == "__main__":
+    main()

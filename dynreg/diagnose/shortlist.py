@@ -1,0 +1,160 @@
+"""Long lists of terms: one probe of each, and full refits only for the few that the probes leave.
+
+A robot with many joints has hundreds of terms. Every one is simulated once for each of its sizes, and what the
+nominal parameters and the sizes could do is worked out to first order from these probes. The most promising are
+tried at several sizes; their number is halved after every step of their refits, in which derivatives by the nominal
+parameters are those of the calibrated model.
+"""
+
+import numpy as np
+
+from dynreg.diagnose.fit import bounds, fit, objective, sensitivities
+from dynreg.diagnose.hypothesis import SMALLEST, effect_bounds
+from dynreg.diagnose.problem import Point, Problem, mean_squares
+from dynreg.sim.effects import Term
+
+MANY = 60  # terms from which a list is long
+PROBED = 16  # terms that are tried at several sizes,
+SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
+HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
+PULL = 3.0  # largest first change of a nominal coordinate
+
+
+def shortlisted(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    effective: np.ndarray,
+    iterations: int,
+) -> list[Point]:
+    """`base` with one of `terms`, refitted: the best of them, best first, one point for each term."""
+    residual, slopes = sensitivities(problem, [base], fit_on)
+    starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes[0])
+    points, cost = _sized(problem, starts, fit_on, effective)
+    done: list[tuple[float, Point]] = []
+    for many in HALVED:
+        points, cost = fit(problem, points, fit_on, effective, iterations=many, leading=slopes[0])
+        order = np.argsort(cost, kind="stable")
+        half = (len(order) + 1) // 2
+        done += [(float(cost[i]), points[i]) for i in order[half:]]
+        points = [points[i] for i in order[:half]]
+    # the best have moved away from the calibrated model: derivatives and the time step's part anew, where they are
+    problem.refine(points, np.arange(len(problem.windows)))
+    slopes = sensitivities(problem, points[:1], fit_on)[1][0][: len(base.z)]
+    points, cost = fit(problem, points, fit_on, effective, iterations=iterations, leading=slopes)
+    done += [(float(c), p) for c, p in zip(cost, points, strict=True)]
+    return [p for _, p in sorted(done, key=lambda d: d[0])]
+
+
+def _probed(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    effective: np.ndarray,
+    residual: np.ndarray,
+    slopes: np.ndarray,
+) -> list[list[Point]]:
+    """Of each of the `PROBED` most promising terms its points at several sizes, by first order.
+
+    residual : (W, T, C) of `base`. slopes : (D, W, T, C) its derivatives.
+    """
+    probes = [_probes(base, term) for term in terms]
+    made = problem.residuals([p for own in probes for p in own], fit_on)
+    linear = _Linear(problem, base, residual, slopes, effective)
+    found, at = [], 0
+    for own in probes:
+        changes = made[at : at + len(own)] - residual
+        found.append(linear.starts(own, changes))
+        at += len(own)
+    order = np.argsort([cost for cost, _ in found], kind="stable")[:PROBED]
+    return [found[i][1] for i in order]
+
+
+def _sized(
+    problem: Problem, starts: list[list[Point]], fit_on: np.ndarray, effective: np.ndarray
+) -> tuple[list[Point], np.ndarray]:
+    """The best simulated of each term's points, and their objectives."""
+    flat = [p for own in starts for p in own]
+    cost = objective(problem, flat, problem.residuals(flat, fit_on), effective)
+    points, costs, at = [], [], 0
+    for own in starts:
+        best = at + int(cost[at : at + len(own)].argmin())
+        points.append(flat[best])
+        costs.append(cost[best])
+        at += len(own)
+    return points, np.array(costs)
+
+
+def _probes(base: Point, term: Term) -> list[Point]:
+    """`base` with the term at medium size, once for each of its sizes alone; shapes at their typical value."""
+    hypothesis = base.hypothesis.with_term(term)
+    parameters = term.effect.parameters
+    low, high = effect_bounds(hypothesis)[-len(parameters) :].T
+    nothing = np.array([0.0 if p.shape or p.signed else SMALLEST for p in parameters])
+    out = []
+    for i, p in enumerate(parameters):
+        if p.shape:
+            continue
+        z = nothing.copy()
+        z[i] = 1.0
+        out.append(Point(hypothesis, base.nominal, np.concatenate([base.effect, np.clip(z, low, high)])))
+    return out
+
+
+class _Linear:
+    """The objective around a point, its residual taken to be linear in all coordinates."""
+
+    def __init__(
+        self, problem: Problem, base: Point, residual: np.ndarray, slopes: np.ndarray, effective: np.ndarray
+    ):
+        self.problem, self.base, self.residual, self.effective = problem, base, residual, effective
+        squares = mean_squares(residual[None], problem.floor)[0]
+        weight = np.nan_to_num(effective / squares) / max(residual.shape[1], 1)
+        self.root = np.sqrt(np.broadcast_to(weight[:, None], residual.shape)).reshape(-1)
+        self.flat = np.nan_to_num(slopes).reshape(len(slopes), -1) * self.root
+        self.rest = np.nan_to_num(residual).reshape(-1) * self.root
+        shapes = [float(p.shape) for p in base.hypothesis.parameters]
+        self.prior = np.concatenate([np.ones(len(base.nominal)), shapes])
+        self.slopes = slopes
+
+    def starts(self, probes: list[Point], changes: np.ndarray) -> tuple[float, list[Point]]:
+        """Objective at the best size, and points at `SIZES` times it. changes : (K, W, T, C) of the probes."""
+        many = len(self.base.z)
+        sized = [i for i, p in enumerate(probes[0].hypothesis.terms[-1].effect.parameters) if not p.shape]
+        width = np.array([p.effect[len(self.base.effect) + i] for p, i in zip(probes, sized, strict=True)])
+        scaled = np.nan_to_num(changes) / width[:, None, None, None]
+        j = np.concatenate([self.flat, scaled.reshape(len(scaled), -1) * self.root])
+        prior = np.concatenate([self.prior, np.zeros(len(sized))])
+        curvature = j @ j.T + np.diag(prior + 1e-9)
+        start = np.concatenate([self.base.z, np.zeros(len(sized))])
+        best = np.linalg.lstsq(curvature, -j @ self.rest - prior * start, rcond=1e-12)[0]
+        limits = bounds(self.problem, probes[0])[many:][sized]
+        out = []
+        for share in SIZES:
+            size = np.clip(share * best[many:], limits[:, 0], limits[:, 1])
+            out.append(self._start(probes[0], sized, size, scaled, j, curvature))
+        return min(c for c, _ in out), [p for _, p in out]
+
+    def _start(
+        self,
+        probe: Point,
+        sized: list[int],
+        size: np.ndarray,
+        scaled: np.ndarray,
+        j: np.ndarray,
+        curvature: np.ndarray,
+    ) -> tuple[float, Point]:
+        """Objective and point at a size (K,): the other coordinates follow."""
+        many = len(self.base.z)
+        pull = -j[:many] @ (self.rest + size @ j[many:]) - self.prior * self.base.z
+        move = np.linalg.lstsq(curvature[:many, :many], pull, rcond=1e-12)[0]
+        move = np.clip(move, -PULL, PULL)
+        z = probe.z.copy()
+        z[:many] += move
+        z[[many + i for i in sized]] = size
+        limits = bounds(self.problem, probe)
+        point = probe.moved(np.clip(z, limits[:, 0], limits[:, 1]))
+        after = self.residual + np.tensordot(size, scaled, 1) + np.tensordot(move, self.slopes, 1)
+        return float(objective(self.problem, [point], after[None], self.effective)[0]), point

@@ -1,0 +1,106 @@
+"""Several joints: what the time step does is taken off, and a short list of terms still holds the right one."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.fit import fit, sensitivities
+from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.diagnose.name import calibrate
+from dynreg.diagnose.problem import Point, effective_samples
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.shortlist import shortlisted
+from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.results.trials import TrialResult, TrialTable
+from dynreg.rng import stream
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
+
+SOME = ("coulomb_friction", "torque_limit", "encoder_scale", "backlash", "payload")
+
+
+@lru_cache
+def posed(key: str | None):
+    """A leg in the air that hides a strong effect, as a problem: one second to fit, as much to select."""
+    robot = load_robot("leg")
+    table = robot.file.excitation.model_copy(update={"kinds": ["levels", "chirp"]})
+    lively = replace(robot, file=robot.file.model_copy(update={"excitation": table}))
+    plan = protocol(lively, seed=1, seconds=5.0, episode=1.0, reach=1.0)
+    hidden = hide(robot, () if key is None else (term(key),), "strong", 11)
+    problem, split = pose(None, robot, log_of(robot, hidden, plan), Settings(hold_out="test_0", threads=1))
+    return problem, np.flatnonzero(split.fit), hidden
+
+
+def true_point(problem, hidden) -> Point:
+    return Point(Hypothesis(), problem.coordinates.from_values(hidden.parameters), np.zeros(0))
+
+
+def test_with_the_time_step_taken_off_the_true_parameters_leave_the_noise():
+    problem, fit_on, hidden = posed(None)
+    truth, noise = true_point(problem, hidden), np.sqrt(problem.floor)
+    problem.corrections.clear()
+    before = np.sqrt((problem.residuals([truth], fit_on)[0] ** 2).mean(axis=(0, 1)))
+    assert problem.refine([truth], np.arange(len(problem.windows)))
+    after = np.sqrt((problem.residuals([truth], fit_on)[0] ** 2).mean(axis=(0, 1)))
+    problem.corrections.clear()
+    assert (before > 1.3 * noise).all()
+    assert (after < 1.2 * noise).all()
+
+
+def test_a_term_without_a_correction_of_its_own_takes_that_of_what_it_extends():
+    problem, fit_on, hidden = posed(None)
+    truth = true_point(problem, hidden)
+    extended = Point(Hypothesis((term("payload"),)), truth.nominal, np.array([1e-3]))
+    problem.corrections.clear()
+    plain = problem.residuals([truth, extended], fit_on)
+    problem.refine([truth], np.arange(len(problem.windows)))
+    refined = problem.residuals([truth, extended], fit_on)
+    problem.corrections.clear()
+    assert refined[1] - plain[1] == pytest.approx(refined[0] - plain[0])
+
+
+@pytest.mark.parametrize("key", ["coulomb_friction[knee]", "torque_limit[hip_pitch]"])
+def test_the_best_of_the_list_is_the_hidden_effect_in_its_joint(key):
+    problem, fit_on, _ = posed(key)
+    base, effective = calibrate(problem, fit_on, draws=0)
+    terms = single_terms(problem.robot, SOME)
+    found = shortlisted(problem, base, terms, fit_on, effective, iterations=3)
+    assert found[0].hypothesis.key == key
+    assert len({p.hypothesis.key for p in found}) == len(found) < len(terms)
+
+
+def test_known_derivatives_lead_to_the_same_optimum():
+    problem, fit_on, _ = posed("coulomb_friction[knee]")
+    base, effective = calibrate(problem, fit_on, draws=0)
+    point = Point(Hypothesis((term("coulomb_friction[knee]"),)), base.nominal, np.array([1.0]))
+    slopes = sensitivities(problem, [base], fit_on)[1][0]
+    (full,), cost = fit(problem, [point], fit_on, effective, iterations=6)
+    (quick,), price = fit(problem, [point], fit_on, effective, iterations=6, leading=slopes)
+    assert quick.effect[0] == pytest.approx(full.effect[0], rel=0.1)
+    assert price[0] == pytest.approx(cost[0], abs=5.0)
+
+
+def test_a_window_that_drifts_counts_for_less_where_windows_stand_apart():
+    noise = stream(0, "drift").standard_normal((5, 200, 1))
+    noise[0] = np.cumsum(noise[0], axis=0)
+    usual, apart = effective_samples(noise), effective_samples(noise, apart=True)
+    assert apart[0, 0] < 0.1 * usual[0, 0]
+    assert (apart <= usual).all() and apart[1:].sum() > 0.8 * usual[1:].sum()
+
+
+def test_the_table_counts_joints_where_an_effect_sits_in_one():
+    def one(joint_right):
+        given = {
+            "robot": "leg",
+            "seed": 1,
+            "hidden": "backlash",
+            "named": "backlash[knee]",
+            "verdict": "named",
+        }
+        return TrialResult(**given, right=True, joint_right=joint_right, false_alarm=False, seconds=1.0)
+
+    table = TrialTable.of("leg", [one(True), one(False), one(None)])
+    assert (table.joint_right.hits, table.joint_right.of) == (1, 2)
