@@ -12,7 +12,7 @@ from dynreg.rng import stream
 
 @dataclass(frozen=True)
 class Parts:
-    """Masks (W,) over the windows of a recording; a window is in exactly one of them."""
+    """Masks (W,) over the windows of a recording; a window is in one of them at most."""
 
     fit: np.ndarray
     select: np.ndarray
@@ -50,6 +50,20 @@ def parts(
     select = mixed[: int(selected * len(rest))]
     is_test, is_select = np.isin(groups, test), np.isin(groups, select)
     return Parts(~is_test & ~is_select, is_select, is_test)
+
+
+def thinned(split: Parts, episode: np.ndarray, most: int, seed: int = 0) -> Parts:
+    """At most so many windows in fit and in select, drawn over their episodes in turn; those left out are in no part.
+
+    episode : (W,) number of each window's episode.
+    """
+    kept = []
+    for part, mask in (("fit", split.fit), ("select", split.select)):
+        mixed = stream(seed, "windows", part).permutation(np.flatnonzero(mask))
+        turn = np.array([int(np.sum(episode[mixed[:i]] == episode[w])) for i, w in enumerate(mixed)])
+        chosen = mixed[np.argsort(turn, kind="stable")[:most]]
+        kept.append(np.isin(np.arange(len(mask)), chosen))
+    return Parts(kept[0], kept[1], split.test)
 
 
 def names(recording: Recording, windows: Windows, mask: np.ndarray) -> tuple[str, ...]:
