@@ -73,7 +73,9 @@ def config_of(problem: Problem, point: Point) -> SimConfig:
     return SimConfig(robot.hash, robot.name, values, effects)
 
 
-def motion_errors(problem: Problem, split: Parts, states: np.ndarray, joint: str, recording: Recording) -> dict:
+def motion_errors(
+    problem: Problem, split: Parts, states: np.ndarray, joint: str, recording: Recording
+) -> dict:
     """{motion: mean absolute error of the joint's position [rad]} of states (W, T+1, S) in the test windows."""
     column = problem.robot.channels.index(f"{joint}/position")
     test = np.flatnonzero(split.test)
@@ -111,9 +113,7 @@ def whole_errors(robot: Robot, recording: Recording, rows: dict) -> tuple[dict, 
             for name, value in configs[j].values.items()
             if name.startswith(f"{j}_") and name not in SHARED
         }
-        values = [
-            robot.space.from_dict(merged | {n: configs[j].values[n] for n in SHARED}) for j in JOINTS
-        ]
+        values = [robot.space.from_dict(merged | {n: configs[j].values[n] for n in SHARED}) for j in JOINTS]
         effects = {key: value for j in JOINTS for key, value in configs[j].effects.items()}
         terms = _terms(SimConfig(robot.hash, robot.name, merged, effects), len(JOINTS))
         states = rollout(robot, np.array(values), run, engine="mujoco", threads=1, terms=terms).states
@@ -207,7 +207,9 @@ def table(title: str, errors: dict) -> None:
     by["all"] = {m: np.mean([by[j][m] for j in errors]) for m in MODELS}
     for name, row in by.items():
         print(
-            f"  {name:20}" + "".join(f"{row[m]:12.5f}" for m in MODELS) + f"{row['extended'] / row['plain'] - 1:+12.0%}"
+            f"  {name:20}"
+            + "".join(f"{row[m]:12.5f}" for m in MODELS)
+            + f"{row['extended'] / row['plain'] - 1:+12.0%}"
         )
 
 

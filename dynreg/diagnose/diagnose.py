@@ -108,9 +108,7 @@ def pose(
     if settings.joints:
         values = coordinates.values(np.zeros(len(coordinates)))
         moved = coordinates.values(np.ones(len(coordinates)))
-        known = fixed_unseen(
-            robot, cut.take(split.chosen), coordinates.known, values, moved, settings.engine
-        )
+        known = fixed_unseen(robot, cut.take(split.chosen), coordinates.known, values, moved, settings.engine)
         coordinates = Coordinates(robot, known, centre, settings.tolerance)
     return Problem(robot, cut, coordinates, settings.engine, settings.threads), split
 

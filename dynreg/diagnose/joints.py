@@ -23,7 +23,9 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
     unknown = [j for j in joints if j not in driven]
     if unknown:
         raise UsageError(
-            f"joint {unknown[0]!r} of robot {robot.name!r}", expected=f"some of {driven}", do="correct the name"
+            f"joint {unknown[0]!r} of robot {robot.name!r}",
+            expected=f"some of {driven}",
+            do="correct the name",
         )
     channels = [
         c if c.name.split("/")[0] in joints else c.model_copy(update={"weight": 0.0})
@@ -55,7 +57,12 @@ def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
 
 
 def fixed_unseen(
-    robot: Robot, windows: Windows, known: np.ndarray, values: np.ndarray, moved: np.ndarray, engine: str | None
+    robot: Robot,
+    windows: Windows,
+    known: np.ndarray,
+    values: np.ndarray,
+    moved: np.ndarray,
+    engine: str | None,
 ) -> np.ndarray:
     """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at `values` (P,).
 

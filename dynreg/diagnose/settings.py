@@ -20,9 +20,9 @@ class Settings:
     threshold_runs : simulations without any effect from which the threshold is found; 0 takes the default threshold.
     threads : simulation threads, 0 for all cores. horizon : episodes are cut into rollouts of at most so many
         seconds; None takes the robot's, or 10 s. tolerance : factor on the nameplate's tolerances: above 1 where the
-        stated parameters are rough guesses. joints : these alone are diagnosed, the others' channels do not count; None for
-        all. windows : the most rollouts to fit, and as many to select by, drawn over all episodes by the seed; None
-        takes them all.
+        stated parameters are rough guesses. joints : these alone are diagnosed, the others' channels do not count;
+        None for all. windows : the most rollouts to fit, and as many to select by, drawn over all episodes by the
+        seed; None takes them all.
     Raises UsageError for an unknown effect, one that is asked for and left out, or a number that is too small.
     """
 
