@@ -35,7 +35,11 @@ HELD_OUT = ("chirp_sweep", "prbs_excitation", "hold_under_gravity", "large_ampli
 SHARED = ("upper_length", "lower_length", "upper_mass", "lower_mass", "hand_mass")
 MODELS = ("plain", "calibrated", "extended")
 WINDOWS = 10  # to fit, and as many to select by
-MODERATE = (0.2, 2.0)  # rad/s: largest commanded speed but for the fastest 1 %
+PACES = {
+    "slow": (0.02, 0.5),
+    "moderate": (0.5, 2.0),
+    "fast": (2.0, 20.0),
+}  # rad/s, commanded, but for the fastest 1 %
 LONGEST_LAG, WHOLE = 0.4, 200.0  # s
 DELAYS = (0.0, 0.2)  # s, of the plain servo
 
@@ -122,23 +126,35 @@ def whole_errors(robot: Robot, recording: Recording, rows: dict) -> tuple[dict, 
     return out
 
 
-def lags(robot: Robot, recording: Recording, joint: str) -> dict[str, float]:
-    """{motion: s} by which the measured position follows the command, on motions of moderate speed.
+def lags(recording: Recording, joint: str) -> dict[str, dict[str, float]]:
+    """{pace: {motion: s}} by which the measured position follows the command.
 
     The shift at which a straight line through (command, position) leaves least.
     """
-    out = {}
+    out: dict = {pace: {} for pace in PACES}
     command, position = recording.columns((f"{joint}/target", f"{joint}/position"))
     for episode in recording.episodes:
         t, u, q = episode.time, episode.values[:, command], episode.values[:, position]
         fastest = np.quantile(np.abs(np.gradient(u, t)), 0.99)
-        if not MODERATE[0] <= fastest <= MODERATE[1]:
+        pace = next((p for p, (low, high) in PACES.items() if low <= fastest < high), None)
+        if pace is None:
             continue
         shifts = np.arange(0.0, LONGEST_LAG, 0.005)
         later = t > t[0] + LONGEST_LAG
         alike = [np.corrcoef(np.interp(t[later] - s, t, u), q[later])[0, 1] for s in shifts]
-        out[episode.name] = float(shifts[int(np.argmax(alike))])
+        out[pace][episode.name] = float(shifts[int(np.argmax(alike))])
     return out
+
+
+def parts_of_lag(simulator: dict, joint: str) -> dict[str, float]:
+    """{part: s} of a simulator's lag where nothing rubs: delay, first-order lag, damping over stiffness."""
+    values, effects = simulator["values"], simulator["effects"]
+    damping = values[f"{joint}_torque"] / values[f"{joint}_speed"]
+    return {
+        "command_delay": effects.get(f"command_delay[{joint}]", {}).get("delay", 0.0),
+        "command_lag": effects.get(f"command_lag[{joint}]", {}).get("time", 0.0),
+        "servo": damping / values[f"{joint}_gain"],
+    }
 
 
 def _config(robot: Robot, given: dict) -> SimConfig:
@@ -166,7 +182,6 @@ def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget
     for name in ("calibrated", "extended"):
         identity = getattr(found, f"{name}_simulator") or found.calibrated_simulator
         configs[name] = SimConfig.from_dict(reg.registry.simulator(identity))
-    delays = lags(robot, loaded, joint)
     return {
         "verdict": found.verdict,
         "sentence": found.sentence,
@@ -180,7 +195,7 @@ def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget
             }
             for c in found.causes
         ],
-        "lag": delays,
+        "parts of lag": {name: parts_of_lag(_plain_dict(config), joint) for name, config in configs.items()},
         "simulators": {name: _plain_dict(config) for name, config in configs.items()},
         "errors": short_errors(problem, split, configs, joint, loaded),
         "seconds": {"diagnosis": found.cost.seconds, "plain": seconds},
@@ -190,11 +205,9 @@ def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget
 def tell(joint: str, row: dict) -> None:
     """Print one joint's diagnosis."""
     said = [f"{c['key']} ({c['nats']:.0f} nats)" for c in row["causes"]]
-    lag = 1000 * np.array(list(row["lag"].values()))
     print(
         f"{joint}: {row['verdict']}, {', '.join(said) or 'no cause'}\n"
-        f"  lag {np.median(lag):.0f} ms ({lag.min():.0f} to {lag.max():.0f} over {len(lag)} moderate motions); "
-        f"diagnosis {row['seconds']['diagnosis']:.0f} s, plain servo {row['seconds']['plain']:.0f} s",
+        f"  diagnosis {row['seconds']['diagnosis']:.0f} s, plain servo {row['seconds']['plain']:.0f} s",
         flush=True,
     )
 
@@ -211,6 +224,22 @@ def table(title: str, errors: dict) -> None:
             + "".join(f"{row[m]:12.5f}" for m in MODELS)
             + f"{row['extended'] / row['plain'] - 1:+12.0%}"
         )
+
+
+def lag_table(rows: dict, measured: dict) -> None:
+    """Print each joint's measured lag by pace, and the parts of it in the plain and the extended simulator [ms]."""
+    print("lag [ms]: median (least to most, motions); delay + lag + damping / stiffness of the simulators")
+    for joint, paces in measured.items():
+        told = []
+        for pace, motions in paces.items():
+            ms = 1000 * np.array(list(motions.values()))
+            told.append(
+                f"{pace} {np.median(ms):.0f} ({ms.min():.0f} to {ms.max():.0f}, {len(ms)})" if len(ms) else ""
+            )
+        for name in ("plain", "extended"):
+            parts = parts_of_lag(rows[joint]["simulators"][name], joint)
+            told.append(f"{name} " + " + ".join(f"{1000 * s:.0f}" for s in parts.values()))
+        print(f"  {joint:12}" + "; ".join(t for t in told if t))
 
 
 def main() -> None:
@@ -239,7 +268,9 @@ def main() -> None:
             RESULTS.write_text(json.dumps({"joints": rows}, indent=1) + "\n")
         rows = {j: rows[j] for j in JOINTS if j in rows}
         table("5 s from measured states, each joint alone [rad]", {j: rows[j]["errors"] for j in rows})
-        document: dict = {"joints": rows}
+        measured = {j: lags(reg.registry.recording(recording), j) for j in rows}
+        lag_table(rows, measured)
+        document: dict = {"joints": rows, "lag": measured}
         if len(rows) == len(JOINTS) and not given.no_whole:
             document["whole"] = whole_errors(robot, reg.registry.recording(recording), rows)
             table("whole motions, all joints together in MuJoCo [rad]", document["whole"])

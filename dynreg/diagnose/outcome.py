@@ -107,7 +107,7 @@ def outcome(
         },
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=_notes(problem, found, evidence),
+        notes=_notes(problem, found, evidence, settings),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -363,8 +363,12 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _notes(problem: Problem, found: "Found", evidence: Evidence) -> tuple[str, ...]:
+def _notes(problem: Problem, found: "Found", evidence: Evidence, settings: "Settings") -> tuple[str, ...]:
     out = []
+    if settings.joints:
+        out.append(
+            f"{', '.join(settings.joints)} alone: parameters that cannot be seen there stay where the search began"
+        )
     if evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"
