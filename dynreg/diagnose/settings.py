@@ -22,7 +22,7 @@ class Settings:
         seconds; None takes the robot's, or 10 s. tolerance : factor on the nameplate's tolerances: above 1 where the
         stated parameters are rough guesses. joints : these alone are diagnosed, the others' channels do not count;
         None for all. windows : the most rollouts to fit, and as many to select by, drawn over all episodes by the
-        seed; None takes them all.
+        seed, so that both parts see each; None takes them all, and parts them by episode.
     Raises UsageError for an unknown effect, one that is asked for and left out, or a number that is too small.
     """
 

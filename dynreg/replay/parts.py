@@ -53,17 +53,18 @@ def parts(
 
 
 def thinned(split: Parts, episode: np.ndarray, most: int, seed: int = 0) -> Parts:
-    """At most so many windows in fit and in select, drawn over their episodes in turn; those left out are in no part.
+    """At most so many windows in fit and in select; those left out are in no part.
 
-    episode : (W,) number of each window's episode.
+    Both are drawn over all episodes that are not held out, in turn: where each episode is a motion of its own kind, a
+    part that lacks one could not tell what only this one shows. episode : (W,) number of each window's episode.
     """
-    kept = []
-    for part, mask in (("fit", split.fit), ("select", split.select)):
-        mixed = stream(seed, "windows", part).permutation(np.flatnonzero(mask))
-        turn = np.array([int(np.sum(episode[mixed[:i]] == episode[w])) for i, w in enumerate(mixed)])
-        chosen = mixed[np.argsort(turn, kind="stable")[:most]]
-        kept.append(np.isin(np.arange(len(mask)), chosen))
-    return Parts(kept[0], kept[1], split.test)
+    mixed = stream(seed, "windows").permutation(split.chosen)
+    turn = np.array([int(np.sum(episode[mixed[:i]] == episode[w])) for i, w in enumerate(mixed)])
+    mixed = mixed[np.lexsort((episode[mixed], turn))]
+    turn = np.sort(turn)
+    fit, select = mixed[turn % 2 == 0][:most], mixed[turn % 2 == 1][:most]
+    number = np.arange(len(split.fit))
+    return Parts(np.isin(number, fit), np.isin(number, select), split.test)
 
 
 def names(recording: Recording, windows: Windows, mask: np.ndarray) -> tuple[str, ...]:

@@ -73,9 +73,12 @@ def test_thinned_parts_take_from_all_episodes():
     split = Parts(episode < 3, (episode >= 3) & (episode < 5), episode == 5)
     few = thinned(split, episode, 4, seed=1)
     assert few.fit.sum() == few.select.sum() == 4 and few.test.sum() == 10
-    assert set(episode[few.fit]) == {0, 1, 2} and set(episode[few.select]) == {3, 4}
-    assert not (few.fit & ~split.fit).any() and not (few.select & ~split.select).any()
-    assert np.array_equal(thinned(split, episode, 99).fit, split.fit)
+    assert not (few.fit & few.select).any() and not ((few.fit | few.select) & split.test).any()
+    five = thinned(split, episode, 5)
+    assert set(episode[five.fit]) == set(episode[five.select]) == {0, 1, 2, 3, 4}
+    most = thinned(split, episode, 99)
+    assert most.fit.sum() == most.select.sum() == 25
+    assert thinned(split, episode, 4, seed=1).fit.tolist() == few.fit.tolist()
 
 
 @pytest.fixture(scope="module")
