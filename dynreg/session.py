@@ -223,6 +223,8 @@ class Session:
         threshold_runs: int = 20,
         tolerance: float = 1.0,
         horizon: float | None = None,
+        joints: Sequence[str] | None = None,
+        windows: int | None = None,
         robot: "str | Path | Robot | None" = None,
         log_map: str | Path | None = None,
         threads: int = 0,
@@ -247,6 +249,8 @@ class Session:
             threshold_runs=threshold_runs,
             tolerance=tolerance,
             horizon=horizon,
+            joints=None if joints is None else tuple(joints),
+            windows=windows,
             threads=threads,
         )
         loaded, owner, name = self._unregistered(recording, robot, log_map)

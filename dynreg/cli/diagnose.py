@@ -54,6 +54,12 @@ def diagnose(
     horizon: Annotated[
         float | None, typer.Option(help="Longest rollout in seconds [the robot's, or 10].")
     ] = None,
+    joints: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Diagnose these joints alone [all, together].")
+    ] = None,
+    windows: Annotated[
+        int | None, typer.Option(help="Most rollouts to fit, and as many to select by [all].")
+    ] = None,
     robot: Annotated[
         str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
     ] = None,
@@ -73,6 +79,7 @@ def diagnose(
     at_least("--max-causes", max_causes, 1)
     at_least("--threshold-runs", threshold_runs, 0)
     at_least("--seed", seed, 0)
+    at_least("--windows", windows, 1)
     at_least("--threads", threads, 0)
     fresh_log = robot is not None and Path(recording).exists()  # it may be the first thing in a registry
     with call.open(create=fresh_log) as session, call.progress() as progress:
@@ -88,6 +95,8 @@ def diagnose(
             threshold_runs=threshold_runs,
             tolerance=tolerance,
             horizon=horizon,
+            joints=_names("--joints", joints, "joints such as a,b", "dynreg robots"),
+            windows=windows,
             robot=robot,
             log_map=log_map,
             threads=call.pick("threads", threads, 0),
@@ -100,7 +109,9 @@ def diagnose(
     call.emit(result, hint=None if report else "dynreg report @last")
 
 
-def _names(flag: str, given: str | None) -> tuple[str, ...] | None:
+def _names(
+    flag: str, given: str | None, expected: str = "effects such as a,b", see: str = "dynreg effects"
+) -> tuple[str, ...] | None:
     """The names of a list with commas; UsageError where there is none in it."""
     if given is None:
         return None
@@ -108,5 +119,5 @@ def _names(flag: str, given: str | None) -> tuple[str, ...] | None:
     if not names:
         from dynreg.errors import UsageError
 
-        raise UsageError(f"{flag} {given!r}", expected="effects such as a,b", do="see `dynreg effects`")
+        raise UsageError(f"{flag} {given!r}", expected=expected, do=f"see `{see}`")
     return names

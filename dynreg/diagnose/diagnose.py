@@ -10,6 +10,7 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Coordinates, single_terms
+from dynreg.diagnose.joints import fixed_unseen, only_joints, terms_at
 from dynreg.diagnose.name import DRAWS, Naming, calibrate, name_one
 from dynreg.diagnose.outcome import outcome
 from dynreg.diagnose.problem import Point, Problem
@@ -21,7 +22,7 @@ from dynreg.diagnose.threshold import Calibrated, threshold
 from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.registry import Registry
 from dynreg.replay.known import known_values
-from dynreg.replay.parts import Parts, parts
+from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows, windows
 from dynreg.results import Diagnosis
 from dynreg.sim.effects import Term
@@ -66,6 +67,8 @@ def diagnose(
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     held = shown(robot, problem.windows)
     terms = single_terms(robot, settings.effects or (), (*settings.without, *held))
+    if settings.joints:
+        terms = terms_at(terms, settings.joints)
     if not terms:
         measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
         raise UsageError(
@@ -86,6 +89,8 @@ def pose(
 ) -> tuple[Problem, Parts]:
     """The recording cut into windows, its parts, and the coordinates that start from the simulator asked for."""
     require_commands(robot, recording)
+    if settings.joints:
+        robot = only_joints(robot, settings.joints)
     horizon = settings.horizon or robot.file.replay.horizon or LONGEST
     rate = robot.file.robot.control_rate
     if rate is not None and horizon * rate < 2:
@@ -108,10 +113,18 @@ def pose(
             do="record more episodes, hold out less, or cut it finer with --horizon",
         )
     _check_length(robot, cut, split)
+    if settings.windows:
+        split = thinned(split, cut.episode, settings.windows, settings.seed)
     cut = _settled(robot, cut.scaled_by(robot, split.chosen), settings.engine)
+    cut = replace(cut, run=replace(cut.run, joints=settings.joints))
     _check_motion(robot, cut, split)
     centre = _centre(registry, robot, recording, settings)
     coordinates = Coordinates(robot, known_values(robot, recording), centre, settings.tolerance)
+    if settings.joints:
+        values = coordinates.values(np.zeros(len(coordinates)))
+        moved = coordinates.values(np.ones(len(coordinates)))
+        known = fixed_unseen(robot, cut.take(split.chosen), coordinates.known, values, moved, settings.engine)
+        coordinates = Coordinates(robot, known, centre, settings.tolerance)
     return Problem(robot, cut, coordinates, settings.engine, settings.threads), split
 
 

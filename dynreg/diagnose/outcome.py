@@ -116,7 +116,7 @@ def outcome(
         parts=_parts(problem, recording, split),
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=(*_notes(parameters, evidence), *loose_ends(problem.coordinates, covariance)),
+        notes=(*_notes(parameters, evidence, settings), *loose_ends(problem.coordinates, covariance)),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -354,8 +354,12 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _notes(parameters: dict[str, Pulled], evidence: Evidence) -> tuple[str, ...]:
+def _notes(parameters: dict[str, Pulled], evidence: Evidence, settings: "Settings") -> tuple[str, ...]:
     out = []
+    if settings.joints:
+        out.append(
+            f"{', '.join(settings.joints)} alone: parameters that cannot be seen there stay where the search began"
+        )
     if evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"

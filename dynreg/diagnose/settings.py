@@ -20,7 +20,9 @@ class Settings:
     threshold_runs : simulations without any effect from which the threshold is found; 0 takes the default threshold.
     threads : simulation threads, 0 for all cores. horizon : episodes are cut into rollouts of at most so many
         seconds; None takes the robot's, or 10 s. tolerance : factor on the nameplate's tolerances: above 1 where the
-        stated parameters are rough guesses.
+        stated parameters are rough guesses. joints : these alone are diagnosed, the others' channels do not count;
+        None for all. windows : the most rollouts to fit, and as many to select by, drawn over all episodes by the
+        seed, so that both parts see each; None takes them all, and parts them by episode.
     Raises UsageError for an unknown effect, one that is asked for and left out, or a number that is too small.
     """
 
@@ -35,6 +37,8 @@ class Settings:
     threads: int = 0
     horizon: float | None = None
     tolerance: float = 1.0
+    joints: tuple[str, ...] | None = None
+    windows: int | None = None
 
     def __post_init__(self):
         for name in (*(self.effects or ()), *self.without):
@@ -60,6 +64,12 @@ class Settings:
             )
         if self.horizon is not None and not 0 < self.horizon < float("inf"):
             raise UsageError(f"horizon {self.horizon:g} s", expected="a positive length", do="give another")
+        if self.joints is not None and not self.joints:
+            raise UsageError(
+                "no joints", expected="at least one", do="name some, or leave the choice out for all"
+            )
+        if self.windows is not None:
+            _whole("windows", self.windows, 1)
         _whole("max_causes", self.max_causes, 1, MOST_CAUSES)
         _whole("threshold_runs", self.threshold_runs, 0)
         _whole("seed", self.seed, 0)

@@ -12,7 +12,7 @@ from dynreg.rng import stream
 
 @dataclass(frozen=True)
 class Parts:
-    """Masks (W,) over the windows of a recording; a window is in exactly one of them."""
+    """Masks (W,) over the windows of a recording; a window is in one of them at most."""
 
     fit: np.ndarray
     select: np.ndarray
@@ -57,6 +57,21 @@ def parts(
     select = _one_of_each_pair(windows, groups, mixed) if paired else mixed[: int(selected * len(rest))]
     is_test, is_select = np.isin(groups, test), np.isin(groups, select)
     return Parts(~is_test & ~is_select, is_select, is_test)
+
+
+def thinned(split: Parts, episode: np.ndarray, most: int, seed: int = 0) -> Parts:
+    """At most so many windows in fit and in select; those left out are in no part.
+
+    Both are drawn over all episodes that are not held out, in turn: where each episode is a motion of its own kind, a
+    part that lacks one could not tell what only this one shows. episode : (W,) number of each window's episode.
+    """
+    mixed = stream(seed, "windows").permutation(split.chosen)
+    turn = np.array([int(np.sum(episode[mixed[:i]] == episode[w])) for i, w in enumerate(mixed)])
+    mixed = mixed[np.lexsort((episode[mixed], turn))]
+    turn = np.sort(turn)
+    fit, select = mixed[turn % 2 == 0][:most], mixed[turn % 2 == 1][:most]
+    number = np.arange(len(split.fit))
+    return Parts(np.isin(number, fit), np.isin(number, select), split.test)
 
 
 def names(recording: Recording, windows: Windows, mask: np.ndarray) -> tuple[str, ...]:

@@ -93,6 +93,7 @@ def _parameters(result: Diagnosis) -> RenderableType:
             "-" if e.pulled_sigma is None else f"{e.pulled_sigma:+.1f} sigma",
         )
         for name, e in result.parameters.items()
+        if e.pulled_sigma is not None or not e.low == e.high == e.nominal  # others stayed where they were put
     ]
     columns = ("parameter", "nominal", "value [90 % interval]", "unit", "pull")
     return table(columns, rows, "parameters (pull: from the nameplate, in its standard deviations)")

@@ -75,6 +75,22 @@ class Ports:
             self.actions,
         )
 
+    def take(self, drives: np.ndarray) -> "Ports":
+        """Only these drives (numbers)."""
+        cut = lambda group: {k: v[:, drives] for k, v in group.items()}  # noqa: E731
+        names = lambda items: [items[i] for i in drives]  # noqa: E731
+        return Ports(
+            names(self.joints),
+            names(self.types),
+            cut(self.drive),
+            cut(self.friction),
+            cut(self.sensor),
+            self.control,
+            self.supply_input[drives],
+            self.enable_input[drives],
+            names(self.actions),
+        )
+
 
 def nominal_ports(robot: Robot, n: int) -> Ports:
     """Ports as robot.toml gives them, for n simulators."""

@@ -21,6 +21,8 @@ class Run:
     noise : (B, E, T, A) standard normal draws for the motor noise; None runs without it.
     begin : (E,) seconds from the start of the log to that of each episode (what warms up or wears goes on);
         None starts them all at once.
+    joints : the driven joints that are looked at; None for all. An engine in which joints move alone leaves the
+        others out, and their channels are NaN.
     """
 
     actions: np.ndarray
@@ -30,6 +32,7 @@ class Run:
     period: float | None = None
     noise: np.ndarray | None = None
     begin: np.ndarray | None = None
+    joints: tuple[str, ...] | None = None
 
     def __post_init__(self):
         if self.actions.ndim not in (3, 4):
@@ -58,6 +61,7 @@ class Run:
             self.period,
             None if self.noise is None else self.noise[:, episodes],
             pick(self.begin),
+            self.joints,
         )
 
 

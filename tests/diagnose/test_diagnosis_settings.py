@@ -18,6 +18,8 @@ BAD_DIAGNOSES = [
     ({"seed": -1}, "seed -1"),
     ({"threads": -1}, "threads -1"),
     ({"start": ""}, "start"),
+    ({"joints": ()}, "no joints"),
+    ({"windows": 0}, "windows 0"),
 ]
 BAD_TRIALS = [
     ({"hide": "all"}, "hide 'all'"),

@@ -88,6 +88,20 @@ def configure_terms(
             a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory), a.values)
 
 
+def on_drives(active: list[Acting], drives: np.ndarray) -> list[Acting]:
+    """The configured terms in arrays (n, A') of these drives (numbers) alone; terms of other drives are left out."""
+    out = []
+    for a in active:
+        kept = np.flatnonzero(np.isin(a.joints, drives))
+        if not len(kept):
+            continue
+        joints = np.searchsorted(drives, a.joints[kept])
+        memory = {key: np.asarray(value)[:, kept] for key, value in a.moment.memory.items()}
+        where = _where(a.rows, joints, len(drives))
+        out.append(Acting(a.effect, a.rows, joints, where, a.values, Moment(memory=memory)))
+    return out
+
+
 def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, h: np.ndarray) -> None:
     """Tell the terms the constants of their rows: the drive's law (n, A), inertia (n, A), time step (n,) [s]."""
     for a in active:

@@ -1,10 +1,10 @@
 """Independent joints in plain numpy over candidates: servo benches, legs in the air, an arm joint by joint.
 
-Each driven joint moves alone, the others held at the reset pose: inertia and gravity load come from the same
+Each driven joint moves alone, the others held where they start: inertia and gravity load come from the same
 MuJoCo model and the same `sets` as in the mujoco engine, so one robot folder serves both.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import mujoco
@@ -25,6 +25,7 @@ from dynreg.sim.engines.acting import (
     has_sensors,
     observed,
     on,
+    on_drives,
     prepare,
     true_states,
 )
@@ -53,6 +54,10 @@ class Plant:
     def _swings(self) -> bool:
         return bool(self.amplitude.any())
 
+    def take(self, drives: np.ndarray) -> "Plant":
+        """Only these drives (numbers)."""
+        return Plant(*(np.ascontiguousarray(getattr(self, f.name)[:, drives]) for f in fields(self)))
+
     def load(self, q: np.ndarray) -> np.ndarray:
         """(n, A) gravity and spring torque at positions q."""
         if not self._swings:
@@ -72,17 +77,19 @@ def rollout(
     active = acting(robot, terms, episodes, batch.nsim)
     configure_terms(robot, active, ports, batch.expand)
     batch.set_const()
-    plant = _plant(batch, model, layout, ports)
     inputs = episode_inputs(robot, n, run)
     q, v = _start(robot, layout, batch, run, n, ports)
+    plant = _plant(batch, model, layout, ports)
     period, begin = clock_of(batch.nsim, ports, run)
     # each simulator divides its own period, whatever others are in the batch
     substeps = robot.substeps(period)
     commands = _commands(layout, model, batch, ports, run, q)
     clock = Clock(commands, period, period / substeps, begin)
-    motion = _Motion(ports, plant, inputs, active, clock)
-    positions, velocities = motion.integrate(q, v, substeps)
-    states = _observe(robot, layout, positions, velocities)
+    drives = _drives(robot, run)
+    clock.commands = np.ascontiguousarray(commands[..., drives])
+    motion = _Motion(ports.take(drives), plant.take(drives), inputs, on_drives(active, drives), clock)
+    positions, velocities = motion.integrate(q[:, drives], v[:, drives], substeps)
+    states = _observe(robot, layout, drives, positions, velocities)
     states = observed(robot, active, states, ports, period)
     shape = (n, episodes)
     fell = np.full(shape, run.steps + 1)
@@ -168,7 +175,7 @@ class _Motion:
 def _plant(batch: Batch, model: mujoco.MjModel, layout: Layout, ports: Ports) -> Plant:
     """Inertia and load of each driven joint, from MuJoCo's own bias force at three positions of that joint."""
     qpos, bias = batch.bind("qpos"), batch.bind("qfrc_bias")
-    batch.bind("qvel")[:] = 0.0
+    batch.bind("qvel")[:] = 0.0  # of the pose alone
     rest = qpos.copy()
     shape = (batch.nsim, len(layout.action_qpos))
     sine, cosine, constant = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -191,7 +198,7 @@ def _plant(batch: Batch, model: mujoco.MjModel, layout: Layout, ports: Ports) ->
 
 
 def _inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
-    """(n, A) diagonal of the joint-space inertia matrix at the reset pose."""
+    """(n, A) diagonal of the joint-space inertia matrix at the present pose."""
     matrix = batch.bind("M")  # outputs are filled by calls made after they are bound
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
     diagonal = model.M_rowadr + model.M_rownnz - 1
@@ -203,7 +210,8 @@ def _start(
 ) -> tuple[np.ndarray, np.ndarray]:
     keyframe = robot.file.reset.keyframe
     batch.reset(keyframe=robot.model.keyframe(keyframe).id if keyframe else -1)
-    q = batch.bind("qpos")[:, layout.action_qpos].copy()
+    qpos = batch.bind("qpos")
+    q = qpos[:, layout.action_qpos].copy()
     v = np.zeros_like(q)
     if run.initial is None:
         return q, v
@@ -216,6 +224,7 @@ def _start(
             at = np.flatnonzero(wanted == address)
             value = known[:, column, None]
             target[:, at] = np.where(np.isnan(value), target[:, at], value)
+    qpos[:, layout.action_qpos] = q
     return q, v
 
 
@@ -228,16 +237,24 @@ def _commands(layout, model, batch: Batch, ports: Ports, run: Run, q: np.ndarray
     return shaped_commands(actions, np.where(takes_positions(ports), q, 0.0), low, high, ports, noise)
 
 
-def _observe(robot: Robot, layout: Layout, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """(n, T+1, S) state vectors of joint positions and velocities (T+1, n, A)."""
-    states = np.zeros((positions.shape[1], positions.shape[0], len(robot.channels)))
+def _drives(robot: Robot, run: Run) -> np.ndarray:
+    """Numbers of the drives that the run looks at."""
+    owners = [name.split("/")[0] for name in robot.actions]
+    return np.array([i for i, owner in enumerate(owners) if run.joints is None or owner in run.joints])
+
+
+def _observe(
+    robot: Robot, layout: Layout, drives: np.ndarray, positions: np.ndarray, velocities: np.ndarray
+) -> np.ndarray:
+    """(n, T+1, S) state vectors of joint positions and velocities (T+1, n, A') of the drives; NaN of the others."""
+    states = np.full((positions.shape[1], positions.shape[0], len(robot.channels)), np.nan)
     for source, (columns, addresses), wanted in (
-        (positions, layout.position, layout.action_qpos),
-        (velocities, layout.velocity, layout.action_dof),
+        (positions, layout.position, layout.action_qpos[drives]),
+        (velocities, layout.velocity, layout.action_dof[drives]),
     ):
         for column, address in zip(columns, addresses, strict=True):
-            at = np.flatnonzero(wanted == address)[0]
-            states[:, :, column] = source[:, :, at].T
+            for at in np.flatnonzero(wanted == address):
+                states[:, :, column] = source[:, :, at].T
     return states
 
 

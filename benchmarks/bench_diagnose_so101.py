@@ -1,0 +1,285 @@
+"""Diagnosis of the real SO-101 arm, joint by joint: causes, lag, and the error on four held-out motions.
+
+Against a plain servo for each joint (stiffness, damping, inertia, torque limit, gravity load, constant load and
+delay) that CMA-ES fitted to the same windows of the same motions. Closed-loop rollouts from commands alone: of 5 s
+from measured states, each joint alone; and of whole motions from their start, each joint alone and all together in
+MuJoCo, whose dry friction creeps where a joint stands under load.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+import dynreg
+from dynreg.data.recording import Recording
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.settings import Settings
+from dynreg.replay.parts import Parts
+from dynreg.search.cmaes import CmaEs
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import Terms, term
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+
+HERE = Path(__file__).parent
+DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
+RESULTS = HERE / "results" / "diagnose_so101.json"
+JOINTS = ("rotation", "pitch", "elbow", "wrist_pitch", "wrist_roll", "jaw")
+HELD_OUT = ("chirp_sweep", "prbs_excitation", "hold_under_gravity", "large_amplitude")
+SHARED = ("upper_length", "lower_length", "upper_mass", "lower_mass", "hand_mass")
+MODELS = ("plain", "calibrated", "extended")
+WINDOWS = 11  # to fit, and as many to select by
+PACES = {
+    "slow": (0.02, 0.5),
+    "moderate": (0.5, 2.0),
+    "fast": (2.0, 20.0),
+}  # rad/s, commanded, but for the fastest 1 %
+LONGEST_LAG, WHOLE = 0.4, 200.0  # s
+DELAYS = (0.0, 0.2)  # s, of the plain servo
+
+
+def plain(problem: Problem, split: Parts, joint: str, budget: int, seed: int = 0) -> Point:
+    """The plain servo with delay whose mean absolute error on the windows to fit and select by is least."""
+    hypothesis = Hypothesis((term(f"force_offset[{joint}]"), term(f"command_delay[{joint}]")))
+    scale = problem.coordinates.scale(hypothesis.terms[1], hypothesis.parameters[1])
+    load = problem.coordinates.scales["torque"][0] * 0.5
+    load /= problem.coordinates.scale(hypothesis.terms[0], hypothesis.parameters[0])
+    limits = np.concatenate(
+        [problem.coordinates.nominal_bounds, [(-load, load), (DELAYS[0], DELAYS[1] / scale)]]
+    )
+    many = len(problem.coordinates)
+    start = np.concatenate([np.zeros(many), [0.0, 0.03 / scale]])
+    search = CmaEs((start - limits[:, 0]) / np.ptp(limits, axis=1), sigma=0.2, seed=seed)
+    spent = 0
+    while spent < budget and not search.stopped:
+        z = limits[:, 0] + search.ask() * np.ptp(limits, axis=1)
+        points = [Point(hypothesis, row[:many], row[many:]) for row in z]
+        search.tell(np.nanmean(np.abs(problem.residuals(points, split.chosen)), axis=(1, 2, 3)))
+        spent += len(z)
+    z = limits[:, 0] + search.best * np.ptp(limits, axis=1)
+    return Point(hypothesis, z[:many], z[many:])
+
+
+def config_of(problem: Problem, point: Point) -> SimConfig:
+    """The point as the configuration of a simulator."""
+    robot, effects = problem.robot, {}
+    rows = problem.coordinates.effect_values(point.hypothesis, point.effect[None])
+    for one, row in zip(point.hypothesis.terms, rows, strict=True):
+        names = [p.name for p in one.effect.parameters]
+        effects[one.key] = dict(zip(names, map(float, row[0]), strict=True))
+    values = robot.space.as_dict(problem.coordinates.values(point.nominal))
+    return SimConfig(robot.hash, robot.name, values, effects)
+
+
+def motion_errors(
+    problem: Problem, split: Parts, states: np.ndarray, joint: str, recording: Recording
+) -> dict:
+    """{motion: mean absolute error of the joint's position [rad]} of states (W, T+1, S) in the test windows."""
+    column = problem.robot.channels.index(f"{joint}/position")
+    test = np.flatnonzero(split.test)
+    miss = np.abs(states[:, 1:, column] - problem.windows.measured[test][:, 1:, column])
+    owner = [recording.episodes[e].name for e in problem.windows.episode[test]]
+    return {m: float(np.nanmean(miss[[o == m for o in owner]])) for m in HELD_OUT}
+
+
+def short_errors(
+    problem: Problem, split: Parts, configs: dict[str, SimConfig], joint: str, recording: Recording
+) -> dict:
+    """{model: {motion: error}} of windows from measured states, the joint alone."""
+    run, out = problem.windows.run.take(np.flatnonzero(split.test)), {}
+    for name, config in configs.items():
+        values = problem.robot.space.from_dict(dict(config.values))[None]
+        states = rollout(problem.robot, values, run, engine="joint", threads=1, terms=_terms(config)).states
+        out[name] = motion_errors(problem, split, states[0], joint, recording)
+    return out
+
+
+def whole_errors(robot: Robot, recording: Recording, rows: dict, engine: str) -> dict:
+    """{joint: {model: {motion: error}}} of whole motions from their start.
+
+    Lengths and masses were fitted by each joint to itself: each joint is read off an arm that has its own.
+    """
+    settings = Settings(hold_out=",".join(HELD_OUT), horizon=WHOLE)
+    problem, split = pose(None, robot, recording, settings)
+    run = problem.windows.run.take(np.flatnonzero(split.test))
+    out: dict = {joint: {} for joint in JOINTS}
+    for model in MODELS:
+        configs = {j: _config(robot, rows[j]["simulators"][model]) for j in JOINTS}
+        merged = {
+            name: value
+            for j in JOINTS
+            for name, value in configs[j].values.items()
+            if name.startswith(f"{j}_") and name not in SHARED
+        }
+        values = [robot.space.from_dict(merged | {n: configs[j].values[n] for n in SHARED}) for j in JOINTS]
+        effects = {key: value for j in JOINTS for key, value in configs[j].effects.items()}
+        terms = _terms(SimConfig(robot.hash, robot.name, merged, effects), len(JOINTS))
+        states = rollout(robot, np.array(values), run, engine=engine, threads=1, terms=terms).states
+        for i, joint in enumerate(JOINTS):
+            out[joint][model] = motion_errors(problem, split, states[i], joint, recording)
+    return out
+
+
+def lags(recording: Recording, joint: str) -> dict[str, dict[str, float]]:
+    """{pace: {motion: s}} by which the measured position follows the command.
+
+    The shift at which a straight line through (command, position) leaves least.
+    """
+    out: dict = {pace: {} for pace in PACES}
+    command, position = recording.columns((f"{joint}/target", f"{joint}/position"))
+    for episode in recording.episodes:
+        t, u, q = episode.time, episode.values[:, command], episode.values[:, position]
+        fastest = np.quantile(np.abs(np.gradient(u, t)), 0.99)
+        pace = next((p for p, (low, high) in PACES.items() if low <= fastest < high), None)
+        if pace is None:
+            continue
+        shifts = np.arange(0.0, LONGEST_LAG, 0.005)
+        later = t > t[0] + LONGEST_LAG
+        alike = [np.corrcoef(np.interp(t[later] - s, t, u), q[later])[0, 1] for s in shifts]
+        out[pace][episode.name] = float(shifts[int(np.argmax(alike))])
+    return out
+
+
+def parts_of_lag(simulator: dict, joint: str) -> dict[str, float]:
+    """{part: s} of a simulator's lag where nothing rubs: delay, first-order lag, damping over stiffness."""
+    values, effects = simulator["values"], simulator["effects"]
+    damping = values[f"{joint}_torque"] / values[f"{joint}_speed"]
+    return {
+        "command_delay": effects.get(f"command_delay[{joint}]", {}).get("delay", 0.0),
+        "command_lag": effects.get(f"command_lag[{joint}]", {}).get("time", 0.0),
+        "servo": damping / values[f"{joint}_gain"],
+    }
+
+
+def _config(robot: Robot, given: dict) -> SimConfig:
+    return SimConfig(robot.hash, robot.name, given["values"], given["effects"])
+
+
+def _terms(config: SimConfig, times: int = 1) -> Terms | None:
+    made = terms_of(config)
+    return Terms(made.terms, tuple(np.repeat(v, times, axis=0) for v in made.values)) if made.terms else None
+
+
+def _plain_dict(config: SimConfig) -> dict:
+    return {"values": dict(config.values), "effects": {k: dict(v) for k, v in config.effects.items()}}
+
+
+def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget: int, windows: int) -> dict:
+    """The row of one joint: its diagnosis, the plain servo's errors and its own on the held-out motions, lags."""
+    given = {"hold_out": ",".join(HELD_OUT), "joints": (joint,), "windows": windows, "threads": 1}
+    found = reg.diagnose(recording, max_causes=causes, threshold_runs=0, **given)
+    loaded = reg.registry.recording(recording)
+    problem, split = pose(None, robot, loaded, Settings(**given))
+    began = time.perf_counter()
+    configs = {"plain": config_of(problem, plain(problem, split, joint, budget))}
+    seconds = time.perf_counter() - began
+    for name in ("calibrated", "extended"):
+        identity = getattr(found, f"{name}_simulator") or found.calibrated_simulator
+        configs[name] = SimConfig.from_dict(reg.registry.simulator(identity))
+    return {
+        "verdict": found.verdict,
+        "sentence": found.sentence,
+        "causes": [
+            {
+                "key": c.key,
+                "nats": c.evidence_nats,
+                "values": {n: e.value for n, e in c.parameters.items()},
+                "equivalent": list(c.equivalent),
+                "at_bound": any(e.at_bound for e in c.parameters.values()),
+            }
+            for c in found.causes
+        ],
+        "parts of lag": {name: parts_of_lag(_plain_dict(config), joint) for name, config in configs.items()},
+        "simulators": {name: _plain_dict(config) for name, config in configs.items()},
+        "errors": short_errors(problem, split, configs, joint, loaded),
+        "seconds": {"diagnosis": found.cost.seconds, "plain": seconds},
+    }
+
+
+def tell(joint: str, row: dict) -> None:
+    """Print one joint's diagnosis."""
+    said = [f"{c['key']} ({c['nats']:.0f} nats)" for c in row["causes"]]
+    print(
+        f"{joint}: {row['verdict']}, {', '.join(said) or 'no cause'}\n"
+        f"  diagnosis {row['seconds']['diagnosis']:.0f} s, plain servo {row['seconds']['plain']:.0f} s",
+        flush=True,
+    )
+
+
+def table(title: str, errors: dict) -> None:
+    """Print mean absolute errors [rad] by joint and by motion, and how much less the extended simulators leave."""
+    print(f"{title}\n  {'':20}" + "".join(f"{m:>12}" for m in MODELS) + "   extended against plain")
+    by = {j: {m: np.mean(list(errors[j][m].values())) for m in MODELS} for j in errors}
+    by |= {k: {m: np.mean([errors[j][m][k] for j in errors]) for m in MODELS} for k in HELD_OUT}
+    by["all"] = {m: np.mean([by[j][m] for j in errors]) for m in MODELS}
+    for name, row in by.items():
+        print(
+            f"  {name:20}"
+            + "".join(f"{row[m]:12.5f}" for m in MODELS)
+            + f"{row['extended'] / row['plain'] - 1:+12.0%}"
+        )
+
+
+def lag_table(rows: dict, measured: dict) -> None:
+    """Print each joint's measured lag by pace, and the parts of it in the plain and the extended simulator [ms]."""
+    print("lag [ms]: median (least to most, motions); delay + lag + damping / stiffness of the simulators")
+    for joint, paces in measured.items():
+        told = []
+        for pace, motions in paces.items():
+            ms = 1000 * np.array(list(motions.values()))
+            told.append(
+                f"{pace} {np.median(ms):.0f} ({ms.min():.0f} to {ms.max():.0f}, {len(ms)})" if len(ms) else ""
+            )
+        for name in ("plain", "extended"):
+            parts = parts_of_lag(rows[joint]["simulators"][name], joint)
+            told.append(f"{name} " + " + ".join(f"{1000 * s:.0f}" for s in parts.values()))
+        print(f"  {joint:12}" + "; ".join(t for t in told if t))
+
+
+def main() -> None:
+    """Print the tables and write benchmarks/results/diagnose_so101.json; joints left out keep their rows there."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--joints", nargs="*", default=list(JOINTS), choices=JOINTS)
+    parser.add_argument("--windows", type=int, default=WINDOWS)
+    parser.add_argument("--max-causes", type=int, default=6)
+    parser.add_argument("--budget", type=int, default=1500, help="simulations of CMA-ES for each joint")
+    parser.add_argument("--no-whole", action="store_true", help="leave out the whole motions in MuJoCo")
+    given = parser.parse_args()
+    logs = sorted((DATA / "sage_so101_arm").glob("*.parquet"))
+    if not logs:
+        print("bench_diagnose_so101: skipped, no SO-101 log in DYNREG_DATA_DIR")
+        return
+    rows = json.loads(RESULTS.read_text())["joints"] if RESULTS.exists() else {}
+    with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
+        recording = reg.ingest(logs, "so101", name="arm").recording
+        robot = reg._robot_of_recording(recording)
+        for joint in given.joints:
+            rows[joint] = one_joint(
+                reg, robot, recording, joint, given.max_causes, given.budget, given.windows
+            )
+            tell(joint, rows[joint])
+            RESULTS.parent.mkdir(exist_ok=True)
+            RESULTS.write_text(json.dumps({"joints": rows}, indent=1) + "\n")
+        rows = {j: rows[j] for j in JOINTS if j in rows}
+        table("5 s from measured states, each joint alone [rad]", {j: rows[j]["errors"] for j in rows})
+        measured = {j: lags(reg.registry.recording(recording), j) for j in rows}
+        lag_table(rows, measured)
+        document: dict = {"joints": rows, "lag": measured}
+        if len(rows) == len(JOINTS) and not given.no_whole:
+            document["whole"] = {}
+            for engine in ("joint", "mujoco"):
+                errors = whole_errors(robot, reg.registry.recording(recording), rows, engine)
+                document["whole"][engine] = errors
+                table(f"whole motions from their start, engine {engine} [rad]", errors)
+        RESULTS.write_text(json.dumps(document, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

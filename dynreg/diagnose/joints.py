@@ -1,0 +1,82 @@
+"""A diagnosis of some joints alone: what is looked at, what may be blamed, and which parameters can be seen there."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.replay.windows import Windows
+from dynreg.sim.effects import Term
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+
+TRIED = 6  # windows in which a parameter must be seen,
+UNSEEN = 0.1  # of the sensor's noise: what changes less than this cannot be fitted
+
+
+def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
+    """The robot with no weight on the channels of other joints.
+
+    Raises UsageError where no action drives a joint, or none of its channels has a weight.
+    """
+    driven = list(dict.fromkeys(name.split("/")[0] for name in robot.actions))
+    unknown = [j for j in joints if j not in driven]
+    if unknown:
+        raise UsageError(
+            f"joint {unknown[0]!r} of robot {robot.name!r}",
+            expected=f"some of {driven}",
+            do="correct the name",
+        )
+    channels = [
+        c if c.name.split("/")[0] in joints else c.model_copy(update={"weight": 0.0})
+        for c in robot.file.channels
+    ]
+    if not any(c.weight > 0 for c in channels):
+        raise UsageError(
+            f"no channel of {list(joints)} has a weight",
+            expected="a channel to judge by",
+            do="give one a weight in robot.toml",
+        )
+    return replace(robot, file=robot.file.model_copy(update={"channels": channels}))
+
+
+def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
+    """Of all single terms those at these joints: on each, and on all of them where these are several.
+
+    Effects of the whole robot are left out: a part of the joints cannot tell them.
+    """
+    out = []
+    for term in terms:
+        if term.effect.scope != "joint":
+            continue
+        if len(joints) > 1 and not term.joints:
+            out.append(Term(term.effect, joints))
+        elif len(term.joints) == 1 and term.joints[0] in joints:
+            out.append(term)
+    return out
+
+
+def fixed_unseen(
+    robot: Robot,
+    windows: Windows,
+    known: np.ndarray,
+    values: np.ndarray,
+    moved: np.ndarray,
+    engine: str | None,
+) -> np.ndarray:
+    """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at `values` (P,).
+
+    moved : (P,) one standard deviation away from them.
+    """
+    free = np.flatnonzero(np.isnan(known))
+    tried = np.tile(values, (1 + len(free), 1))
+    tried[np.arange(1, len(tried)), free] = moved[free]
+    some = np.unique(np.linspace(0, len(windows) - 1, TRIED).round().astype(int))
+    use = np.flatnonzero(windows.weight > 0)
+    states = rollout(robot, tried, windows.run.take(some), engine=engine, threads=1).states[..., use]
+    noise = np.array([np.hypot(c.noise, c.quantum / np.sqrt(12)) for c in robot.file.channels])[use]
+    change = np.sqrt(np.mean((states[1:] - states[:1]) ** 2, axis=(1, 2)))  # (P', C)
+    unseen = free[(change < UNSEEN * np.maximum(noise, 1e-12)).all(axis=1)]
+    out = known.copy()
+    out[unseen] = values[unseen]
+    return out
