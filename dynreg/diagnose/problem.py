@@ -62,6 +62,12 @@ class Problem:
         noise = np.array([c.noise**2 + c.quantum**2 / 12 for c in self.robot.file.channels])
         self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
 
+    @property
+    def stands(self) -> bool:
+        """Whether a floating base stands on its feet, or falls."""
+        kinematic = self.robot.file.robot.engines == ["kinematic"]
+        return not kinematic and bool((self.robot.model.jnt_type == 0).any())  # 0: a free joint
+
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
         return self._rollouts(self.robot, points, chosen)
