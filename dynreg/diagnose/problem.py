@@ -12,7 +12,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
-FINER = 4  # times finer time steps tell what those of the model get wrong
+FINER = 8  # times finer time steps tell what those of the model get wrong
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
@@ -46,7 +46,7 @@ class Problem:
 
     use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
     candidates : how many simulators were run through windows so far (window by window).
-    corrections : {hypothesis: (W, T, C)} what rollouts without a time step would differ by, in units of the spread.
+    corrections : {hypothesis: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
     """
 
     robot: Robot
@@ -76,15 +76,15 @@ class Problem:
         """Find what the time step does to the rollouts of these points, and take it off all of their hypotheses.
 
         MuJoCo's integrator is of first order: half a time step late looks like a soft joint. Rollouts with a time
-        step `FINER` times finer say by how much, which is extrapolated to none at all. False where the engine needs
-        none of it.
+        step `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). False where the
+        engine needs none of it.
         """
         if (self.engine or self.robot.file.robot.engines[0]) != "mujoco":
             return False
         table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
         finer = replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
         change = self._rollouts(finer, points, chosen) - self._rollouts(self.robot, points, chosen)
-        scaled = FINER / (FINER - 1) * change[..., 1:, self.use] / self.windows.spread[self.use]
+        scaled = change[..., 1:, self.use] / self.windows.spread[self.use]
         for point, own in zip(points, scaled, strict=True):
             known = np.zeros((len(self.windows), *own.shape[1:]))
             known[chosen] = np.clip(np.nan_to_num(own), -MOST, MOST)
