@@ -182,11 +182,11 @@ def search(
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
     if many:
-        problem.refine([current], np.arange(len(problem.windows)))
-    (base,), _ = fit(problem, [base], both, pooled, iterations=2 if many else 4)
-    current = (
-        settle(problem, current, both, pooled, several=not many, seed=settings.seed) if accepted else base
-    )
+        current = _polished(problem, current, both)
+        (base,), _ = fit(problem, [base], both, pooled, iterations=1)
+    else:
+        (base,), _ = fit(problem, [base], both, pooled, iterations=4)
+        current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base
     return Found(base, current, tuple(rounds), accepted, limit)
 
 
@@ -202,6 +202,15 @@ def _check_length(robot: Robot, cut: Windows, split: Parts) -> None:
                 expected=f"at least {FEWEST}",
                 do="record longer, or more episodes",
             )
+
+
+def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
+    """The point refitted with the time step's part and the samples of its own residual, twice."""
+    for _ in range(2):
+        problem.refine([point], np.arange(len(problem.windows)))
+        effective = problem.effective(problem.residuals([point], chosen)[0])
+        (point,), _ = fit(problem, [point], chosen, effective, iterations=2)
+    return point
 
 
 def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:

@@ -13,6 +13,7 @@ from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 # Central differences in fit coordinates: wide, for dry friction has kinks; one-sided ones are too biased to walk along
 # the valleys in which masses, gains and inertias make up for each other.
 STEP = 0.07
+ROUGH = 0.3  # where feet stick and slip: the rollouts are rough on a smaller scale
 DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
@@ -110,9 +111,10 @@ def _slopes(
     """Of each point the derivatives (P' + K, W, T, C) of its residuals; the `leading` ones are taken as they are."""
     moved, apart = [], []
     first = 0 if leading is None else len(leading)
+    step = ROUGH if problem.stands else STEP
     for point in points:
         limits = bounds(problem, point)
-        up, down = np.minimum(point.z + STEP, limits[:, 1]), np.maximum(point.z - STEP, limits[:, 0])
+        up, down = np.minimum(point.z + step, limits[:, 1]), np.maximum(point.z - step, limits[:, 0])
         for i in range(first, len(point.z)):
             for end in (up, down):
                 z = point.z.copy()

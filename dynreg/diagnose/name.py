@@ -63,6 +63,8 @@ def calibrate(
     apart = stream(seed, "calibrate").standard_normal((draws, many))
     points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *apart)]
     effective = np.full((len(fit_on), len(problem.use)), 20.0)
+    if problem.stands:  # what the time step does to contacts leads the fit astray from its start
+        problem.refine(points[:1], np.arange(len(problem.windows)))
     points, cost = fit(problem, points, fit_on, effective, iterations=3)
     for rounds, kept in ((3, 2), (iterations, 1)) if draws else ((iterations, 1),):
         points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]

@@ -12,7 +12,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
-FINER = 4  # times finer time steps tell what those of the model get wrong
+FINER = 8  # times finer time steps tell what those of the model get wrong
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
@@ -46,7 +46,7 @@ class Problem:
 
     use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
     candidates : how many simulators were run through windows so far (window by window).
-    corrections : {hypothesis: (W, T, C)} what rollouts without a time step would differ by, in units of the spread.
+    corrections : {hypothesis: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
     """
 
     robot: Robot
@@ -62,6 +62,12 @@ class Problem:
         noise = np.array([c.noise**2 + c.quantum**2 / 12 for c in self.robot.file.channels])
         self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
 
+    @property
+    def stands(self) -> bool:
+        """Whether a floating base stands on its feet, or falls."""
+        kinematic = self.robot.file.robot.engines == ["kinematic"]
+        return not kinematic and bool((self.robot.model.jnt_type == 0).any())  # 0: a free joint
+
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
         return self._rollouts(self.robot, points, chosen)
@@ -70,15 +76,15 @@ class Problem:
         """Find what the time step does to the rollouts of these points, and take it off all of their hypotheses.
 
         MuJoCo's integrator is of first order: half a time step late looks like a soft joint. Rollouts with a time
-        step `FINER` times finer say by how much, which is extrapolated to none at all. False where the engine needs
-        none of it.
+        step `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). False where the
+        engine needs none of it.
         """
         if (self.engine or self.robot.file.robot.engines[0]) != "mujoco":
             return False
         table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
         finer = replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
         change = self._rollouts(finer, points, chosen) - self._rollouts(self.robot, points, chosen)
-        scaled = FINER / (FINER - 1) * change[..., 1:, self.use] / self.windows.spread[self.use]
+        scaled = change[..., 1:, self.use] / self.windows.spread[self.use]
         for point, own in zip(points, scaled, strict=True):
             known = np.zeros((len(self.windows), *own.shape[1:]))
             known[chosen] = np.clip(np.nan_to_num(own), -MOST, MOST)

@@ -56,19 +56,18 @@ def settle(
     chosen: np.ndarray,
     effective: np.ndarray,
     *,
-    several: bool = True,
     seed: int = 0,
 ) -> Point:
     """The point refitted on the windows `chosen` from several starts: shapes of effects have local optima.
 
     The search went from one cause to the next, and what the first made up for alone may hold it fast: the other
     starts are drawn anew, the nominal parameters and shapes from their priors, with the effects smaller. One cause
-    without a shape needs none of them. several : whether there is time for them.
+    without a shape needs none of them.
     effective : (W, C) independent samples of those windows, to begin with; then those of the best fit.
     """
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
-    if simple or not several:
-        (fitted,), _ = fit(problem, [point], chosen, effective, iterations=4 if several else 2)
+    if simple:
+        (fitted,), _ = fit(problem, [point], chosen, effective, iterations=4)
         return fitted
     starts = [point, *_starts(problem, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
