@@ -7,7 +7,8 @@ Two things widen it where the model is wrong. Samples count by the autocorrelati
 windows pull at the parameters more than their own noise would let them, the likelihood is raised to the power that
 makes the two agree (Pauli, Racugno, Ventura: Bayesian composite marginal likelihoods, Stat. Sinica 21, 2011; Mueller:
 Risk of Bayesian inference in misspecified models, Econometrica 81, 2013). Where so few draws carry the weight that they
-tell no interval, it is flattened further until enough do.
+tell no interval, the weights are flattened until enough do (Koblents, Miguez: A population Monte Carlo scheme with
+transformed weights, Stat. Comput. 25, 2015).
 """
 
 from dataclasses import dataclass, replace
@@ -24,26 +25,28 @@ from dynreg.rng import stream
 
 VECTORISED = ("joint", "kinematic")  # engines on which a thousand draws take a second
 NINETY = (0.05, 0.95)
-ROUNDS = 8  # of proposals, each made of what the last ones found
-DRAWS = 100  # in a round
-PRIOR = 40  # draws of the prior, in the first
-FREEDOM = 5.0  # degrees of freedom of the proposals
-WIDER = 1.3  # than the draws so far
+ROUNDS = 6  # of proposals, each made of what the last ones found, the first of the curvature,
+DRAWS = 150  # in each
+FREEDOM = 10.0  # degrees of freedom of the proposals
+WIDER = 1.1  # than the draws so far
 TRIED = 20  # times the draws: what a proposal may throw beyond the bounds
-ENOUGH = 40.0  # draws, in equivalents of equal weight, that an interval takes
+ENOUGH = 40.0  # draws, in equivalents of equal weight, that an interval takes,
+PLENTY = 150.0  # and at which no more rounds are needed
 
 
 @dataclass(frozen=True)
 class Posterior:
     """Weighted draws z (N, D) of a hypothesis' coordinates; weights (N,) sum to 1.
 
-    power : in (0, 1], to which the likelihood was raised; 1 where the windows agree and enough draws carry the weight.
+    power : in (0, 1], to which the likelihood was raised; 1 where the windows agree. flat : in (0, 1], to which the
+    weights were raised; 1 where enough draws carry the weight.
     """
 
     hypothesis: Hypothesis
     z: np.ndarray
     weights: np.ndarray
     power: float
+    flat: float
 
     def quantiles(self, values: np.ndarray, at: tuple[float, ...] = NINETY) -> np.ndarray:
         """(len(at), ...) weighted quantiles of values (N, ...), one row for each draw."""
@@ -78,7 +81,10 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
     approximation, cut off at the bounds.
     """
-    fast = [e for e in problem.robot.file.robot.engines if e in VECTORISED]
+    engines = problem.robot.file.robot.engines
+    fast = [e for e in (problem.engine or engines[0], *engines) if e in VECTORISED]
+    if len(problem.robot.actions) > 1:  # moved alone, joints of a chain or on the ground are another robot
+        fast = [e for e in fast[:1] if e == (problem.engine or engines[0])]
     problem = replace(problem, engine=fast[0]) if fast else problem
     residual, slopes = sensitivities(problem, [point], chosen)
     effective = effective_samples(residual[0])
@@ -87,34 +93,27 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
     curvature += prior_curvature(point)
     agreed = _agreement(problem, residual[0], slopes[0], effective, curvature)
     rng = stream(seed, "interval", point.hypothesis.key)
+    tempered = agreed * curvature + (1.0 - agreed) * np.diag(1.0 / width**2)
     if not fast:
-        return _approximation(
-            point, agreed * curvature + (1.0 - agreed) * np.diag(1.0 / width**2), limits, rng, agreed
-        )
-    proposals = [
-        Proposal(point.z, np.linalg.inv(curvature), limits),
-        Proposal(np.zeros(len(width)), np.diag(width**2), limits),
-    ]
-    counts = [DRAWS - PRIOR, PRIOR]
-    made, inside = zip(*(p.draw(rng, n) for p, n in zip(proposals, counts, strict=True)), strict=True)
-    made, inside = list(made), list(inside)
-    likelihood = [_likelihood(problem, point, z, chosen, effective) for z in made]
+        return _approximation(point, tempered, limits, rng, agreed)
+    proposals = [Proposal(point.z, np.linalg.inv(tempered), limits)]
+    made, inside, likelihood = [], [], []
     while True:
-        z, fit = np.concatenate(made), np.concatenate(likelihood)
-        prior = -0.5 * np.sum((z / width) ** 2, axis=1)
-        drawn = [
-            p.log_density(z) - cut + np.log(len(own))
-            for p, cut, own in zip(proposals, inside, made, strict=True)
-        ]
-        weights, power = _weighted(agreed * fit, prior - logsumexp(drawn, axis=0))
-        if len(proposals) > ROUNDS:
-            return Posterior(point.hypothesis, z, weights, agreed * power)
-        spread = np.cov(z.T, aweights=weights).reshape(len(width), -1)
-        proposals.append(Proposal(weights @ z, WIDER**2 * spread + 1e-8 * np.eye(len(width)), limits))
         new, cut = proposals[-1].draw(rng, DRAWS)
         made.append(new)
         inside.append(cut)
         likelihood.append(_likelihood(problem, point, new, chosen, effective))
+        z = np.concatenate(made)
+        target = agreed * np.concatenate(likelihood) - 0.5 * np.sum((z / width) ** 2, axis=1)
+        drawn = [
+            p.log_density(z) - cut + np.log(max(len(own), 1))
+            for p, cut, own in zip(proposals, inside, made, strict=True)
+        ]
+        weights, flat = _weighted(target - logsumexp(drawn, axis=0))
+        if len(proposals) >= ROUNDS or (flat == 1.0 and 1.0 / np.sum(weights**2) > PLENTY):
+            return Posterior(point.hypothesis, z, weights, agreed, flat)
+        spread = np.cov(z.T, aweights=weights).reshape(len(width), -1)
+        proposals.append(Proposal(weights @ z, WIDER**2 * spread + 1e-8 * np.eye(len(width)), limits))
 
 
 def _approximation(
@@ -124,7 +123,7 @@ def _approximation(
     root = np.linalg.cholesky(np.linalg.inv(curvature))
     z = point.z + rng.standard_normal((ROUNDS * DRAWS, len(root))) @ root.T
     z = np.clip(z, *limits.T)
-    return Posterior(point.hypothesis, z, np.full(len(z), 1.0 / len(z)), power)
+    return Posterior(point.hypothesis, z, np.full(len(z), 1.0 / len(z)), power, 1.0)
 
 
 def prior_widths(point: Point) -> np.ndarray:
@@ -166,17 +165,19 @@ def _likelihood(
     return penalty - objective(problem, points, problem.residuals(points, chosen), effective)
 
 
-def _weighted(likelihood: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, float]:
-    """Weights (n,) from log likelihoods and the logarithm of prior over proposal, and the power that was needed."""
+def _weighted(log: np.ndarray) -> tuple[np.ndarray, float]:
+    """Weights (n,) from logarithms of posterior over proposal, and the power that they had to be raised to.
+
+    Flattened weights lie between the posterior and what was drawn, which the next round improves.
+    """
 
     def weights(power: float) -> np.ndarray:
-        log = power * likelihood + rest
-        return np.exp(log - logsumexp(log))
+        return np.exp(power * log - logsumexp(power * log))
 
     def lacking(power: float) -> float:
-        return float(1.0 / np.sum(weights(power) ** 2)) - ENOUGH
+        return float(1.0 / np.sum(weights(power) ** 2)) - min(ENOUGH, 0.5 * len(log))
 
-    power = 1.0
-    if lacking(1.0) < 0:
-        power = brentq(lacking, 0.0, 1.0, xtol=1e-3) if lacking(0.0) > 0 else 0.0
-    return weights(power), power
+    if lacking(1.0) >= 0:
+        return weights(1.0), 1.0
+    power = brentq(lacking, 0.0, 1.0, xtol=1e-3)
+    return weights(power), float(power)

@@ -6,9 +6,11 @@ from collections.abc import Callable
 import numpy as np
 
 from dynreg.diagnose.diagnose import Found, pose, search
+from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals, verdict_of
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings, TrialSettings
@@ -16,6 +18,7 @@ from dynreg.diagnose.threshold import USUAL, threshold
 from dynreg.diagnose.truth import Hidden, Protocol, hide, log_of, protocol
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
+from dynreg.replay.parts import Parts
 from dynreg.results.trials import TrialResult, TrialTable
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Term, term
@@ -85,10 +88,12 @@ def one_trial(
     without: tuple[str, ...] = (),
     max_causes: int = 1,
     share: bool = True,
+    interval: bool = False,
 ) -> TrialResult:
     """Hide `terms` at `size` in the robot of `seed`, diagnose its log, score the first cause.
 
-    share : whether to find the share of the attainable gain, which takes another fit.
+    share : whether to find the share of the attainable gain, which takes another fit. interval : whether to look if
+    the 90 % interval of a rightly named effect's size holds the truth.
     """
     hidden = hide(robot, terms, size, seed)
     recording = log_of(robot, hidden, plan, engine=_truth_engine(robot, settings))
@@ -103,6 +108,8 @@ def one_trial(
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     seconds = time.perf_counter() - began
     result = _scored(robot, problem, hidden, found, verdict, seconds)
+    if interval and result.parameter_error is not None:
+        result = result.model_copy(update={"covered": _covered(problem, split, hidden, found)})
     if not share or not hidden.terms or not found.accepted:
         return result
     return result.model_copy(update={"share_of_attainable_gain": _share(problem, split, hidden, found)})
@@ -186,6 +193,13 @@ def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | Non
         for s in problem.states([found.base, found.extended, refitted], test)
     )
     return float((base - extended) / (base - best)) if base - best > 0.02 * base else None
+
+
+def _covered(problem: Problem, split: Parts, hidden: Hidden, found: Found) -> bool:
+    """Whether the 90 % interval of the effect's size holds the hidden one."""
+    draws = posterior(problem, found.extended, split.chosen)
+    size = next(iter(estimates(problem, found.extended, 0, draws).values()))
+    return bool(size.low <= hidden.values[0][0] <= size.high)
 
 
 def _size_error(problem: Problem, hidden: Hidden, found: Found) -> float:

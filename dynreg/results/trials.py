@@ -52,7 +52,8 @@ class TrialResult(Result):
     joint. false_alarm : one was. in_set : the truth is among the first cause and
     its equivalents; size_of_set : how many these are. share_of_attainable_gain : (calibrated - extended) /
     (calibrated - true structure refitted) of the error on the test part. parameter_error : of the effect's size,
-    relative to the truth. seconds : of the diagnosis.
+    relative to the truth. covered : its 90 % interval holds the truth; null where that was not asked. seconds : of
+    the diagnosis.
     """
 
     schema_: Literal["dynreg/trial/1"] = Field(default="dynreg/trial/1", alias="schema")
@@ -73,6 +74,7 @@ class TrialResult(Result):
     size_of_set: int = 0
     share_of_attainable_gain: float | None = None
     parameter_error: float | None = None
+    covered: bool | None = None
     seconds: float
 
     @property
@@ -111,6 +113,7 @@ class TrialTable(Result):
     trials: tuple[TrialResult, ...]
     right: Rate | None
     joint_right: Rate | None = None
+    covered: Rate | None = None
     in_set: Rate | None
     wrong: Rate | None
     false_alarm: Rate | None
@@ -135,6 +138,7 @@ class TrialTable(Result):
             trials=tuple(trials),
             right=rate(t.right for t in with_effect),
             joint_right=rate(t.joint_right for t in with_effect if t.joint_right is not None),
+            covered=rate(t.covered for t in with_effect if t.covered is not None),
             in_set=_in_set(with_effect),
             wrong=rate(t.wrong for t in with_effect),
             false_alarm=rate(t.false_alarm for t in trials if t.hidden is None),
