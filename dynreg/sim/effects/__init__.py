@@ -19,7 +19,6 @@ _PACKAGED = (
     drive.SpeedLimit,
     drive.DriveGain,
     drive.VoltageSag,
-    drive.TorqueSaturation,
     drive.ThermalFade,
     drive.Cogging,
     drive.ForceOffset,

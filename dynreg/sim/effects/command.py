@@ -49,9 +49,12 @@ class RateLimit(Effect):
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         last = x.memory.get("u")
         last = x.q.copy() if last is None else last
-        reach = p["rate"] * x.h
-        x.memory["u"] = last + np.clip(u - last, -reach, reach)
-        return 0.5 * (last + x.memory["u"])  # the mean over the time step
+        reach, gap = p["rate"] * x.h, u - last
+        moved = np.clip(gap, -reach, reach)
+        x.memory["u"] = last + moved
+        # the mean over the time step while the limit acts; commands reached within it count as reached at once
+        late = 0.5 * np.clip(np.abs(gap) / reach - 1.0, 0.0, 1.0)
+        return last + moved * (1.0 - late)
 
 
 class CommandLag(Effect):

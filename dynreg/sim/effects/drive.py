@@ -58,7 +58,6 @@ class VoltageSag(Effect):
 
     id, acts_on, title = "voltage_sag", "drive", "the supply sags under load"
     parameters = (EffectParameter("sag", "1", "drop at full torque", 0.03, 0.08, 0.20, 0.8),)
-    group = "torque droop"
     near = ("torque_limit", "thermal_fade", "drive_gain")
     separate_by = "log the supply voltage at the drive"
 
@@ -72,23 +71,6 @@ class VoltageSag(Effect):
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         current = np.minimum(np.abs(torque - x.damping * x.v) / x.limit, 1.0)  # of that at full torque
         return torque * (1.0 - p["sag"] * current)
-
-
-class TorqueSaturation(VoltageSag):
-    """The drive gives less torque for each ampere the more it draws: `loss` of it at full torque.
-
-    Iron that saturates, bridges that warm, magnets that weaken: behind the terminals, where no log sees it. In the
-    motion alone it is the same as a sagging supply.
-    """
-
-    id, title = "torque_saturation", "the drive gives less torque per ampere at high current"
-    parameters = (EffectParameter("loss", "1", "share lost at full torque", 0.03, 0.08, 0.20, 0.8),)
-
-    def shown_by(self, robot: Robot) -> tuple[str, ...]:
-        return ()
-
-    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return super().drive(torque, x, {"sag": p["loss"]})
 
 
 class ThermalFade(Effect):

@@ -74,10 +74,12 @@ class LoadFriction(Effect):
 
 
 class StribeckLoadFriction(Effect):
-    """Load friction that is larger near standstill: (coefficient + extra exp(-|v| / velocity)) |load|.
+    """Load friction that is larger near standstill, and whose share grows with the load:
+    (coefficient + extra exp(-|v| / velocity) + growth |load| / limit) |load|, limit the drive's torque limit.
 
     The exponential fades sharply at first and has a long tail, as gears do; a bell curve has to choose one of the
-    two, and a fit of it ends in one local optimum or the other.
+    two, and a fit of it ends in one local optimum or the other. The growth is that of quadratic load friction
+    (M6 of Duclusaud et al., arXiv 2410.08650).
     """
 
     id, acts_on = "stribeck_load_friction", "friction"
@@ -85,13 +87,16 @@ class StribeckLoadFriction(Effect):
     parameters = (
         EffectParameter("extra", "1", "more at standstill", 0.05, 0.10, 0.20, 1.0),
         EffectParameter("coefficient", "1", "friction per transmitted torque", 0.02, 0.05, 0.10, 1.0),
+        EffectParameter("growth", "1", "more at full torque", 0.05, 0.10, 0.20, 1.0),
         EffectParameter("velocity", "rad/s", "where it fades", 0.3, 0.3, 0.3, 2.0, shape=True),
     )
     near = ("load_friction", "stribeck_friction")
     separate_by = "slow reversals at two loads"
 
     def friction(self, x: Moment, p: Values) -> np.ndarray:
-        return (p["coefficient"] + p["extra"] * np.exp(-np.abs(x.v) / p["velocity"])) * transmitted(x)
+        load = transmitted(x)
+        share = p["coefficient"] + p["extra"] * np.exp(-np.abs(x.v) / p["velocity"])
+        return (share + p["growth"] * np.minimum(load / x.limit, 1.0)) * load
 
 
 class AsymmetricFriction(Effect):

@@ -7,7 +7,10 @@ import pytest
 from effect_benches import Bench, bench, rms
 from scipy.optimize import minimize_scalar
 
-from dynreg.sim.effects import effects
+from dynreg.sim.effects import Term, Terms, effects
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import load_robot
 
 LEFT = 0.05  # of the change, that the other member may leave unexplained: a shifted mass is also farther away
 E = effects()
@@ -62,11 +65,22 @@ def test_late_commands_are_late_measurements():
     assert abs(size * E["sensor_delay"].size.weak / (2.0 * E["command_delay"].size.weak) - 1.0) < 0.05
 
 
-@pytest.mark.parametrize("size", [1.0, 6.0])
-def test_a_sagging_supply_is_a_motor_that_saturates(size: float):
-    """Which of the two it is, only the voltage at the drive tells: the motion is the same to the last bit."""
-    assert _members("torque droop") == ["voltage_sag", "torque_saturation"]
-    b = bench("servo_short")
-    sag, saturation = (b.changes({E[name]: size})[0] for name in ("voltage_sag", "torque_saturation"))
-    assert rms(sag) > 0
-    np.testing.assert_array_equal(sag, saturation)
+@pytest.mark.parametrize("difference", [0.004, -0.015])
+def test_friction_that_differs_between_directions_is_a_constant_torque(difference: float):
+    """Moving or at rest: symmetric dry friction and a constant torque do the same, but for rounding."""
+    assert sorted(_members("constant torque")) == ["asymmetric_friction", "force_offset"]
+    robot, mean = load_robot("servo_pendulum"), 0.02
+    run = excitation(robot, seed=1, name="groups", episodes=4, steps=150)
+    keys = (("asymmetric_friction",), ("coulomb_friction", "force_offset"))
+    values = (([difference, mean],), ([mean], [-difference]))
+    both = [
+        rollout(
+            robot,
+            robot.space.nominal[None],
+            run,
+            terms=Terms(tuple(Term(E[k]) for k in key), tuple(np.array([v]) for v in own)),
+        ).states[0]
+        for key, own in zip(keys, values, strict=True)
+    ]
+    plain = rollout(robot, robot.space.nominal[None], run).states[0]
+    assert rms(both[0] - both[1]) < 0.03 * rms(both[0] - plain)
