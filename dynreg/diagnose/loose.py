@@ -44,7 +44,10 @@ def loose_ends(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, .
 def _members(coordinates: Coordinates, rest: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Which parameters a direction moves: against their priors, or by as large a factor as the one that leads."""
     numbers = coordinates.free[rest]
-    factor = np.where(coordinates.log[numbers], np.abs(direction) * coordinates.sigma[numbers], 0.0)
+    centre = np.abs(coordinates.centre[numbers])
+    relative = coordinates.sigma[numbers] / np.where(coordinates.log[numbers] | (centre == 0), 1.0, centre)
+    scales = np.array([coordinates.robot.space.parameters[i].scale == "log" for i in numbers])
+    factor = np.where(scales, np.abs(direction) * relative, 0.0)
     size = np.abs(direction)
     lead = int(np.argmax(size))
     alike = (factor >= SHARE * factor[lead]) & (factor[lead] > 0)

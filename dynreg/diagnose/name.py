@@ -14,7 +14,7 @@ from dynreg.sim.effects import Term
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
-FINALISTS = 16  # and to the end for the best start of the best hypotheses
+FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
 BETTER = 2.0  # nats better
@@ -199,11 +199,13 @@ def select(
 
 
 def _best_of_each(points: list[Point], cost: np.ndarray) -> list[Point]:
-    """The best start of each hypothesis, best first."""
+    """The best start of each hypothesis, best first; then the others."""
     out: dict[str, Point] = {}
     for i in np.argsort(cost, kind="stable"):
         out.setdefault(points[i].hypothesis.key, points[i])
-    return list(out.values())
+    first = {id(point) for point in out.values()}
+    others = [points[i] for i in np.argsort(cost, kind="stable") if id(points[i]) not in first]
+    return [*out.values(), *others]
 
 
 def _starts(term: Term) -> list[np.ndarray]:

@@ -32,7 +32,7 @@ def recorded(robot: Robot, key: str, value: float | None = None) -> tuple[Hidden
     hidden = replace(hidden, parameters=robot.space.nominal)
     if value is not None:
         hidden = replace(hidden, values=(np.array([value]),))
-    return hidden, log_of(robot, hidden, protocol(robot, seed=1), engine="joint")
+    return hidden, log_of(robot, hidden, protocol(robot, seed=1, reach=0.45), engine="joint")
 
 
 def posed(robot: Robot, recording: Recording) -> tuple[Problem, np.ndarray]:
