@@ -16,7 +16,7 @@ from dynreg.diagnose.problem import Point, Problem, effective_samples
 from dynreg.sim.effects import Term
 
 SHARED = 1.5  # times the interval without the rival: from here on the two are not told apart
-SAMPLED = 2  # rivals that are fitted and sampled
+SAMPLED = 3  # rivals that are fitted and sampled
 SIZES = (0.3, 1.5)  # medium sizes of a rival from which its fit with the cause starts
 
 
