@@ -249,7 +249,7 @@ class Session:
             threshold_runs=threshold_runs,
             tolerance=tolerance,
             horizon=horizon,
-            joints=None if joints is None else tuple(joints),
+            joints=None if joints is None else tuple(dict.fromkeys(joints)),
             windows=windows,
             threads=threads,
         )

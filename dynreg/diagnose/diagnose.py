@@ -69,6 +69,12 @@ def diagnose(
     terms = single_terms(robot, settings.effects or (), (*settings.without, *held))
     if settings.joints:
         terms = terms_at(terms, settings.joints)
+    if settings.joints and not terms:
+        raise UsageError(
+            f"none of the effects asked for acts on single joints such as {settings.joints[0]!r}",
+            expected="effects of joints",
+            do="leave the choice of joints out",
+        )
     if not terms:
         measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
         raise UsageError(
@@ -182,8 +188,8 @@ def search(
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
     if many:
-        current = _polished(problem, current, both)
         (base,), _ = fit(problem, [base], both, pooled, iterations=1)
+        current = _polished(problem, current, both) if accepted else base
     else:
         (base,), _ = fit(problem, [base], both, pooled, iterations=4)
         current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base

@@ -85,7 +85,10 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
     fast = [e for e in (problem.engine or engines[0], *engines) if e in VECTORISED]
     if len(problem.robot.actions) > 1:  # moved alone, joints of a chain or on the ground are another robot
         fast = [e for e in fast[:1] if e == (problem.engine or engines[0])]
-    problem = replace(problem, engine=fast[0]) if fast else problem
+    if fast and fast[0] != (problem.engine or engines[0]):
+        problem = replace(
+            problem, engine=fast[0], corrections={}
+        )  # those are of the other engine's time step
     residual, slopes = sensitivities(problem, [point], chosen)
     effective = effective_samples(residual[0])
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
@@ -100,6 +103,8 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
     made, inside, likelihood = [], [], []
     while True:
         new, cut = proposals[-1].draw(rng, DRAWS)
+        if len(new) < ENOUGH:  # nearly all lie beyond bounds: no weights would tell anything
+            return _approximation(point, tempered, limits, rng, agreed)
         made.append(new)
         inside.append(cut)
         likelihood.append(_likelihood(problem, point, new, chosen, effective))

@@ -9,7 +9,9 @@ from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
+from dynreg.diagnose.joints import terms_at
 from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.shown import shown
 from dynreg.results.diagnosis import EffectEstimate, Inseparable, Looked
 from dynreg.sim.effects import Term
 
@@ -30,7 +32,7 @@ def tied(
         return None, ()
     cause = subject.hypothesis.terms[-1]
     others = {term.key for term in subject.hypothesis.terms}
-    terms = [t for t in single_terms(problem.robot, (), settings.without) if t.key not in others]
+    terms = [t for t in _offered(problem, settings) if t.key not in others]
     number = len(subject.hypothesis.terms) - 1
     draws = posterior(problem, subject, chosen)
     alone = estimates(problem, subject, number, draws, median=True)
@@ -55,7 +57,7 @@ def _subject(problem: Problem, found: "Found", chosen: np.ndarray, settings: "Se
     if found.accepted:
         return _last(found.extended)
     if settings.effects is not None and len(settings.effects) == 1:
-        (term,) = single_terms(problem.robot, settings.effects, settings.without)[:1]
+        (term,) = _offered(problem, settings, settings.effects)[:1]
     elif found.rounds and found.rounds[-1].ranking:
         term = found.rounds[-1].ranking[0].point.hypothesis.terms[-1]
     else:
@@ -65,6 +67,13 @@ def _subject(problem: Problem, found: "Found", chosen: np.ndarray, settings: "Se
     effective = effective_samples(problem.residuals([found.base], chosen)[0])
     points, cost = fit(problem, starts, chosen, effective)
     return points[int(cost.argmin())]
+
+
+def _offered(problem: Problem, settings: "Settings", only: tuple[str, ...] = ()) -> list[Term]:
+    """The terms that the diagnosis could name: at the joints that it looks at, and in no measured input."""
+    held = shown(problem.robot, problem.windows)
+    terms = single_terms(problem.robot, only, (*settings.without, *held))
+    return terms_at(terms, settings.joints) if settings.joints else terms
 
 
 def _last(point: Point) -> Point:

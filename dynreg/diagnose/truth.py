@@ -157,8 +157,9 @@ def measured_states(
         (*hidden.terms, _disturbance(truth, hidden, run)),
         (*(v[None] for v in hidden.values), np.array([[DISTURBANCE * _limit(robot)]])),
     )
+    whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
     states = rollout(
-        truth, hidden.parameters[None], run, engine=engine, terms=active, threads=threads
+        truth, hidden.parameters[None], whole, engine=engine, terms=active, threads=threads
     ).states[0]
     noise = np.array([c.noise for c in robot.file.channels])
     quantum = np.array([c.quantum for c in robot.file.channels])

@@ -66,10 +66,13 @@ def thinned(split: Parts, episode: np.ndarray, most: int, seed: int = 0) -> Part
     part that lacks one could not tell what only this one shows. episode : (W,) number of each window's episode.
     """
     mixed = stream(seed, "windows").permutation(split.chosen)
-    turn = np.array([int(np.sum(episode[mixed[:i]] == episode[w])) for i, w in enumerate(mixed)])
-    mixed = mixed[np.lexsort((episode[mixed], turn))]
-    turn = np.sort(turn)
-    fit, select = mixed[turn % 2 == 0][:most], mixed[turn % 2 == 1][:most]
+    if len(np.unique(episode[mixed])) == len(mixed):  # every window is an episode of its own: parted already
+        fit, select = (mixed[part[mixed]][:most] for part in (split.fit, split.select))
+    else:
+        turn = np.array([int(np.sum(episode[mixed[:i]] == episode[w])) for i, w in enumerate(mixed)])
+        mixed = mixed[np.lexsort((episode[mixed], turn))]
+        turn = np.sort(turn)
+        fit, select = mixed[turn % 2 == 0][:most], mixed[turn % 2 == 1][:most]
     number = np.arange(len(split.fit))
     return Parts(np.isin(number, fit), np.isin(number, select), split.test)
 
@@ -106,19 +109,17 @@ def seen(recording: Recording, windows: Windows, chosen: np.ndarray) -> Recordin
 def _one_of_each_pair(windows: Windows, groups: np.ndarray, mixed: np.ndarray) -> np.ndarray:
     """Of the trajectories `mixed` (numbers in random order), the second of every pair of the closest."""
     features = []
+    known = np.isfinite(windows.measured).any(axis=(0, 1))
     for number in mixed:
         mine = groups == number
         actions, settings = windows.run.actions[mine], windows.run.settings
-        states = windows.measured[mine] / windows.spread
+        states = np.nan_to_num(windows.measured[mine][..., known] / windows.spread[known])
         rows = [
             actions.mean(axis=(0, 1)),
             actions.std(axis=(0, 1)),
             np.abs(np.diff(actions, axis=1)).mean(axis=(0, 1)),
         ]
-        rows += [
-            np.nan_to_num(np.nanmean(states, axis=(0, 1))),
-            np.nan_to_num(np.nanstd(states, axis=(0, 1))),
-        ]
+        rows += [states.mean(axis=(0, 1)), states.std(axis=(0, 1))]
         features.append(
             np.concatenate([*rows, np.zeros(0) if settings is None else settings[mine].mean(axis=0)])
         )

@@ -66,3 +66,11 @@ def test_neighbours_are_declared_by_either_effect_and_not_of_the_same_group():
     }
     assert "payload" in {t.key for t in neighbours(term("drive_gain"), terms)}
     assert not {"com_offset", "encoder_offset"} & {t.key for t in neighbours(term("gravity_tilt"), terms)}
+
+
+def test_a_posterior_in_a_corner_of_its_bounds_is_still_told(servo, monkeypatch):
+    problem, chosen, point, _ = servo
+    cut = np.stack([point.z, point.z + 3.0], axis=1)  # one draw in 2^8 lies inside
+    monkeypatch.setattr(interval, "bounds", lambda problem, point: cut)
+    draws = posterior(problem, point, chosen)
+    assert np.isfinite(draws.z).all() and (draws.z >= cut[:, 0]).all()

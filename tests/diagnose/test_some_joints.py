@@ -11,6 +11,8 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.joints import only_joints, terms_at
 from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.threshold import null_score
+from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.errors import UsageError
 from dynreg.replay.parts import Parts, thinned
 from dynreg.sim.effects import Terms, term
@@ -116,3 +118,20 @@ def test_parameters_of_other_joints_stay_nominal(arm):
     assert {"wrist_roll_gain", "wrist_roll_speed"} <= set(free)
     assert not {"pitch_gain", "jaw_gain", "upper_mass"} & set(free)
     assert split.fit.sum() <= 2
+
+
+def test_windows_that_are_episodes_stay_parted():
+    fit = np.arange(8) % 2 == 0
+    few = thinned(Parts(fit, ~fit, np.zeros(8, dtype=bool)), np.arange(8), 3)
+    assert few.fit.sum() == few.select.sum() == 3
+    assert not (few.fit & ~fit).any() and not (few.select & fit).any()
+
+
+def test_robots_without_an_effect_are_diagnosed_at_some_joints_too():
+    plan = protocol(ARM, seed=1, seconds=12.5)
+    recording = log_of(ARM, hide(ARM, (), None, 4), plan, engine="joint")
+    settings = Settings(joints=("elbow",), threads=1)
+    problem, split = pose(None, ARM, recording, settings)
+    terms = [term("coulomb_friction[elbow]")]
+    fit, select = np.flatnonzero(split.fit), np.flatnonzero(split.select)
+    assert 0.0 <= null_score(problem, terms, fit, select, 5) < 20.0

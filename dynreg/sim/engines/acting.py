@@ -181,7 +181,7 @@ def commanded(
     u = u.copy()
     for a in active:
         x = a.see(q=measured, v=v)
-        x.past = clock.past(a)
+        x.past, x.now = clock.past(a), clock.now(a)
         u[a.where] = a.ask(a.effect.command, clock, u[a.where], x)
     return u
 
