@@ -117,13 +117,13 @@ def _one_of_each_pair(windows: Windows, groups: np.ndarray, mixed: np.ndarray) -
         rows = [
             actions.mean(axis=(0, 1)),
             actions.std(axis=(0, 1)),
-            np.abs(np.diff(actions, axis=1)).mean(axis=(0, 1)),
+            np.abs(np.diff(actions, axis=1)).sum(axis=(0, 1)) / actions[..., 0].size,
         ]
         rows += [states.mean(axis=(0, 1)), states.std(axis=(0, 1))]
         features.append(
             np.concatenate([*rows, np.zeros(0) if settings is None else settings[mine].mean(axis=0)])
         )
-    table = np.array(features)
+    table = np.nan_to_num(np.array(features))  # windows of one row have no changes
     table = table / np.where(table.std(axis=0) > 0, table.std(axis=0), 1.0)
     apart = np.linalg.norm(table[:, None] - table[None], axis=2)
     apart[np.tril_indices(len(mixed))] = np.inf

@@ -243,7 +243,7 @@ ROBOTS = [
         "'robot.colour'",
         robot=(('name = "servo_pendulum"', 'name = "servo_pendulum"\ncolour = "red"'),),
     ),
-    Bad("a missing key", CHECK, "timestep", robot=(("timestep = 0.002\n", ""),)),
+    Bad("a missing key", CHECK, "timestep", robot=(("timestep = 0.0025\n", ""),)),
     Bad("low above high", CHECK, "tip_mass", robot=(("low = 0.4\nhigh = 0.6", "low = 0.6\nhigh = 0.4"),)),
     Bad("a nominal value outside", CHECK, "tip_mass", robot=(("nominal = 0.49", "nominal = 0.9"),)),
     Bad("a log scale from 0", CHECK, "tip_mass", robot=(("low = 0.4", "low = 0.0"),)),
