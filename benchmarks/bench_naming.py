@@ -113,7 +113,16 @@ def main() -> None:
     two = [(given.robot, both, s, seed, needed, False, 3) for both, s, seed in pairs(keys, given.pairs)]
     began = time.perf_counter()
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(job, hidden + none + absent + two))
+        found = []
+        for result in pool.map(job, hidden + none + absent + two):
+            found.append(result)
+            if len(found) % 50 == 0:  # a run that is stopped still says how far it came, and how well
+                told = [r for r in found if r.hidden]
+                print(
+                    f"{len(found)} done: right {sum(r.right for r in told)} of {len(told)}, "
+                    f"wrong {sum(r.wrong for r in told)}",
+                    flush=True,
+                )
     seconds = time.perf_counter() - began
     many = len(hidden) + len(none)
     table = TrialTable.of(given.robot, found[:many], [f"threshold {needed:.3g} nats"])
