@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,8 +18,10 @@ from dynreg.sim.effects import Term
 
 LEAST = 5.0  # nats: no simulation lowers the threshold below this,
 USUAL = 20.0  # and this is it where nothing was simulated
-MARGIN = 2.0  # nats above the largest score that robots without an effect reached
+ALARMS = 0.005  # of robots without an effect that may score more
+TAIL = 5  # of the largest scores, and at least a tenth of all: what the exponential tail is fitted to
 KIND = "threshold"
+SEARCH = 2  # goes up when scores change: thresholds found before no longer serve
 Progress = Callable[[str, int, int], None]
 
 
@@ -60,10 +62,24 @@ def threshold(
         )
         if progress:
             progress("threshold", i + 1, runs)
-    found = Calibrated(max(LEAST, max(scores) + MARGIN), tuple(scores))
+    found = Calibrated(max(LEAST, exceeded(scores)), tuple(scores))
     if registry is not None:
         registry.put_result(KIND, None, {"key": key, "nats": found.nats, "scores": scores})
     return found
+
+
+def exceeded(scores: Sequence[float]) -> float:
+    """[nats] that a share `ALARMS` of robots exceeds, by these scores and an exponential tail of the largest.
+
+    Beyond a high enough score what is left to exceed it is nearly exponential (J. Pickands, Statistical Inference Using
+    Extreme Order Statistics, Ann. Stat. 3, 1975); the largest of all alone would make the threshold one robot's matter.
+    """
+    largest = np.sort(scores)[::-1]
+    tail = min(max(TAIL, len(largest) // 10), len(largest) - 1)
+    if tail == 0:
+        return float(largest[0])
+    excess = float(np.mean(largest[:tail] - largest[tail]))
+    return float(largest[tail]) + excess * np.log(tail / len(largest) / ALARMS)
 
 
 def null_score(
@@ -89,20 +105,29 @@ def null_score(
 def _key(
     problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, runs: int, seed: int
 ) -> str:
-    run = problem.windows.run.take(np.concatenate([fit_on, select_on]))
+    """Of all that the scores depend on."""
+    cut = problem.windows.take(np.concatenate([fit_on, select_on]))
+    run = cut.run
     digest = hashlib.sha256()
     says: dict[str, Any] = {
         "robot": problem.robot.hash,
-        "engine": problem.engine,
+        "engine": problem.running,
         "terms": [t.key for t in terms],
         "runs": runs,
         "seed": seed,
         "parts": [len(fit_on), len(select_on)],
         "tolerance": problem.coordinates.tolerance,
         "centre": [float(c) for c in problem.coordinates.centre],
+        "free": problem.coordinates.free.tolist(),
+        "joints": run.joints,
+        "spread": cut.spread.tolist(),
+        "weight": cut.weight.tolist(),
+        "search": SEARCH,
     }
     digest.update(json.dumps(says, sort_keys=True).encode())
-    for array in (run.actions, run.settings, np.nan_to_num(run.inputs) if run.inputs is not None else None):
+    inputs = None if run.inputs is None else np.nan_to_num(run.inputs)
+    unknown = None if run.initial is None else np.isnan(run.initial)
+    for array in (run.actions, run.settings, inputs, np.isnan(cut.measured), unknown):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
     return digest.hexdigest()
