@@ -128,7 +128,7 @@ def pose(
     coordinates = Coordinates(robot, known_values(robot, recording), centre, settings.tolerance)
     if settings.joints:
         values = coordinates.values(np.zeros(len(coordinates)))
-        moved = coordinates.values(np.ones(len(coordinates)))
+        moved = tuple(coordinates.values(np.full(len(coordinates), way)) for way in (1.0, -1.0))
         known = fixed_unseen(robot, cut.take(split.chosen), coordinates.known, values, moved, settings.engine)
         coordinates = Coordinates(robot, known, centre, settings.tolerance)
     return Problem(robot, cut, coordinates, settings.engine, settings.threads), split

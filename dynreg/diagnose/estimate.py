@@ -50,7 +50,7 @@ def estimates(
             low=float(min(low[k], value[k])),
             high=float(max(high[k], value[k])),
             unit=_unit(problem.robot, term, p),
-            at_bound=bool(z <= least + 1e-3 and p.signed or z >= most - 1e-3),
+            at_bound=bool((z <= least + 1e-3 and (p.signed or p.shape)) or z >= most - 1e-3),
             sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
         )
     return out

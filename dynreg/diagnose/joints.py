@@ -61,22 +61,24 @@ def fixed_unseen(
     windows: Windows,
     known: np.ndarray,
     values: np.ndarray,
-    moved: np.ndarray,
+    moved: tuple[np.ndarray, ...],
     engine: str | None,
 ) -> np.ndarray:
     """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at `values` (P,).
 
-    moved : (P,) one standard deviation away from them.
+    moved : values (P,) to try each parameter at: a standard deviation up, and down, for one way may do nothing.
     """
     free = np.flatnonzero(np.isnan(known))
-    tried = np.tile(values, (1 + len(free), 1))
-    tried[np.arange(1, len(tried)), free] = moved[free]
+    tried = np.tile(values, (1 + len(moved) * len(free), 1))
+    for way, other in enumerate(moved):
+        tried[1 + way * len(free) + np.arange(len(free)), free] = other[free]
     some = np.unique(np.linspace(0, len(windows) - 1, TRIED).round().astype(int))
     use = np.flatnonzero(windows.weight > 0)
     states = rollout(robot, tried, windows.run.take(some), engine=engine, threads=1).states[..., use]
     noise = np.array([np.hypot(c.noise, c.quantum / np.sqrt(12)) for c in robot.file.channels])[use]
     change = np.sqrt(np.mean((states[1:] - states[:1]) ** 2, axis=(1, 2)))  # (P', C)
-    unseen = free[(change < UNSEEN * np.maximum(noise, 1e-12)).all(axis=1)]
+    hidden = (change < UNSEEN * np.maximum(noise, 1e-12)).all(axis=1)
+    unseen = free[hidden.reshape(len(moved), -1).all(axis=0)]
     out = known.copy()
     out[unseen] = values[unseen]
     return out
