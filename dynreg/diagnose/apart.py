@@ -12,7 +12,7 @@ import numpy as np
 
 from dynreg.diagnose.fit import fit, information, sensitivities
 from dynreg.diagnose.interval import Posterior, posterior
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.sim.effects import Term
 
 SHARED = 1.5  # times the interval without the rival: from here on the two are not told apart
@@ -51,7 +51,7 @@ def together(
     """The last term of `point` (draws: `alone`) with each of the rivals most like it in the windows `chosen`."""
     if not rivals:
         return ()
-    effective = effective_samples(problem.residuals([point], chosen)[0])
+    effective = problem.effective(problem.residuals([point], chosen)[0])
     doubled = [with_term(point, rival, 0.0) for rival in rivals]
     at = len(point.z) - _many(point)
     alike = _collinear(problem, doubled, at, chosen, effective)
@@ -100,14 +100,9 @@ def _collinear(
     out = []
     for point, r, slope in zip(points, residual, slopes, strict=True):
         own = [at, *range(len(point.z) - _many(point), len(point.z))]
-        prior = np.diag(np.concatenate([np.ones(len(point.nominal)), _shapes(point)]))
-        data = (information(problem, point, r, slope, effective)[0] - prior)[np.ix_(own, own)]
+        curvature, _ = information(problem, point, r, slope, effective)
+        data = (curvature - np.diag(point.prior))[np.ix_(own, own)]
         size = np.sqrt(np.maximum(np.diag(data), 1e-12))
         alike = data / np.outer(size, size) + 1e-9 * np.eye(len(own))
         out.append(np.sqrt(np.linalg.inv(alike)[0, 0]))
     return np.array(out)
-
-
-def _shapes(point: Point) -> np.ndarray:
-    """(K,) 1 for the shapes among the effects' coordinates, which have a prior in `fit.information`."""
-    return np.array([float(p.shape) for p in point.hypothesis.parameters])

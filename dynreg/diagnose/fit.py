@@ -30,19 +30,22 @@ def fit(
     iterations: int = 4,
     tolerance: float = 0.3,
     leading: np.ndarray | None = None,
+    hopeless: float = np.inf,
 ) -> tuple[list[Point], np.ndarray]:
     """Improve every point on the windows `chosen`.
 
     effective : (W, C) independent samples of each window and channel. leading : (L, W, T, C) derivatives of the first
     L coordinates where they are known well enough: only the others are measured, and fewer steps are tried.
     Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration gains less
-    than `tolerance`.
+    than `tolerance`, or when after two of them it is more than `hopeless` [nats] behind the best.
     """
     points = list(points)
     residuals = problem.residuals(points, chosen)
     cost = objective(problem, points, residuals, effective)
     going = np.arange(len(points))
-    for _ in range(iterations):
+    for iteration in range(iterations):
+        if iteration >= 2:
+            going = going[cost[going] <= cost.min() + hopeless]
         if not len(going):
             break
         slopes = _slopes(problem, [points[i] for i in going], chosen, leading)
@@ -95,14 +98,7 @@ def information(
     weighted = (j * weight[None, :, None, :]).reshape(len(j), -1)
     curvature = weighted @ j.reshape(len(j), -1).T
     downhill = -weighted @ r.reshape(-1)
-    prior = _prior(point)
-    return curvature + np.diag(prior), downhill - prior * point.z
-
-
-def _prior(point: Point) -> np.ndarray:
-    """(P' + K,) the prior's curvature: 1 for nominal coordinates and shapes, none for sizes."""
-    shapes = [float(p.shape) for p in point.hypothesis.parameters]
-    return np.concatenate([np.ones(len(point.nominal)), shapes])
+    return curvature + np.diag(point.prior), downhill - point.prior * point.z
 
 
 def _slopes(
@@ -137,7 +133,7 @@ def _steps(
 ) -> list[Point]:
     """Points to try next, one for each damping; coordinates that a bound stops are left out of the step."""
     curvature, downhill = information(problem, point, residual, slope, effective)
-    prior = _prior(point)
+    prior = point.prior
     limits = bounds(problem, point)
     z = point.z
     stuck = ((z <= limits[:, 0] + 1e-9) & (downhill < 0)) | ((z >= limits[:, 1] - 1e-9) & (downhill > 0))

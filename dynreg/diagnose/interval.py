@@ -20,7 +20,7 @@ from scipy.stats import multivariate_t
 
 from dynreg.diagnose.fit import bounds, information, objective, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point, Problem, effective_samples, mean_squares
+from dynreg.diagnose.problem import Point, Problem, mean_squares
 from dynreg.rng import stream
 
 VECTORISED = ("joint", "kinematic")  # engines on which a thousand draws take a second
@@ -81,16 +81,28 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
     approximation, cut off at the bounds.
     """
-    engines = problem.robot.file.robot.engines
-    fast = [e for e in (problem.engine or engines[0], *engines) if e in VECTORISED]
-    if len(problem.robot.actions) > 1:  # moved alone, joints of a chain or on the ground are another robot
-        fast = [e for e in fast[:1] if e == (problem.engine or engines[0])]
-    if fast and fast[0] != (problem.engine or engines[0]):
-        problem = replace(
-            problem, engine=fast[0], corrections={}
-        )  # those are of the other engine's time step
+    engine = _vectorised(problem)
+    if engine is None or engine == problem.running:
+        return _posterior(problem, point, chosen, engine is not None, seed)
+    # the corrections are of the other engine's time step
+    swapped = replace(problem, engine=engine, candidates=0, corrections={})
+    found = _posterior(swapped, point, chosen, True, seed)
+    problem.candidates += swapped.candidates
+    return found
+
+
+def _vectorised(problem: Problem) -> str | None:
+    """The vectorised engine that the robot's rollouts can run on: its own, or another of a robot of one joint.
+
+    Moved alone, joints of a chain or on the ground are another robot.
+    """
+    others = problem.robot.file.robot.engines if len(problem.robot.actions) == 1 else ()
+    return next((e for e in (problem.running, *others) if e in VECTORISED), None)
+
+
+def _posterior(problem: Problem, point: Point, chosen: np.ndarray, fast: bool, seed: int) -> Posterior:
     residual, slopes = sensitivities(problem, [point], chosen)
-    effective = effective_samples(residual[0])
+    effective = problem.effective(residual[0])
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
     width, limits = prior_widths(point), bounds(problem, point)
     curvature += prior_curvature(point)
@@ -142,9 +154,7 @@ def prior_widths(point: Point) -> np.ndarray:
 
 def prior_curvature(point: Point) -> np.ndarray:
     """(D, D) what the priors of sizes add to `fit.information`, which has the other coordinates' already."""
-    shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
-    sizes = np.concatenate([np.zeros(len(point.nominal), dtype=bool), ~shapes])
-    return np.diag(np.where(sizes, 1.0 / prior_widths(point) ** 2, 0.0) + 1e-9)
+    return np.diag(np.where(point.prior == 0, 1.0 / prior_widths(point) ** 2, 0.0) + 1e-9)
 
 
 def _agreement(

@@ -16,6 +16,7 @@ FAR = 10.0  # standard deviations that a start's nominal coordinates may be move
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
 FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
+HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
 BETTER = 2.0  # nats better
 PER_PARAMETER = 2.0  # nats that a parameter of an effect must pay for itself
@@ -116,7 +117,7 @@ def _one_round(
         starts, slopes = screen(problem, base, terms, fit_on, effective)
         rough, cost = fit(problem, starts, fit_on, effective, iterations=1, leading=slopes)
         best = _best_of_each(rough, cost)[:FINALISTS]
-        fitted, _ = fit(problem, best, fit_on, effective, iterations=iterations)
+        fitted, _ = fit(problem, best, fit_on, effective, iterations=iterations, hopeless=HOPELESS)
     # the model without the term gets the same chance: it starts where the best of the others ended, too
     rivals = fitted[: 1 if many else 3]
     others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in rivals)]
@@ -150,13 +151,12 @@ def screen(
     gains, moves = np.empty(len(tried)), []
     for i in range(len(tried)):
         new = np.nan_to_num(made[i]).reshape(-1)
-        pull = -(flat * weights) @ new - _prior_slope(base)
+        pull = -(flat * weights) @ new - base.prior * base.z
         move = inverse @ pull
         after = new + flat.T @ move
         # the size of the residual is unknown: gains count by the logarithm, as in the objective
-        gains[i] = -_log_square(problem, after, residual.shape[1:], effective) - 0.5 * np.sum(
-            (base.z + move)[: len(base.nominal)] ** 2
-        )
+        price = 0.5 * base.prior @ (base.z + move) ** 2
+        gains[i] = -_log_square(problem, after, residual.shape[1:], effective) - price
         moves.append(move)
     return _best_starts(problem, base, terms, tried, gains, moves), slopes[0]
 
@@ -254,8 +254,3 @@ def _best_starts(
 def _log_square(problem: Problem, flat: np.ndarray, shape: tuple, effective: np.ndarray) -> float:
     squares = mean_squares(flat.reshape(1, *shape), problem.floor)
     return -float(log_likelihood(squares, effective)[0])
-
-
-def _prior_slope(base: Point) -> np.ndarray:
-    shapes = [float(p.shape) for p in base.hypothesis.parameters]
-    return np.concatenate([base.nominal, np.array(shapes) * base.effect])

@@ -13,7 +13,7 @@ from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.name import Naming
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.tied import tied
@@ -139,7 +139,7 @@ def _stages(found: "Found") -> list[Point]:
 def _covariance(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
     """(P' + K, P' + K) covariance of the coordinates, from the curvature of the log posterior."""
     residual, slopes = sensitivities(problem, [point], chosen)
-    effective = effective_samples(residual[0])
+    effective = problem.effective(residual[0])
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
     return np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
 

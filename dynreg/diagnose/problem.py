@@ -34,10 +34,15 @@ class Point:
         return Point(self.hypothesis, z[: len(self.nominal)], z[len(self.nominal) :])
 
     @property
+    def prior(self) -> np.ndarray:
+        """(P' + K,) the prior's curvature: 1 for nominal coordinates and shapes, none for sizes."""
+        shapes = [float(p.shape) for p in self.hypothesis.parameters]
+        return np.concatenate([np.ones(len(self.nominal)), shapes])
+
+    @property
     def penalty(self) -> float:
-        """Half the squared nominal coordinates, and those of shapes: minus the logarithm of the prior."""
-        shapes = np.array([p.shape for p in self.hypothesis.parameters], dtype=bool)
-        return 0.5 * float(self.nominal @ self.nominal + self.effect[shapes] @ self.effect[shapes])
+        """Minus the logarithm of the prior."""
+        return 0.5 * float(self.prior @ self.z**2)
 
 
 @dataclass
@@ -63,6 +68,11 @@ class Problem:
         self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
 
     @property
+    def running(self) -> str:
+        """The engine that rollouts run on."""
+        return self.engine or self.robot.file.robot.engines[0]
+
+    @property
     def stands(self) -> bool:
         """Whether a floating base stands on its feet, or falls."""
         kinematic = self.robot.file.robot.engines == ["kinematic"]
@@ -79,7 +89,7 @@ class Problem:
         step `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). False where the
         engine needs none of it.
         """
-        if (self.engine or self.robot.file.robot.engines[0]) != "mujoco":
+        if self.running != "mujoco":
             return False
         table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
         finer = replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))

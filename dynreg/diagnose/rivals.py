@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.diagnose.fit import fit
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.separate import Pair
 from dynreg.diagnose.truth import LEAST_NOISE
 from dynreg.replay.windows import Windows
@@ -31,7 +31,7 @@ def strongest(
         [Point(pair.hypotheses[number], at[:free], at[free:]) for at in some]
         for number, some in ((which, [z]), (1 - which, starts))
     )
-    effective = effective_samples(problem.residuals(here, every)[0])
+    effective = problem.effective(problem.residuals(here, every)[0])
     if len(there) > KEPT:
         points, cost = fit(problem, there, every, effective, iterations=ROUGHLY)
         there = [points[i] for i in np.argsort(cost, kind="stable")[:KEPT]]

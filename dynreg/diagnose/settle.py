@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.diagnose.fit import bounds, fit
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import NEAR, Naming, Scored, select
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.rng import stream
 from dynreg.sim.effects import Term
 
@@ -72,7 +72,7 @@ def settle(
     starts = [point, *_starts(problem, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
     best = [rough[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
-    effective = effective_samples(problem.residuals(best[:1], chosen)[0])
+    effective = problem.effective(problem.residuals(best[:1], chosen)[0])
     fitted, cost = fit(problem, best, chosen, effective, iterations=FULLY, tolerance=0.05)
     return fitted[int(cost.argmin())]
 

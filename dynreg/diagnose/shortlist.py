@@ -115,8 +115,7 @@ class _Linear:
         self.root = np.sqrt(np.broadcast_to(weight[:, None], residual.shape)).reshape(-1)
         self.flat = np.nan_to_num(slopes).reshape(len(slopes), -1) * self.root
         self.rest = np.nan_to_num(residual).reshape(-1) * self.root
-        shapes = [float(p.shape) for p in base.hypothesis.parameters]
-        self.prior = np.concatenate([np.ones(len(base.nominal)), shapes])
+        self.prior = base.prior
         self.slopes = slopes
 
     def starts(self, probes: list[Point], changes: np.ndarray) -> tuple[float, list[Point]]:

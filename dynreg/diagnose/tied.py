@@ -10,7 +10,7 @@ from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.joints import terms_at
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.shown import shown
 from dynreg.results.diagnosis import EffectEstimate, Inseparable, Looked
 from dynreg.sim.effects import Term
@@ -64,7 +64,7 @@ def _subject(problem: Problem, found: "Found", chosen: np.ndarray, settings: "Se
         return None
     starts = [apart.with_term(found.base, term, size) for size in SIZES]
     starts += [Point(s.hypothesis, np.zeros(len(s.nominal)), s.effect) for s in starts]
-    effective = effective_samples(problem.residuals([found.base], chosen)[0])
+    effective = problem.effective(problem.residuals([found.base], chosen)[0])
     points, cost = fit(problem, starts, chosen, effective)
     return points[int(cost.argmin())]
 
