@@ -1,6 +1,8 @@
 """Effects of one's own: twenty lines, and every engine has them (the example of docs/effects.md)."""
 
+import importlib
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,13 +28,19 @@ class _Point:
         return self.plugin
 
 
-def _documented() -> type:
-    """The class of the first Python block of the page."""
-    code = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL).group(1)
-    assert len(code.splitlines()) <= 20
-    scope: dict = {}
-    exec(code, scope)  # the page's own text
-    return scope["CableDrag"]
+def _code() -> str:
+    """The first Python block of the page."""
+    return re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL).group(1)
+
+
+@pytest.fixture
+def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type]:
+    """The class of that block, from a file of its own as a user would write it."""
+    assert len(_code().splitlines()) <= 20
+    (tmp_path / "cables.py").write_text(_code())
+    monkeypatch.syspath_prepend(tmp_path)
+    yield importlib.import_module("cables").CableDrag
+    del sys.modules["cables"]
 
 
 @pytest.fixture
@@ -47,8 +55,8 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator:
     effects.cache_clear()
 
 
-def test_the_documented_plugin_is_listed_and_works_on_both_engines(install):
-    install(_documented())
+def test_the_documented_plugin_is_listed_and_works_on_both_engines(install, documented):
+    install(documented)
     assert list(effects())[-1] == "cable_drag"
     drag = effect("cable_drag")
     assert drag in applicable(bench("servo").robot).values()
@@ -62,12 +70,11 @@ def test_the_documented_plugin_is_listed_and_works_on_both_engines(install):
 
 
 def test_an_installed_package_is_found_by_its_entry_point(tmp_path: Path, monkeypatch):
-    code = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL).group(1)
     entry = re.search(
         r"```toml\n\[project.entry-points.\"dynreg.effects\"\]\n(.*?)```", PAGE.read_text(), re.DOTALL
     )
     (tmp_path / "my_package").mkdir()
-    (tmp_path / "my_package" / "cables.py").write_text(code)
+    (tmp_path / "my_package" / "cables.py").write_text(_code())
     about = tmp_path / "my_package-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my_package\nVersion: 1.0\n")
@@ -80,26 +87,26 @@ def test_an_installed_package_is_found_by_its_entry_point(tmp_path: Path, monkey
         effects.cache_clear()
 
 
-def test_a_plugin_composes_with_the_packaged_effects(install):
-    install(_documented())
+def test_a_plugin_composes_with_the_packaged_effects(install, documented):
+    install(documented)
     b, drag = bench("air"), effect("cable_drag")
     both = b.states({drag: "strong", effect("load_friction"): "strong"})
     assert np.isfinite(both).all()
     assert rms(both[0] - plain(b)) > 0
 
 
-def test_a_plugin_cannot_take_an_id_that_is_taken(install):
-    taken = type("Taken", (_documented(),), {"id": "backlash"})
+def test_a_plugin_cannot_take_an_id_that_is_taken(install, documented):
+    taken = type("Taken", (documented,), {"id": "backlash"})
     install(taken)
     with pytest.raises(RobotError, match="'backlash'.*not taken"):
         effects()
 
 
-def test_a_plugin_that_cannot_be_made_is_named(install):
+def test_a_plugin_that_cannot_be_made_is_named(install, documented):
     def broken(self):
         raise ValueError("no cable")
 
-    install(type("Broken", (_documented(),), {"__init__": broken}))
+    install(type("Broken", (documented,), {"__init__": broken}))
     with pytest.raises(RobotError, match="somewhere:Broken cannot be loaded: ValueError: no cable"):
         effects()
 
