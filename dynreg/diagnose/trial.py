@@ -97,7 +97,7 @@ def one_trial(
     """
     hidden = hide(robot, terms, size, seed)
     recording = log_of(robot, hidden, plan, engine=_truth_engine(robot, settings))
-    began = time.perf_counter()
+    began, busy = time.perf_counter(), time.process_time()
     blind = _blind(plan, settings, without=without, max_causes=max_causes)
     problem, split = pose(None, robot, recording, blind)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
@@ -106,8 +106,9 @@ def one_trial(
         robot, recording, problem, split, found.base, found.extended, found.rounds, found.accepted
     )
     verdict = verdict_of(evidence, found.rounds, found.accepted)
-    seconds = time.perf_counter() - began
-    result = _scored(robot, problem, hidden, found, verdict, seconds)
+    seconds, core = time.perf_counter() - began, time.process_time() - busy
+    scored = _scored(robot, problem, hidden, found, verdict, seconds)
+    result = scored.model_copy(update={"core_seconds": core})
     if interval and result.parameter_error is not None:
         result = result.model_copy(update={"covered": _covered(problem, split, hidden, found)})
     if not share or not hidden.terms or not found.accepted:

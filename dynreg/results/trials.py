@@ -53,7 +53,7 @@ class TrialResult(Result):
     its equivalents; size_of_set : how many these are. share_of_attainable_gain : (calibrated - extended) /
     (calibrated - true structure refitted) of the error on the test part. parameter_error : of the effect's size,
     relative to the truth. covered : its 90 % interval holds the truth; null where that was not asked. seconds : of
-    the diagnosis.
+    the diagnosis; core_seconds : those that all cores worked at it together.
     """
 
     schema_: Literal["dynreg/trial/1"] = Field(default="dynreg/trial/1", alias="schema")
@@ -76,6 +76,7 @@ class TrialResult(Result):
     parameter_error: float | None = None
     covered: bool | None = None
     seconds: float
+    core_seconds: float | None = None
 
     @property
     def wrong(self) -> bool:
