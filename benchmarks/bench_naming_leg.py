@@ -6,21 +6,17 @@ errors, a torque disturbance, sensor noise and quantisation. The threshold comes
 other seeds. 16 s a log: 6 to fit, 6 to select, 4 to test.
 """
 
-import argparse
-import time
 from dataclasses import replace
 
 import numpy as np
-from naming import Job, report, run_all, write
+from naming import TUNE, Job, arguments, report, run_all, seeds, threshold, write
 
 from dynreg.diagnose.hypothesis import single_terms
-from dynreg.diagnose.settings import TrialSettings
-from dynreg.diagnose.trial import trial_threshold
 from dynreg.diagnose.truth import Protocol, protocol
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.robot import Robot, load_robot
 
-TUNE, REPORT = 3, 20261130
+REPORT = 20261130
 HEIGHTS = {"air": 0.5, "ground": 0.2}  # m of the rail's lower stop
 SIZES = ("medium", "strong")
 KINDS = ["levels", "chirp", "triangle"]
@@ -52,30 +48,22 @@ def drawn(robot: Robot, where: str, many: int, seed: int) -> list[tuple[str, str
 
 def main() -> None:
     """Print the tables and write benchmarks/results/naming_leg.json."""
-    parser = argparse.ArgumentParser()
+    parser = arguments(__doc__, none=5, threshold_runs=6)
     parser.add_argument("--trials", type=int, default=30, help="robots in the air, and as many on the ground")
-    parser.add_argument("--none", type=int, default=5, help="robots without an effect, each")
     parser.add_argument("--where", nargs="*", default=list(HEIGHTS))
-    parser.add_argument("--threshold-runs", type=int, default=6)
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
     robot, documents = load_robot("leg"), {}
     for where in given.where:
-        plan = plan_of(robot, where)
-        began = time.perf_counter()
-        settings = TrialSettings(threshold_runs=given.threshold_runs, seed=TUNE, threads=1)
-        needed = trial_threshold(None, robot, plan, settings)
-        print(f"{where}: threshold {needed:.1f} nats from {given.threshold_runs} robots, ", end="")
-        print(f"{time.perf_counter() - began:.0f} s", flush=True)
-        jobs = [Job(robot, plan, *one, needed) for one in drawn(robot, where, given.trials, seed)]
-        for i in range(given.none):
-            none = stream_seed(seed, "leg", where, "none", i) % 2**31
-            jobs.append(Job(robot, plan, None, None, none, needed))
-        documents[where] = report(f"leg, {where}", run_all(jobs, given.processes), needed)
-    if not given.tune:
-        write("naming_leg.json", documents)
+        name, plan = f"leg, {where}", plan_of(robot, where)
+        needed = threshold(name, robot, plan, given)
+        none = Job(robot, plan, (), None, 0, needed, interval=given.interval)
+        jobs = [
+            replace(none, keys=(k,), size=s, seed=n) for k, s, n in drawn(robot, where, given.trials, seed)
+        ]
+        jobs += [replace(none, seed=n) for n in seeds(seed, "leg", where, "none", n=given.none)]
+        documents[where] = report(name, run_all(jobs, given.processes), needed)
+    write("naming_leg.json", documents, given)
 
 
 if __name__ == "__main__":

@@ -7,15 +7,11 @@ times finer, nameplate errors, a torque disturbance, sensor noise and quantisati
 without an effect of other seeds.
 """
 
-import argparse
-import time
 from dataclasses import replace
 
 import numpy as np
-from naming import Job, report, run_all, write
+from naming import TUNE, Job, arguments, report, run_all, seeds, threshold, write
 
-from dynreg.diagnose.settings import TrialSettings
-from dynreg.diagnose.trial import trial_threshold
 from dynreg.diagnose.truth import Protocol
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.excitation import KINDS, reset_pose
@@ -23,7 +19,7 @@ from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.space import ParameterSpace
 
-TUNE, REPORT = 3, 20261130
+REPORT = 20261130
 SIZES = ("medium", "strong")
 EFFECTS = (
     "payload",
@@ -128,29 +124,19 @@ def hidden(robot: Robot, each: int, seed: int) -> list[tuple[str, str, int]]:
 
 def main() -> None:
     """Print the table and write benchmarks/results/naming_quadruped.json."""
-    parser = argparse.ArgumentParser()
+    parser = arguments(__doc__, none=6, threshold_runs=5)
     parser.add_argument("--each", type=int, default=2, help="robots for each effect")
-    parser.add_argument("--none", type=int, default=6, help="robots without an effect")
     parser.add_argument("--only", nargs="*", default=list(EFFECTS))
-    parser.add_argument("--threshold-runs", type=int, default=5)
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
     robot = measured(load_robot("quadruped"))
     plan = plan_of(robot)
-    began = time.perf_counter()
-    settings = TrialSettings(threshold_runs=given.threshold_runs, seed=TUNE, threads=1)
-    needed = trial_threshold(None, robot, plan, settings)
-    print(f"threshold {needed:.1f} nats from {given.threshold_runs} robots, ", end="")
-    print(f"{time.perf_counter() - began:.0f} s", flush=True)
+    needed = threshold("quadruped", robot, plan, given)
+    none = Job(robot, plan, (), None, 0, needed, interval=given.interval)
     chosen = [h for h in hidden(robot, given.each, seed) if h[0].split("[")[0] in given.only]
-    jobs = [Job(robot, plan, *one, needed) for one in chosen]
-    for i in range(given.none):
-        jobs.append(Job(robot, plan, None, None, stream_seed(seed, "none", i) % 2**31, needed))
-    document = report("quadruped", run_all(jobs, given.processes), needed)
-    if not given.tune:
-        write("naming_quadruped.json", document)
+    jobs = [replace(none, keys=(k,), size=s, seed=n) for k, s, n in chosen]
+    jobs += [replace(none, seed=n) for n in seeds(seed, "none", n=given.none)]
+    write("naming_quadruped.json", report("quadruped", run_all(jobs, given.processes), needed), given)
 
 
 if __name__ == "__main__":

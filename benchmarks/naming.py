@@ -1,78 +1,257 @@
-"""What the naming benchmarks share: trials in other processes, and their tables."""
+"""What the naming benchmarks share: their arguments, seeds and threshold, trials in other processes, and tables."""
 
+import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import median
+
+import numpy as np
 
 from dynreg.diagnose.settings import TrialSettings
-from dynreg.diagnose.trial import one_trial
+from dynreg.diagnose.trial import one_trial, trial_threshold
 from dynreg.diagnose.truth import Protocol
-from dynreg.results import TrialTable
-from dynreg.results.trials import TrialResult
-from dynreg.sim.effects import term
+from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
+from dynreg.rng import stream_seed
+from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot
 
 RESULTS = Path(__file__).parent / "results"
+TUNE = 3  # the seed of the development, of the commands and of the threshold
+MANY = 100  # trials: with more, a line tells of fifty
+NOTHING = "nothing"  # hidden or named
+RATES = ("right", "joint_right", "covered", "wrong", "false_alarm", "in_set")
+KEPT = (
+    *RATES,
+    "by_size",
+    "confusions",
+    "set_median",
+    "set_p95",
+    "gain_share_median",
+    "parameter_error_median",
+)
 
 
 @dataclass(frozen=True)
 class Job:
-    """One trial of a robot under a plan: what it hides (None: nothing), how large, its seed, the threshold [nats]."""
+    """One trial of a robot under a plan.
+
+    keys : what it hides, () for nothing; size : how large; seed : of the robot; needed : the threshold [nats];
+    without : effects that the diagnosis lacks; max_causes : where it stops; share, interval : as in `one_trial`.
+    """
 
     robot: Robot
     plan: Protocol
-    key: str | None
+    keys: tuple[str, ...]
     size: str | None
     seed: int
     needed: float
+    without: tuple[str, ...] = ()
+    max_causes: int = 1
+    share: bool = False
+    interval: bool = False
 
 
-def run(job: Job) -> tuple[TrialResult, float]:
-    """The trial, and the seconds of one core that it took, the simulation of the truth included."""
-    began = time.process_time()
-    hidden = () if job.key is None else (term(job.key),)
-    settings = TrialSettings(threads=1)
-    result = one_trial(job.robot, job.plan, hidden, job.size, job.seed, job.needed, settings, share=False)
-    return result, time.process_time() - began
+def arguments(about: str, **defaults: int | bool) -> argparse.ArgumentParser:
+    """What every naming benchmark can be asked; `defaults` name those of the benchmark."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--none", type=int, help="robots without an effect")
+    parser.add_argument("--threshold-runs", type=int, help="robots from which the threshold is found")
+    parser.add_argument("--processes", type=int, default=1)
+    yes_no = argparse.BooleanOptionalAction
+    parser.add_argument(
+        "--interval", action=yes_no, default=False, help="whether 90 %% intervals hold the truth"
+    )
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
+    parser.add_argument("--write", action=yes_no, default=True, help="keep the tables in benchmarks/results/")
+    parser.set_defaults(**defaults)
+    return parser
 
 
-def run_all(jobs: Sequence[Job], processes: int) -> list[tuple[TrialResult, float]]:
-    """All trials, each printed once it is done; with one process in this one."""
+def seeds(seed: int, *names: object, n: int) -> list[int]:
+    """Of n robots under these names."""
+    return [stream_seed(seed, *names, i) % 2**31 for i in range(n)]
+
+
+def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace) -> float:
+    """[nats] that a cause needs, from robots without any; printed."""
+    began = time.perf_counter()
+    settings = TrialSettings(threshold_runs=given.threshold_runs, seed=TUNE, threads=given.processes)
+    needed = trial_threshold(None, robot, plan, settings)
+    seconds = time.perf_counter() - began
+    print(
+        f"{name}: threshold {needed:.1f} nats from {given.threshold_runs} robots, {seconds:.0f} s", flush=True
+    )
+    return needed
+
+
+def run(job: Job) -> TrialResult:
+    """The trial, on one core."""
+    return one_trial(
+        job.robot,
+        job.plan,
+        tuple(term(key) for key in job.keys),
+        job.size,
+        job.seed,
+        job.needed,
+        TrialSettings(threads=1),
+        without=job.without,
+        max_causes=job.max_causes,
+        share=job.share,
+        interval=job.interval,
+    )
+
+
+def run_all(jobs: Sequence[Job], processes: int) -> list[TrialResult]:
+    """All trials, told as they are done; with one process in this one."""
     if processes == 1:
-        return [_told(job, run(job)) for job in jobs]
+        return _told(jobs, map(run, jobs))
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        return [_told(job, done) for job, done in zip(jobs, pool.map(run, jobs), strict=True)]
+        return _told(jobs, pool.map(run, jobs))
 
 
-def report(name: str, done: Sequence[tuple[TrialResult, float]], needed: float) -> dict:
-    """Print the table of these trials; the same as a document."""
-    table = TrialTable.of(name, [r for r, _ in done], [f"threshold {needed:.3g} nats"])
+def confident(result: TrialResult) -> bool:
+    """Whether the diagnosis says that its first cause explains the log."""
+    return result.verdict in ("named", "ambiguous")
+
+
+def document(name: str, done: Sequence[TrialResult], needed: float) -> dict:
+    """The tables of these trials: rates, effects by size, who was taken for whom, sizes of sets, seconds."""
+    table = TrialTable.of(name, done).to_dict()
+    effects = dict.fromkeys(r.hidden for r in done if r.hidden)
+    return {
+        "robot": name,
+        **{key: table[key] for key in KEPT},
+        "effects": {e: _effect([r for r in done if r.hidden == e]) for e in effects},
+        "matrix": {
+            e or NOTHING: _names(r for r in done if r.hidden == e)
+            for e in dict.fromkeys(r.hidden for r in done)
+        },
+        "threshold": needed,
+        "seconds": {
+            "wall": _spread([r.seconds for r in done]),
+            "core": _spread([r.core_seconds for r in done if r.core_seconds is not None]),
+        },
+    }
+
+
+def report(name: str, done: Sequence[TrialResult], needed: float) -> dict:
+    """Print the tables of these trials; the same as a document."""
+    table, out = TrialTable.of(name, done), document(name, done, needed)
     print(table)
-    rates = {f"right, {size}": rate for size, rate in table.by_size.items()}
-    rates |= {key.replace("_", " "): getattr(table, key) for key in ("right", "joint_right", "false_alarm")}
-    for label, rate in rates.items():
-        if rate is not None:
-            print(f"  {label}: {rate.value:.3f} [{rate.low:.3f}, {rate.high:.3f}] of {rate.of}")
+    _print_effects(out)
+    for size, share in table.by_size.items():
+        print(f"  right, {size}: {interval(share)}")
+    for key in RATES:
+        share = getattr(table, key)
+        if share is not None:
+            print(f"  {key.replace('_', ' ')}: {interval(share)}")
+    print(
+        f"  sets: median {table.set_median}, 95 % {table.set_p95}; share of the attainable gain, median "
+        f"{table.gain_share_median}; error of the size, median {table.parameter_error_median}"
+    )
     for c in table.confusions:
         print(f"  {c.hidden} -> {c.named}: {c.count}")
-    seconds = sorted(cpu for _, cpu in done)
-    print(f"  one core: median {seconds[len(seconds) // 2]:.1f} s, most {seconds[-1]:.1f} s", flush=True)
-    return table.to_dict() | {"threshold": needed, "core_seconds": [cpu for _, cpu in done]}
+    for clock, spread in out["seconds"].items():
+        if spread:
+            print(f"  {clock} seconds: median {spread['median']:.1f}, 95 % {spread['p95']:.1f}", flush=True)
+    return out
 
 
-def write(name: str, document: dict) -> None:
-    """Keep a document under benchmarks/results/."""
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / name).write_text(json.dumps(document, indent=1) + "\n")
+def report_absent(done: Sequence[TrialResult]) -> dict | None:
+    """Print which names were given with confidence though the cause was taken away; the same as a document."""
+    wrong = [f"{r.hidden} -> {r.named}" for r in done if confident(r)]
+    if not done:
+        return None
+    print(f"  cause absent: confident wrong names {len(wrong)} of {len(done)}", *wrong, sep="\n    ")
+    return {"wrong": len(wrong), "of": len(done), "names": wrong}
 
 
-def _told(job: Job, done: tuple[TrialResult, float]) -> tuple[TrialResult, float]:
-    result, seconds = done
-    good = "right" if result.right else "WRONG"
-    hides = f"{job.key} {job.size}" if job.key else "nothing"
-    print(f"    {good}: {hides} -> {result.named} ({result.verdict}), {seconds:.0f} s", flush=True)
+def report_pairs(done: Sequence[TrialResult]) -> dict | None:
+    """Print how often both of two causes were named, and what was said where not; the same as a document."""
+    both = rate(r.right for r in done)
+    if both is None:
+        return None
+    missed = [
+        f"{r.hidden} ({r.size}) -> {r.verdict}, {', '.join(r.causes) or 'no cause'}"
+        for r in done
+        if not r.right
+    ]
+    print(f"  two causes at once, both named: {interval(both)}", *missed, sep="\n    ")
+    return both.to_dict() | {"missed": missed}
+
+
+def interval(share: Rate) -> str:
+    """A rate with its 90 % interval."""
+    return f"{share.value:.3f} [{share.low:.3f}, {share.high:.3f}] of {share.of}"
+
+
+def write(name: str, out: dict, given: argparse.Namespace) -> None:
+    """Keep a document under benchmarks/results/, but for robots of the development."""
+    if given.write and not given.tune:
+        RESULTS.mkdir(exist_ok=True)
+        (RESULTS / name).write_text(json.dumps(out, indent=1) + "\n")
+
+
+def _told(jobs: Sequence[Job], results: Iterable[TrialResult]) -> list[TrialResult]:
+    """The results, with a line for each of a few, and a line for fifty of many that says how well it goes."""
+    done, right, wrong = [], 0, 0
+    for job, result in zip(jobs, results, strict=True):
+        done.append(result)
+        mistaken = confident(result) if job.without else result.wrong
+        good = not mistaken if job.without else result.right
+        right, wrong = right + good, wrong + mistaken
+        if len(jobs) > MANY:
+            if len(done) % 50 == 0:
+                print(f"{len(done)} of {len(jobs)} done: right {right}, wrong {wrong}", flush=True)
+            continue
+        hides = f"{'+'.join(job.keys)} {job.size}" if job.keys else NOTHING
+        hides += ", taken away" if job.without else ""
+        said = "right" if good else "WRONG" if mistaken else "missed"
+        print(f"    {said}: {hides} -> {result.named} ({result.verdict}), {result.seconds:.0f} s", flush=True)
     return done
+
+
+def _effect(mine: Sequence[TrialResult]) -> dict:
+    """Of one effect: rates, [right, of] by size, and the median error of the size where the name was right."""
+    errors = [r.parameter_error for r in mine if r.right and r.parameter_error is not None]
+    sized = {s: [r.right for r in mine if r.size == s] for s in SIZES}
+    shares = {
+        "right": rate(r.right for r in mine),
+        "in_set": rate(r.in_set for r in mine if r.in_set is not None),
+        "covered": rate(r.covered for r in mine if r.covered is not None),
+    }
+    return {
+        **{key: share and share.to_dict() for key, share in shares.items()},
+        "sizes": {s: [sum(found), len(found)] for s, found in sized.items() if found},
+        "error": median(errors) if errors else None,
+    }
+
+
+def _names(results: Iterable[TrialResult]) -> dict[str, int]:
+    """{named: how often}, most often first; joints do not make another name."""
+    return dict(Counter((r.named or NOTHING).split("[")[0] for r in results).most_common())
+
+
+def _spread(seconds: Sequence[float]) -> dict[str, float] | None:
+    """Median and 95th percentile, the latter one that was seen."""
+    if not seconds:
+        return None
+    p95 = float(np.quantile(seconds, 0.95, method="inverted_cdf"))
+    return {"median": median(seconds), "p95": p95}
+
+
+def _print_effects(out: dict) -> None:
+    """Of each effect how often it was named at each size, the error of its size, and how often intervals held it."""
+    print(f"{'right of robots':24s} " + " ".join(f"{s:>8s}" for s in SIZES) + "   error  covered")
+    for effect, found in out["effects"].items():
+        cells = [f"{'/'.join(map(str, found['sizes'].get(s, ['-']))):>8s}" for s in SIZES]
+        error = "-" if found["error"] is None else f"{found['error']:.3f}"
+        held = found["covered"]
+        covered = f"{held['hits']}/{held['of']} [{held['low']:.2f}, {held['high']:.2f}]" if held else "-"
+        print(f"{effect:24s} {' '.join(cells)}   {error:>5s}  {covered}")
