@@ -83,9 +83,7 @@ def diagnose(
             do=f"see `dynreg effects {robot.name}`",
         )
     found = search(registry, problem, terms, fit_on, select_on, settings, progress)
-    evidence = Evidence.of(
-        robot, recording, problem, split, found.base, found.extended, found.rounds, found.accepted
-    )
+    evidence = Evidence.of(problem, recording, found.extended, split.chosen)
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     return outcome(registry, problem, split, recording, settings, found, evidence, verdict, name, began)
 

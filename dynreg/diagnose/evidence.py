@@ -8,17 +8,14 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
-from dynreg.replay.parts import Parts
 from dynreg.results.diagnosis import Noise, Verdict
-from dynreg.sim.robot import Robot
 
 EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
-SMALL = 0.25  # of the residual's mean square: what a last cause must take off to count where nothing repeats
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Residuals of the calibrated and the extended simulator on fit and select, and the floor of each channel.
+    """What the extended simulator leaves on fit and select, and the floor of each channel.
 
     noise : of the channel that has most left. repeats : of every channel, by name.
     """
@@ -28,20 +25,11 @@ class Evidence:
     repeats: dict[str, Repeatability]
 
     @classmethod
-    def of(
-        cls,
-        robot: Robot,
-        recording: Recording,
-        problem: Problem,
-        split: Parts,
-        base: Point,
-        extended: Point,
-        rounds: tuple[Naming, ...],
-        accepted: int,
-    ) -> "Evidence":
-        """Measure what `extended` leaves on fit and select."""
+    def of(cls, problem: Problem, recording: Recording, extended: Point, chosen: np.ndarray) -> "Evidence":
+        """Measure what `extended` leaves in the windows `chosen`; what repeats is looked for in the whole recording."""
+        robot = problem.robot
         repeats = {r.channel: r for r in repeatability(robot, recording)}
-        left = problem.residuals([extended], split.chosen)[0]
+        left = problem.residuals([extended], chosen)[0]
         rows = []
         for c, column in enumerate(problem.use):
             spread = problem.windows.spread[column]

@@ -102,9 +102,7 @@ def one_trial(
     problem, split = pose(None, robot, recording, blind)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     found = search(None, problem, single_terms(robot, (), without), fit_on, select_on, blind, needed=needed)
-    evidence = Evidence.of(
-        robot, recording, problem, split, found.base, found.extended, found.rounds, found.accepted
-    )
+    evidence = Evidence.of(problem, recording, found.extended, split.chosen)
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     seconds, core = time.perf_counter() - began, time.process_time() - busy
     scored = _scored(robot, problem, hidden, found, verdict, seconds)
