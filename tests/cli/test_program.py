@@ -102,6 +102,20 @@ def test_an_error_is_one_line_and_has_a_traceback_only_with_debug(dynreg, sessio
     assert "Traceback" in loud.err and loud.err.endswith(plain.err)
 
 
+@pytest.mark.parametrize("line, status", [(("--version",), 0), (("show", "bench"), 1)])
+def test_python_runs_the_package_as_the_program(line: tuple[str, ...], status: int, tmp_path: Path) -> None:
+    package = [sys.executable, "-m", "dynreg", *line]
+    beside = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
+    ended = subprocess.run(package, capture_output=True, text=True, timeout=60, **beside)
+    as_script = subprocess_of(*line, **beside)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (
+        status,
+        as_script.stdout,
+        as_script.stderr,
+    )
+    assert as_script.returncode == status and (ended.stdout or ended.stderr)
+
+
 def test_a_bug_is_one_line_that_says_so(dynreg, session) -> None:
     session.answers["show"] = ZeroDivisionError("division\nby zero")
     ended = dynreg("show", "x")
