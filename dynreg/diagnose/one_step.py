@@ -31,6 +31,7 @@ def one_step_run(robot: Robot, windows: Windows, lead: int = 0) -> Run:
         initial=initial[:, start].reshape(count, -1),
         period=run.period,
         begin=begin,
+        joints=run.joints,
     )
 
 
@@ -51,7 +52,9 @@ def predictions(robot: Robot, windows: Windows, states: np.ndarray) -> np.ndarra
 
 
 def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) -> tuple[Residuals, ...]:
-    """What one simulator leaves of every driven joint's acceleration: measured - predicted [unit of velocity / s].
+    """What one simulator leaves of each joint's acceleration: measured - predicted [unit of velocity / s].
+
+    Of all driven joints, or of those that the windows' run looks at.
 
     predicted : (W, T, S) row t+1 from the measured row t (`one_step_run`). From velocities where they were measured,
     else from the second difference of positions. Joints without a velocity channel are left out: no
@@ -64,7 +67,10 @@ def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) ->
             do="give one row for every command of every window",
         )
     out = []
+    looked = windows.run.joints
     for joint, signals in joint_signals(robot, windows).items():
+        if looked is not None and joint.split("/")[0] not in looked:
+            continue
         found = _accelerations(robot, windows, predicted, joint, signals.velocity)
         if found is None:
             continue

@@ -8,8 +8,10 @@ import pytest
 
 import dynreg
 from dynreg.diagnose.diagnose import pose
-from dynreg.diagnose.hypothesis import single_terms
+from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.joints import only_joints, terms_at
+from dynreg.diagnose.problem import Point
+from dynreg.diagnose.rest import rest
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.threshold import null_score
 from dynreg.diagnose.truth import hide, log_of, protocol
@@ -118,6 +120,24 @@ def test_parameters_of_other_joints_stay_nominal(arm):
     assert {"wrist_roll_gain", "wrist_roll_speed"} <= set(free)
     assert not {"pitch_gain", "jaw_gain", "upper_mass"} & set(free)
     assert split.fit.sum() <= 2
+
+
+@pytest.mark.parametrize("engine", ["joint", "mujoco"])
+def test_what_is_left_is_told_of_the_joints_asked_for_alone(engine: str):
+    plan = protocol(ARM, seed=1, seconds=12.5)
+    recording = log_of(ARM, hide(ARM, (term("coulomb_friction"),), "strong", 4), plan, engine="joint")
+    left = {}
+    for joints in (None, ("elbow",), ("jaw", "pitch")):
+        settings = Settings(joints=joints, engine=engine, threads=1, windows=1)
+        problem, split = pose(None, ARM, recording, settings)
+        point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+        found, depends = rest(problem, point, split.chosen[:1], "unknown")
+        assert {share.joint for share in depends} == {each.joint for each in found}
+        left[joints] = {each.joint: (each.left, each.samples) for each in found}
+    assert set(left[None]) == {name.split("/")[0] for name in ARM.actions}
+    assert set(left[("elbow",)]) == {"elbow"} and set(left[("jaw", "pitch")]) == {"jaw", "pitch"}
+    if engine == "joint":  # where joints move alone, the others make no difference to what is left of one
+        assert left[("elbow",)]["elbow"] == left[None]["elbow"]
 
 
 def test_windows_that_are_episodes_stay_parted():
