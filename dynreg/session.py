@@ -32,7 +32,7 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
 
 
 class Session:
-    """An open registry; `with dynreg.open(path) as reg: ...`.
+    """An open registry; `with dynreg.open(path) as reg: ...`. A block that fails leaves no new, empty one behind.
 
     Methods return frozen results (`dynreg.results`), which notebooks show as tables and `.to_frame()` turns
     into DataFrames. `progress` is called with (stage, done, total).
@@ -50,8 +50,11 @@ class Session:
     def __enter__(self) -> "Session":
         return self
 
-    def __exit__(self, *error: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.registry.take_away()
 
     def __repr__(self) -> str:
         return f"dynreg.open({str(self.path)!r})"

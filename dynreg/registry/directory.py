@@ -2,9 +2,11 @@
 
 import json
 import os
+import shutil
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, func, insert, select
 
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry import tables
@@ -16,6 +18,7 @@ from dynreg.registry.files import (
     is_temporary,
     sha256_of,
     sync_folder,
+    temporary_name,
     unreadable,
     write_file,
 )
@@ -25,11 +28,12 @@ VERSION = 1
 
 
 class Directory:
-    """An open registry directory and its catalogue."""
+    """An open registry directory and its catalogue; `made` where this opening made it."""
 
-    def __init__(self, path: Path, catalog: Catalog):
+    def __init__(self, path: Path, catalog: Catalog, made: bool = False):
         self.path = path
         self.catalog = catalog
+        self.made = made
 
     def stage(self, file: StoredFile, data: bytes) -> None:
         """Bring `data` to disk, before the transaction that registers it."""
@@ -83,6 +87,7 @@ def open_directory(path: Path, create: bool) -> Directory:
     RegistryError : nothing there, not a registry, written by a newer version, locked, not writable.
     CorruptError : the catalogue is lost or damaged.
     """
+    made = not path.exists()
     if not (path / MARKER).is_file():
         _create(path, create)
     check_marker(path)
@@ -95,7 +100,26 @@ def open_directory(path: Path, create: bool) -> Directory:
         )
     if os.access(path, os.W_OK):
         make_folders(path)
-    return Directory(path, Catalog(path))
+    return Directory(path, Catalog(path), made)
+
+
+def take_away(directory: Directory) -> None:
+    """Close a registry, and remove it where its own opening made it and at most robots were stored in it since."""
+    unused = directory.made and not _holds_any(directory.catalog)
+    directory.catalog.close()
+    if unused:
+        gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
+        with suppress(OSError):  # an empty registry that stays does no harm
+            directory.path.rename(gone)
+            shutil.rmtree(gone)
+
+
+def _holds_any(catalog: Catalog) -> bool:
+    """Whether there is anything that was asked for; robots come along with other things."""
+    asked_for = (tables.populations, tables.recordings, tables.simulators, tables.results)
+    with catalog.read() as connection:
+        counts = [connection.execute(select(func.count()).select_from(t)).scalar_one() for t in asked_for]
+    return any(counts)
 
 
 def check_marker(path: Path) -> None:

@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 
 from dynreg.data.recording import Recording
 from dynreg.registry import documents, entries, loading, populations, recordings, references, robots, tables
-from dynreg.registry.directory import Directory, open_directory
+from dynreg.registry.directory import Directory, open_directory, take_away
 from dynreg.registry.hashes import catalog_hash
 from dynreg.registry.records import (
     EntryRecord,
@@ -55,6 +55,10 @@ class Registry:
     def close(self) -> None:
         """Let go of the catalogue."""
         self.directory.catalog.close()
+
+    def take_away(self) -> None:
+        """Close, and remove what this opening made where nothing has come of it; see `directory.take_away`."""
+        take_away(self.directory)
 
     @property
     def path(self) -> Path:

@@ -62,6 +62,35 @@ def test_from_the_log_to_the_page(place: Path, dynreg: Callable, document: Calla
     assert document("verify", "--registry", "answer")["clean"] is True
 
 
+def still(i: int, row: list) -> list:
+    """The command never changes: nothing can be said, which the diagnosis finds out after the log was read."""
+    return [row[0], row[1], row[2], 0.3, *row[4:]]
+
+
+IN_VAIN = {
+    "a log in which nothing is commanded": ("diagnose", "still.csv", "--robot", "servo_pendulum"),
+    "a log that is none": ("diagnose", "notes.csv", "--robot", "servo_pendulum"),
+    "no such effect": ("diagnose", "run.csv", "--robot", "servo_pendulum", "--effects", "rust"),
+    "a log that cannot be ingested": ("ingest", "notes.csv", "--robot", "servo_pendulum"),
+    "a name that cannot be one": ("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "@last"),
+    "a query of a log that is none": ("query", "notes.csv", "--robot", "servo_pendulum"),
+    "a query without simulators": ("query", "run.csv", "--robot", "servo_pendulum"),
+}
+
+
+@pytest.mark.parametrize("line", IN_VAIN.values(), ids=IN_VAIN)
+def test_what_fails_first_leaves_nothing_behind(line, tmp_path: Path, dynreg: Callable, monkeypatch) -> None:
+    monkeypatch.delenv("DYNREG_REGISTRY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.csv").write_text(tiny_registry.bench_csv(), encoding="utf-8")
+    (tmp_path / "still.csv").write_text(tiny_registry.bench_csv(still), encoding="utf-8")
+    (tmp_path / "notes.csv").write_text("spare,columns\n1,2\n", encoding="utf-8")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    ended = dynreg(*line)
+    assert ended.status in (1, 2, 4) and ended.err.startswith("error: ") and "bug" not in ended.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
 def test_the_same_query_gives_the_same_answer(place: Path, dynreg: Callable, document: Callable) -> None:
     document("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday")
     first, second = (document(*QUERY, statuses=(0, 4)) for _ in range(2))

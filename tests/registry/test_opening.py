@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from registry_contents import fill
+from registry_contents import ROBOT, fill, make_recording
 from sqlalchemy import create_engine, inspect
 
 from dynreg.errors import CorruptError, RegistryError
@@ -131,6 +131,21 @@ def test_creating(tmp_path):
         with pytest.raises(RegistryError, match=message):
             Registry.open(tmp_path / name, create=True)
     assert [p.name for p in (tmp_path / "other").iterdir()] == ["thesis.tex"]
+
+
+def test_what_was_opened_in_vain_is_taken_away(tmp_path, robot):
+    new, stored, older = tmp_path / "new", tmp_path / "stored", tmp_path / "older"
+    Registry.open(older, create=True).close()
+    Registry.open(older, create=True).take_away()
+    for folder in (new, stored):
+        made = Registry.open(folder, create=True)
+        made.put_robot(robot, ROBOT, "arm")
+        if folder == stored:
+            made.put_recording(make_recording(1), ROBOT)
+        made.take_away()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["older", "robot", "stored"]
+    with Registry.open(stored) as again:
+        assert [info.id for info in again.recordings()] == [make_recording(1).id]
 
 
 def test_creation_that_was_cut_short_is_finished(tmp_path):
