@@ -3,6 +3,7 @@
 import numpy as np
 
 from dynreg.data.episodes import RawEpisode
+from dynreg.data.gaps import silences
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Series
 from dynreg.errors import LogError
@@ -22,7 +23,8 @@ def clean(series: Series) -> Series:
 def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:
     """Bring an episode's channels to one time base.
 
-    States and inputs are interpolated linearly; actions and flags hold their last value. The grid runs from
+    States and inputs are interpolated linearly; actions and flags hold their last value. Where a signal has NaN for
+    longer than can be filled in (`gaps.silences`) it stays NaN. The grid runs from
     the first stamp that all channels have reached to the last that none has left (a held flag need not be
     repeated to stand), at `spec.rate`; without a rate it has the stamps of the first action.
 
@@ -41,7 +43,9 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
     values = np.full((len(grid), len(spec.channels)), np.nan)
     for column, channel in enumerate(spec.channels):
         if channel.name in series:
-            values[:, column] = at(series[channel.name], start + grid, channel.hold)
+            kept = series[channel.name]
+            lost = _lost(episode.channels[channel.name], kept, start + grid, channel.hold)
+            values[:, column] = np.where(lost, np.nan, at(kept, start + grid, channel.hold))
     return start, grid, values
 
 
@@ -51,6 +55,21 @@ def at(series: Series, time: np.ndarray, hold: bool) -> np.ndarray:
         return np.interp(time, series.time, series.values)
     last = np.searchsorted(series.time, time + STAMP_TOLERANCE, side="right") - 1
     return series.values[np.maximum(last, 0)]
+
+
+def _lost(raw: Series, kept: Series, time: np.ndarray, hold: bool) -> np.ndarray:
+    """(T,) whether a signal holds NaN at `time` for longer than can be filled in.
+
+    A command or a flag that mostly has no number is one that is logged when it changes, and holds.
+    """
+    out = np.zeros(len(time), dtype=bool)
+    nothing = raw.time[~np.isfinite(raw.values)]
+    if not len(nothing) or (hold and 2 * len(nothing) > len(raw)):
+        return out
+    for begin, end in silences(kept.time):
+        if ((nothing > begin) & (nothing < end)).any():
+            out |= (time > begin) & (time < end)
+    return out
 
 
 def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import Calibrated, threshold
 from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.registry import Registry
+from dynreg.replay.holes import hit, holes, sentence
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows, windows
@@ -91,7 +92,10 @@ def diagnose(
 def pose(
     registry: Registry | None, robot: Robot, recording: Recording, settings: Settings
 ) -> tuple[Problem, Parts]:
-    """The recording cut into windows, its parts, and the coordinates that start from the simulator asked for."""
+    """The recording cut into windows, its parts, and the coordinates that start from the simulator asked for.
+
+    Windows with holes, where a command, an input or a weighted channel holds no number for long, are left out.
+    """
     require_commands(robot, recording)
     if settings.joints:
         robot = only_joints(robot, settings.joints)
@@ -103,20 +107,23 @@ def pose(
         )
     table = robot.file.replay.model_copy(update={"horizon": horizon})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
+    lost = holes(robot, recording)
+    cut = cut.take(np.flatnonzero(~hit(cut, lost)))
+    why = f": {sentence(recording, lost)}" if lost else ""
     if len(cut) < 2:
         raise LogError(
-            f"the recording makes {len(cut)} rollout of {horizon:g} s",
+            f"the recording makes {len(cut)} rollout of {horizon:g} s{why}",
             expected="at least two: one to fit, one to select by, and a third to test the result",
             do="record more episodes, or cut it finer with --horizon",
         )
     split = parts(recording, cut, settings.hold_out, paired=True)
     if not split.select.any():
         raise LogError(
-            "nothing is left to select a cause by",
+            f"nothing is left to select a cause by{why}",
             expected="at least two episodes beside those held out",
             do="record more episodes, hold out less, or cut it finer with --horizon",
         )
-    _check_length(robot, cut, split)
+    _check_length(robot, cut, split, why)
     if settings.windows:
         split = thinned(split, cut.episode, settings.windows, settings.seed)
     cut = _settled(robot, cut.scaled_by(robot, split.chosen), settings.engine)
@@ -194,15 +201,15 @@ def search(
     return Found(base, current, tuple(rounds), accepted, limit)
 
 
-def _check_length(robot: Robot, cut: Windows, split: Parts) -> None:
-    """LogError where fit or select has too few measured rows to tell a cause from chance."""
+def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
+    """LogError where fit or select has too few measured rows to tell a cause from chance; `why` is said with it."""
     weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
     known = np.isfinite(cut.measured[:, 1:, weighted]).any(axis=2).sum(axis=1)
     for part in ("fit", "select"):
         rows = int(known[getattr(split, part)].sum())
         if rows < FEWEST:
             raise LogError(
-                f"the {part} part has {rows} measured rows",
+                f"the {part} part has {rows} measured rows{why}",
                 expected=f"at least {FEWEST}",
                 do="record longer, or more episodes",
             )

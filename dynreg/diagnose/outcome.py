@@ -19,6 +19,7 @@ from dynreg.diagnose.shown import shown
 from dynreg.diagnose.tied import tied
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
+from dynreg.replay.holes import holes, sentence
 from dynreg.replay.parts import Parts, names
 from dynreg.results import Cost, Diagnosis, Gain
 from dynreg.results.diagnosis import (
@@ -116,7 +117,10 @@ def outcome(
         parts=_parts(problem, recording, split),
         traces=_traces(problem, recording, shown, judged),
         inputs=_inputs(problem, recording),
-        notes=(*_notes(parameters, evidence, settings), *loose_ends(problem.coordinates, covariance)),
+        notes=(
+            *_notes(problem, recording, parameters, evidence, settings),
+            *loose_ends(problem.coordinates, covariance),
+        ),
         calibrated_simulator=ids[0],
         extended_simulator=ids[1] if found.accepted else None,
         engine=settings.engine or robot.file.robot.engines[0],
@@ -354,8 +358,17 @@ def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _notes(parameters: dict[str, Pulled], evidence: Evidence, settings: "Settings") -> tuple[str, ...]:
+def _notes(
+    problem: Problem,
+    recording: Recording,
+    parameters: dict[str, Pulled],
+    evidence: Evidence,
+    settings: "Settings",
+) -> tuple[str, ...]:
     out = []
+    lost = holes(problem.robot, recording)
+    if lost:
+        out.append(f"{sentence(recording, lost)}: rollouts with such rows are left out")
     if settings.joints:
         out.append(
             f"{', '.join(settings.joints)} alone: parameters that cannot be seen there stay where the search began"

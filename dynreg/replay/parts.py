@@ -163,7 +163,14 @@ def _test_groups(
             f"({', '.join(e.name for e in recording.episodes[:6])}, ...) or a share such as 0.25",
             do="correct it, or leave it out to hold out a fifth of the episodes",
         )
-    return np.unique(groups[np.isin(windows.episode, chosen)])
+    found = np.unique(groups[np.isin(windows.episode, chosen)])
+    if not len(found):
+        raise UsageError(
+            f"hold-out {hold_out!r} has no rollout to test on",
+            expected="an episode with measured rows enough",
+            do="hold out another",
+        )
+    return found
 
 
 def _as_share(hold_out: str) -> float | None:

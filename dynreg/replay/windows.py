@@ -75,11 +75,12 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     for w, (number, start, stop) in enumerate(cuts):
         values = recording.episodes[number].values[start:stop]
         last = np.minimum(np.arange(steps), stop - start - 2)
-        actions[w] = _held(values[:, action])[last]
+        actions[w] = _held(values[:, action], np.zeros(len(action)))[last]
         measured[w, : stop - start] = values[:, state]
         for i, name in enumerate(robot.inputs):
             if name in recording.names:
-                inputs[w, :, i] = values[last, recording.names.index(name)]
+                column = values[:, [recording.names.index(name)]]
+                inputs[w, :, i] = _held(column, robot.input_defaults[[i]])[last, 0]
     run = Run(
         actions,
         inputs=inputs,
@@ -168,10 +169,11 @@ def _cuts(
     return out
 
 
-def _held(values: np.ndarray) -> np.ndarray:
-    """(T, A) commands with NaN replaced by the last one before it, or by zero where there was none yet."""
+def _held(values: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """(T, A) commands with NaN replaced by the last one before it, or by `before` (A,) where there was none."""
     at = np.where(np.isfinite(values), np.arange(len(values))[:, None], 0)
-    return np.nan_to_num(np.take_along_axis(values, np.maximum.accumulate(at, axis=0), axis=0))
+    held = np.take_along_axis(values, np.maximum.accumulate(at, axis=0), axis=0)
+    return np.where(np.isfinite(held), held, before)
 
 
 def _period(recording: Recording) -> float:

@@ -239,3 +239,23 @@ def test_transitions_span_no_two_episodes(write_table: Callable, swing: Columns,
         transitions(recording, ["arm/torque"], [])
     with pytest.raises(LogError, match="neither an input nor a setting 'mass'"):
         transitions(recording, ["arm/position"], ["arm/target"], ["mass"])
+
+
+def test_long_stretches_without_numbers_stay_empty(write_table, swing, servo_spec):
+    """A straight line over them would be a motion that never was."""
+    swing["arm__position"][200:300] = np.nan  # 1.0 to 1.5 s
+    swing["arm__velocity"][400:410] = np.nan  # 0.05 s: a few lost messages
+    swing["arm__target"][500:600] = np.nan  # 2.5 to 3.0 s
+    values = read_recording(write_table(**swing), servo_spec).episodes[0].values
+    position, velocity, target = (np.flatnonzero(np.isnan(values[:, c])) for c in range(3))
+    assert position.tolist() == list(range(100, 150)) and not len(velocity)
+    assert target.tolist() == list(range(250, 300))
+
+
+def test_slow_signals_and_commands_logged_on_change_are_filled_in(write_table, swing, servo_spec):
+    rows = np.arange(len(swing["time"]))
+    swing["arm__velocity"][rows % 100 != 0] = np.nan  # a sensor of 2 Hz in a table of 200 Hz
+    swing["arm__target"][~np.isin(rows, (0, 10, 20, 500))] = np.nan
+    values = read_recording(write_table(**swing), servo_spec).episodes[0].values
+    assert np.isfinite(values).all()
+    assert len(np.unique(values[:, 2])) == 4

@@ -1,0 +1,74 @@
+"""Holes of a recording: stretches in which a signal that a replay needs holds no number."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.data.gaps import silences
+from dynreg.data.recording import Recording
+from dynreg.replay.windows import Windows
+from dynreg.sim.robot import Robot
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Rows `first` to `last` of an episode (its number) in which a channel holds no number."""
+
+    channel: str
+    episode: int
+    first: int
+    last: int
+
+
+def holes(robot: Robot, recording: Recording) -> tuple[Hole, ...]:
+    """What cannot be filled in of the commands, the measured inputs and the weighted channels, by episode.
+
+    Between the first and the last measured row of an episode. A slow sensor has none between its samples
+    (`gaps.silences`), and a state that an episode lacks altogether is no hole in it; a command or an input is one.
+    """
+    told = [name for name in (*robot.actions, *robot.inputs) if name in recording.names]
+    states = [c.name for c in robot.file.channels if c.weight > 0 and c.name in recording.names]
+    out = []
+    for number, episode in enumerate(recording.episodes):
+        known = np.isfinite(episode.values)
+        measured = np.flatnonzero(known[:, recording.columns(states)].any(axis=1))
+        for name in dict.fromkeys([*states, *told]) if len(measured) else ():
+            rows = np.flatnonzero(known[:, recording.names.index(name)])
+            if len(rows) or name in told:
+                places = _empty(episode.time, rows, measured[0], measured[-1])
+                out += [Hole(name, number, first, last) for first, last in places]
+    return tuple(out)
+
+
+def hit(cut: Windows, found: Sequence[Hole]) -> np.ndarray:
+    """(W,) whether a window has rows of a hole."""
+    out = np.zeros(len(cut), dtype=bool)
+    for hole in found:
+        start, stop = cut.rows.T
+        out |= (cut.episode == hole.episode) & (start <= hole.last) & (hole.first < stop)
+    return out
+
+
+def sentence(recording: Recording, found: Sequence[Hole]) -> str:
+    """Which channel holds no number, and where: of several places the longest, and how many more there are."""
+    longest = max(found, key=lambda hole: hole.last - hole.first)
+    episode = recording.episodes[longest.episode]
+    begin, end = episode.time[longest.first], episode.time[longest.last]
+    more = f" (and in {len(found) - 1} more places)" if len(found) > 1 else ""
+    return (
+        f"{longest.channel} holds no number in rows {longest.first} to {longest.last} of episode {episode.name!r}, "
+        f"{begin:.2f} to {end:.2f} s{more}"
+    )
+
+
+def _empty(time: np.ndarray, known: np.ndarray, begin: int, end: int) -> list[tuple[int, int]]:
+    """First and last row of each hole between rows `begin` and `end` of a signal with numbers in the rows `known`."""
+    if not len(known):
+        return [(int(begin), int(end))]
+    out = []
+    for start, stop in silences(time[np.union1d(known, [begin, end])]):
+        empty = np.setdiff1d(np.flatnonzero((time >= start) & (time <= stop)), known)
+        if len(empty):
+            out.append((int(empty[0]), int(empty[-1])))
+    return out
