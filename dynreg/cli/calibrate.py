@@ -7,6 +7,7 @@ import typer
 from dynreg.adapt.methods import METHODS
 from dynreg.cli.call import Call, at_least, verb
 from dynreg.cli.completion import methods, recording_names
+from dynreg.cli.options import HoldOut, Threads
 from dynreg.errors import UsageError
 
 
@@ -30,11 +31,8 @@ def calibrate(
     ] = METHODS[0],
     seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
     budget: Annotated[int, typer.Option(help="Simulations that the search may run.")] = 600,
-    hold_out: Annotated[
-        str | None,
-        typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
-    ] = None,
-    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+    hold_out: HoldOut = None,
+    threads: Threads = None,
 ) -> None:
     """Fit a robot's parameters by a search.
 

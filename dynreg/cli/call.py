@@ -109,6 +109,14 @@ class Call:
         if hint and not self.quiet:
             out.print(f"next: {hint}")
 
+    def emit_and_write(self, result: "Result", page: Path | None) -> None:
+        """Print a stored result, and write its page where one is asked for; else the hint says how."""
+        if page is not None:
+            from dynreg.report.html import write_report
+
+            write_report(result, page)
+        self.emit(result, hint=None if page else "dynreg report @last")
+
 
 def verb(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register `function(call, ...)` as a command, with the global options among its own.

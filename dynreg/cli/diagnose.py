@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.completion import effect_names, recording_names, robot_names
+from dynreg.cli.completion import effect_names
+from dynreg.cli.options import AnyRecording, HoldOut, MapOfLog, Page, RobotOfLog, Seed, Threads, ThresholdRuns
 
 
 def register(app: typer.Typer) -> None:
@@ -16,24 +17,14 @@ def register(app: typer.Typer) -> None:
 
 def diagnose(
     call: Call,
-    recording: Annotated[
-        str,
-        typer.Argument(
-            metavar="RECORDING",
-            help="Name, hash, @last (the last recording), or path of a log.",
-            autocompletion=recording_names,
-        ),
-    ],
+    recording: AnyRecording,
     start: Annotated[
         str,
         typer.Option(
             metavar="ID", help="Simulator to begin from: nominal, nearest (the last query's) or an ID."
         ),
     ] = "nominal",
-    hold_out: Annotated[
-        str | None,
-        typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
-    ] = None,
+    hold_out: HoldOut = None,
     effects: Annotated[
         str | None,
         typer.Option(metavar="A,B", help="Only these effects [all that fit].", autocompletion=effect_names),
@@ -43,10 +34,8 @@ def diagnose(
     ] = None,
     max_causes: Annotated[int, typer.Option(help="Most causes to name.")] = 3,
     engine: Annotated[str | None, typer.Option(help="One of the robot's engines [its first].")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed [0].")] = None,
-    threshold_runs: Annotated[
-        int, typer.Option(help="Simulations without an effect that set the threshold; 0 for the usual one.")
-    ] = 20,
+    seed: Seed = None,
+    threshold_runs: ThresholdRuns = 20,
     tolerance: Annotated[
         float,
         typer.Option(help="Factor on the nameplate's tolerances; above 1 where parameters are guesses."),
@@ -60,12 +49,10 @@ def diagnose(
     windows: Annotated[
         int | None, typer.Option(help="Most rollouts to fit, and as many to select by [all].")
     ] = None,
-    robot: Annotated[
-        str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
-    ] = None,
-    log_map: Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")] = None,
-    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
+    robot: RobotOfLog = None,
+    log_map: MapOfLog = None,
+    threads: Threads = None,
+    report: Page = None,
 ) -> None:
     """Name the physical causes that a robot's simulator lacks.
 
@@ -102,11 +89,7 @@ def diagnose(
             threads=call.pick("threads", threads, 0),
             progress=progress,
         )
-    if report is not None:
-        from dynreg.report.html import write_report
-
-        write_report(result, report)
-    call.emit(result, hint=None if report else "dynreg report @last")
+    call.emit_and_write(result, report)
 
 
 def _names(

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.completion import effect_names, robot_names
+from dynreg.cli.completion import effect_names
+from dynreg.cli.options import RobotFolder, Seed
 from dynreg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,17 +23,14 @@ def register(app: typer.Typer) -> None:
 
 def excite(
     call: Call,
-    robot: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT", help="Packaged name or robot folder.", autocompletion=robot_names),
-    ],
+    robot: RobotFolder,
     between: Annotated[
         str,
         typer.Option("--for", metavar="A,B", help="The two effects.", autocompletion=effect_names),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap.")],
     seconds: Annotated[float, typer.Option(help="Length [s].")] = 10.0,
-    seed: Annotated[int | None, typer.Option(help="Seed [0].")] = None,
+    seed: Seed = None,
 ) -> None:
     """Write commands that tell two effects apart.
 

@@ -6,6 +6,7 @@ import typer
 
 from dynreg.cli.call import Call, at_least, verb
 from dynreg.cli.completion import robot_names
+from dynreg.cli.options import Threads
 
 
 def register(app: typer.Typer) -> None:
@@ -23,7 +24,7 @@ def populate(
     seed: Annotated[int | None, typer.Option(help="Seed of all random draws [0].")] = None,
     ranges: Annotated[str | None, typer.Option(help="Named ranges of robot.toml.")] = None,
     link: Annotated[bool, typer.Option(help="Build the search graph as well.")] = True,
-    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+    threads: Threads = None,
 ) -> None:
     """Fill the registry with N simulators of a robot.
 

@@ -1,12 +1,12 @@
 """`dynreg query`: the simulators nearest to a recording."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.completion import DISTANCES, recording_names, robot_names, stored_names
+from dynreg.cli.completion import DISTANCES, stored_names
+from dynreg.cli.options import AnyRecording, HoldOut, MapOfLog, Page, RobotOfLog, Threads
 from dynreg.errors import NoMatchError, UsageError
 
 if TYPE_CHECKING:
@@ -20,14 +20,7 @@ def register(app: typer.Typer) -> None:
 
 def query(
     call: Call,
-    recording: Annotated[
-        str,
-        typer.Argument(
-            metavar="RECORDING",
-            help="Name, hash, @last (the last recording), or path of a log.",
-            autocompletion=recording_names,
-        ),
-    ],
+    recording: AnyRecording,
     k: Annotated[int | None, typer.Option("-k", help="How many neighbours [5].")] = None,
     distance: Annotated[str | None, typer.Option(help=f"One of {', '.join(DISTANCES)} [auto].")] = None,
     population: Annotated[
@@ -35,17 +28,12 @@ def query(
     ] = None,
     replay: Annotated[bool, typer.Option(help="Replay the commands in the best and re-rank.")] = True,
     synthesise: Annotated[bool, typer.Option(help="Make a simulator from the neighbours.")] = True,
-    hold_out: Annotated[
-        str | None,
-        typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
-    ] = None,
+    hold_out: HoldOut = None,
     budget: Annotated[int | None, typer.Option(help="Simulations that the query may run.")] = None,
-    robot: Annotated[
-        str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
-    ] = None,
-    log_map: Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")] = None,
-    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
+    robot: RobotOfLog = None,
+    log_map: MapOfLog = None,
+    threads: Threads = None,
+    report: Page = None,
 ) -> None:
     """Find the simulators nearest to a recording.
 
@@ -79,11 +67,7 @@ def query(
             threads=call.pick("threads", threads, 0),
             progress=progress,
         )
-    if report is not None:
-        from dynreg.report.html import write_report
-
-        write_report(result, report)
-    call.emit(result, hint=None if report else "dynreg report @last")
+    call.emit_and_write(result, report)
     _raise_alarm(result)
 
 

@@ -1,12 +1,12 @@
 """`dynreg trial`: diagnoses of simulated robots whose truth is known."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.completion import effect_names, robot_names
+from dynreg.cli.completion import effect_names
+from dynreg.cli.options import Page, RobotFolder, Seed, Threads, ThresholdRuns
 from dynreg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,10 +20,7 @@ def register(app: typer.Typer) -> None:
 
 def trial(
     call: Call,
-    robot: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT", help="Packaged name or robot folder.", autocompletion=robot_names),
-    ],
+    robot: RobotFolder,
     effect: Annotated[
         str | None,
         typer.Option(
@@ -36,14 +33,12 @@ def trial(
     nothing: Annotated[bool, typer.Option("--none", help="Hide nothing: count the false alarms.")] = False,
     every: Annotated[bool, typer.Option("--all", help="Hide every effect in turn, -n robots each.")] = False,
     count: Annotated[int, typer.Option("-n", help="Robots.")] = 1,
-    seed: Annotated[int | None, typer.Option(help="Seed [0].")] = None,
+    seed: Seed = None,
     seconds: Annotated[float, typer.Option(help="Length of each robot's log [s].")] = 50.0,
     engine: Annotated[str | None, typer.Option(help="Engine of the diagnosis [the robot's first].")] = None,
-    threshold_runs: Annotated[
-        int, typer.Option(help="Simulations without an effect that set the threshold; 0 for the usual one.")
-    ] = 20,
-    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write an HTML report as well.")] = None,
+    threshold_runs: ThresholdRuns = 20,
+    threads: Threads = None,
+    report: Page = None,
 ) -> None:
     """Hide an effect in simulated robots and see whether a diagnosis names it.
 
@@ -70,11 +65,7 @@ def trial(
     loaded = _checked(robot, asked)
     with call.open(create=True) as session, call.progress() as progress:
         result = session.trial(loaded, **asked, progress=progress)
-    if report is not None:
-        from dynreg.report.html import write_report
-
-        write_report(result, report)
-    call.emit(result, hint=None if report else "dynreg report @last")
+    call.emit_and_write(result, report)
 
 
 def _checked(robot: str, asked: dict[str, Any]) -> "Robot":
