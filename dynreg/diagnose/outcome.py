@@ -9,32 +9,30 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals
 from dynreg.diagnose.fit import information, sensitivities
+from dynreg.diagnose.gained import channel_errors, gain, worst_of
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.loose import loose_ends
-from dynreg.diagnose.name import Naming
+from dynreg.diagnose.noted import experiments, inputs, notes, threshold_note
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
-from dynreg.diagnose.shown import shown
 from dynreg.diagnose.tied import tied
 from dynreg.diagnose.where import finding, split_errors
 from dynreg.registry import Registry
-from dynreg.replay.holes import holes, sentence
+from dynreg.replay.judged import traced
 from dynreg.replay.parts import Parts, names
-from dynreg.results import Cost, Diagnosis, Gain
+from dynreg.results import Cost, Diagnosis
 from dynreg.results.diagnosis import (
     Cause,
     DiagnosisTrace,
     Moved,
     Pulled,
     Ranked,
-    RolloutError,
     Threshold,
     Verdict,
     Where,
 )
 from dynreg.results.sentence import diagnosis_sentence
-from dynreg.rng import stream
 from dynreg.sim.config import SimConfig
 
 if TYPE_CHECKING:
@@ -43,7 +41,7 @@ if TYPE_CHECKING:
 
 MOVED = 0.5  # of its nameplate's sigma that a parameter must move to be told
 PLACES = 12  # rows of where the error lives
-WINDOWS, CHANNELS, POINTS = 3, 4, 300  # of the traces
+CHANNELS = 4  # of the traces
 NAMES = ("nominal", "calibrated", "extended")
 
 
@@ -65,18 +63,20 @@ def outcome(
     nominal = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
     stages = _stages(found)
     states = problem.states([nominal, found.base, *stages], judged)
-    errors = _errors(problem, states, judged, evidence, "test" if split.test.any() else "select")
+    errors = channel_errors(
+        problem, states, judged, evidence.repeats, "test" if split.test.any() else "select"
+    )
     draws = posterior(problem, found.extended, split.chosen)
     parameters = _parameters(problem, found.extended, draws)
     looked, pairs = tied(problem, found, split.chosen, settings)
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
-    whole = _gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
+    whole = gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     kinds = {"calibrated": found.base, "extended": found.extended}
     ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
     covariance = _covariance(problem, found.extended, split.chosen)
-    worst = max(errors, key=lambda e: (e.calibrated or 0.0) / max(_spread(problem, e.channel), 1e-12))
-    shown = np.stack([states[0], states[1], states[-1]])
-    rows = split_errors(robot, problem.windows.take(judged), shown)
+    worst = worst_of(problem, errors)
+    simulated = np.stack([states[0], states[1], states[-1]])
+    rows = split_errors(robot, problem.windows.take(judged), simulated)
     left, depends = rest(problem, found.extended, split.chosen, verdict, settings.seed) or (None, None)
     return Diagnosis(
         robot=robot.name,
@@ -113,12 +113,12 @@ def outcome(
         noise=evidence.noise,
         rest=left,
         residual=depends,
-        experiments=_experiments(found, verdict),
+        experiments=experiments(found, verdict),
         parts=_parts(problem, recording, split),
-        traces=_traces(problem, recording, shown, judged),
-        inputs=_inputs(problem, recording),
+        traces=_traces(problem, recording, simulated, judged),
+        inputs=inputs(problem, recording),
         notes=(
-            *_notes(problem, recording, parameters, evidence, settings),
+            *notes(problem, recording, parameters, evidence, settings),
             *loose_ends(problem.coordinates, covariance),
         ),
         calibrated_simulator=ids[0],
@@ -180,64 +180,10 @@ def _causes(
                 equivalent=apart + same,
                 inseparable=same,
                 separate_by=term.effect.separate_by,
-                gain=_gain(problem, states[1 + number], states[2 + number], judged) if tested else None,
+                gain=gain(problem, states[1 + number], states[2 + number], judged) if tested else None,
             )
         )
     return tuple(out)
-
-
-def _gain(problem: Problem, before: np.ndarray, after: np.ndarray, judged: np.ndarray) -> Gain | None:
-    """Share of the error (mean absolute, in units of the spread) that the cause takes off, with a 90 % interval."""
-    errors = [_window_errors(problem, s, judged) for s in (before, after)]
-    if not errors[0].mean() > 0:
-        return None
-    value = float(1.0 - errors[1].mean() / errors[0].mean())
-    if len(judged) < 3:
-        return Gain(value=value, low=None, high=None)
-    draws = stream(0, "bootstrap").integers(0, len(judged), (2000, len(judged)))
-    gains = 1.0 - errors[1][draws].mean(axis=1) / errors[0][draws].mean(axis=1)
-    low, high = np.quantile(gains, [0.05, 0.95])
-    return Gain(value=value, low=float(low), high=float(high))
-
-
-def _window_errors(problem: Problem, states: np.ndarray, judged: np.ndarray) -> np.ndarray:
-    """(W,) weighted mean absolute error of states (W, T+1, S), in units of the channels' spread."""
-    use = problem.use
-    miss = (
-        np.abs(states[:, 1:, use] - problem.windows.measured[judged][:, 1:, use])
-        / problem.windows.spread[use]
-    )
-    miss = np.where(
-        np.isfinite(problem.windows.measured[judged][:, 1:, use]) & ~np.isfinite(miss), 10.0, miss
-    )
-    each = np.nanmean(np.minimum(miss, 10.0), axis=1)
-    return np.nansum(each * problem.windows.weight[use], axis=1)
-
-
-def _errors(
-    problem: Problem, states: np.ndarray, judged: np.ndarray, evidence: Evidence, part: str
-) -> tuple[RolloutError, ...]:
-    robot, out = problem.robot, []
-    for column in problem.use:
-        miss = np.abs(states[:, :, 1:, column] - problem.windows.measured[judged][:, 1:, column])
-        mae = [float(np.nanmean(np.where(np.isfinite(m), m, np.nan))) for m in (miss[0], miss[1], miss[-1])]
-        known = evidence.repeats[robot.channels[column]]
-        out.append(
-            RolloutError(
-                channel=robot.channels[column],
-                unit=robot.file.channels[column].unit,
-                nominal=mae[0],
-                calibrated=mae[1],
-                extended=mae[2],
-                repeatability=known.spread,
-                part=part,
-            )
-        )
-    return tuple(out)
-
-
-def _spread(problem: Problem, channel: str) -> float:
-    return float(problem.windows.spread[problem.robot.channels.index(channel)])
 
 
 def _parameters(problem: Problem, point: Point, draws: Posterior) -> dict[str, Pulled]:
@@ -293,20 +239,13 @@ def _ranking(found: "Found") -> tuple[Ranked, ...]:
 
 def _threshold(found: "Found") -> Threshold:
     return Threshold(
-        runs=len(found.threshold.scores), cached=found.threshold.cached, note=_threshold_note(found)
+        runs=len(found.threshold.scores), cached=found.threshold.cached, note=threshold_note(found)
     )
 
 
 def _parts(problem: Problem, recording: Recording, split: Parts) -> dict[str, tuple[str, ...]]:
     each = {"fit": split.fit, "select": split.select, "test": split.test}
     return {part: names(recording, problem.windows, mask) for part, mask in each.items()}
-
-
-def _threshold_note(found: "Found") -> str:
-    scores = found.threshold.scores
-    if not scores:
-        return "a default: this robot was not simulated without effects"
-    return f"robots without an effect reached at most {max(scores):.3g} nats under these commands"
 
 
 def _where(rows) -> tuple[Where, ...]:
@@ -328,93 +267,22 @@ def _where(rows) -> tuple[Where, ...]:
     )
 
 
-def _experiments(found: "Found", verdict: Verdict) -> tuple[str, ...]:
-    """What to record next: what separates the first cause from its rivals, or repeats and more excitation."""
-    if verdict in ("ambiguous", "partly_explained") and found.accepted:
-        naming: Naming = found.rounds[0]
-        term = naming.chosen.point.hypothesis.terms[-1]
-        apart = rivals(naming)
-        out = [f"To tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
-        return tuple(out)
-    if verdict == "unknown":
-        return (
-            "Repeat the same commands: what differs from run to run cannot be explained by any simulator",
-        )
-    return ()
-
-
-def _inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
-    out = []
-    for table in problem.robot.file.inputs:
-        if table.name in recording.names:
-            out.append(
-                f"{table.name} was measured and drives the simulators; where the motion itself changes it, "
-                "it is partly a consequence"
-            )
-        elif table.optional:
-            out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
-    for name, by in shown(problem.robot, problem.windows).items():
-        out.append(f"{name} is no candidate: what was measured as {by} already holds it")
-    return tuple(out)
-
-
-def _notes(
-    problem: Problem,
-    recording: Recording,
-    parameters: dict[str, Pulled],
-    evidence: Evidence,
-    settings: "Settings",
-) -> tuple[str, ...]:
-    out = []
-    lost = holes(problem.robot, recording)
-    if lost:
-        out.append(f"{sentence(recording, lost)}: rollouts with such rows are left out")
-    if settings.joints:
-        out.append(
-            f"{', '.join(settings.joints)} alone: parameters that cannot be seen there stay where the search began"
-        )
-    if evidence.noise.basis == "stated_noise":
-        out.append(
-            "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"
-        )
-    at_bound = [name for name, p in parameters.items() if p.at_bound]
-    if at_bound:
-        out.append(
-            f"{', '.join(at_bound)} at the edge of the allowed range: widen it in robot.toml, or look on"
-        )
-    return tuple(out)
-
-
 def _traces(
     problem: Problem, recording: Recording, states: np.ndarray, judged: np.ndarray
 ) -> tuple[DiagnosisTrace, ...]:
-    """The channels with the largest calibrated error in some windows, thinned."""
-    windows, robot = problem.windows, problem.robot
-    size = [
-        np.nanmean(np.abs(states[1][:, 1:, c] - windows.measured[judged][:, 1:, c])) / windows.spread[c]
-        for c in problem.use
-    ]
-    shown = problem.use[np.argsort(size)[::-1][:CHANNELS]]
-    out = []
-    for w in np.unique(np.linspace(0, len(judged) - 1, min(WINDOWS, len(judged))).round().astype(int)):
-        measured = windows.measured[judged[w]]
-        rows = np.flatnonzero(np.isfinite(measured).any(axis=1))
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(POINTS, len(rows))).round().astype(int))]
-        for c in shown:
-            series = [[_number(v) for v in x] for x in (measured[rows, c], *(s[w, rows, c] for s in states))]
-            out.append(
-                DiagnosisTrace(
-                    episode=recording.episodes[windows.episode[judged[w]]].name,
-                    channel=robot.channels[c],
-                    unit=robot.file.channels[c].unit,
-                    time=[round(float(t * windows.period), 6) for t in rows],
-                    measured=series[0],
-                    nominal=series[1],
-                    calibrated=series[2],
-                    extended=series[3],
-                )
-            )
-    return tuple(out)
+    """Of states (3, W, T+1, S) the channels with the largest calibrated error in some windows, thinned."""
+    each = traced(problem.robot, recording, problem.windows, states, judged, worst=1, channels=CHANNELS)
+    return tuple(
+        DiagnosisTrace(
+            episode=one.episode,
+            channel=one.channel,
+            unit=one.unit,
+            time=one.time,
+            measured=one.measured,
+            **dict(zip(NAMES, one.simulated, strict=True)),
+        )
+        for one in each
+    )
 
 
 def _register(
@@ -435,7 +303,3 @@ def _register(
     return registry.put_simulator(
         config | {"lineage": {"made_by": "diagnose", "kind": kind, "recording": recording.id}}
     )
-
-
-def _number(value: float) -> float | None:
-    return float(f"{value:.6g}") if np.isfinite(value) else None

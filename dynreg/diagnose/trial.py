@@ -9,6 +9,7 @@ from dynreg.diagnose.diagnose import Found, pose, search
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals, verdict_of
 from dynreg.diagnose.fit import fit
+from dynreg.diagnose.gained import window_errors
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.name import calibrate
@@ -174,8 +175,6 @@ def _joint_right(hidden: Hidden, first: Term | None) -> bool | None:
 
 def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | None:
     """(calibrated - extended) / (calibrated - true structure refitted) on test; None where nothing can be won."""
-    from dynreg.diagnose.outcome import _window_errors
-
     if not split.test.any():
         return None
     c = problem.coordinates
@@ -188,7 +187,7 @@ def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | Non
     (refitted,), _ = fit(problem, [true], split.chosen, pooled, iterations=2)
     test = np.flatnonzero(split.test)
     base, extended, best = (
-        _window_errors(problem, s, test).mean()
+        window_errors(problem, s, test).mean()
         for s in problem.states([found.base, found.extended, refitted], test)
     )
     return float((base - extended) / (base - best)) if base - best > 0.02 * base else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
-from dynreg.neighbours.judge import alarm, channel_errors, gain, traces
+from dynreg.neighbours.judge import alarm, channel_errors, traces
 from dynreg.neighbours.population import Population
 from dynreg.neighbours.retrieve import Retrieved, retrieve
 from dynreg.neighbours.synthesise import (
@@ -20,6 +20,7 @@ from dynreg.neighbours.synthesise import (
     replay_into,
 )
 from dynreg.registry import Registry
+from dynreg.replay.judged import gain
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, names, parts, seen
 from dynreg.replay.windows import Replayer, Windows, errors, windows
@@ -189,7 +190,6 @@ def _result(
     judged = np.flatnonzero(split.test) if split.test.any() else split.chosen
     pair = search.replayer.states(space.from_unit(evidence.unit[[nominal, answer]]), judged)
     misfit, alarmed, notes = alarm(search, answer)
-    spread = search.replayer.windows.spread
     kind = search.candidates[answer].kind
     answer_values = space.from_unit(evidence.unit[answer])
     effective = effective_samples(evidence.residuals[answer])
@@ -217,13 +217,13 @@ def _result(
         answer_parameters=space.as_dict(answer_values),
         nominal=Nominal(replay_error=float(evidence.score[nominal]), parameters=space.as_dict(space.nominal)),
         stages=stages,
-        gain=gain(test, nominal, answer) if split.test.any() else None,
+        gain=gain(test[nominal], test[answer]) if split.test.any() else None,
         parts={
             part: names(recording, search.replayer.windows, getattr(split, part))
             for part in ("fit", "select", "test")
         },
-        channels=channel_errors(robot, search.replayer.windows, pair, judged, spread),
-        traces=traces(robot, recording, search.replayer.windows, pair, judged, spread),
+        channels=channel_errors(robot, search.replayer.windows, pair, judged),
+        traces=traces(robot, recording, search.replayer.windows, pair, judged),
         fits=alarmed is None,
         misfit=misfit,
         alarm=alarmed,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import secret_servo
 
-from dynreg.neighbours.judge import gain
+from dynreg.replay.judged import gain
 
 
 def tilted(degrees: float):
@@ -63,9 +63,9 @@ def test_channels_and_traces_tell_of_the_held_out_part(asked):
 
 def test_a_gain_is_uncertain_by_its_windows():
     before = np.array([1.0, 1.1, 0.9, 1.0, 1.2, 0.8])
-    sure = gain({0: before, 3: 0.5 * before}, 0, 3)
+    sure = gain(before, 0.5 * before)
     assert sure.value == sure.low == sure.high == pytest.approx(0.5)
-    unsure = gain({0: before, 3: np.array([0.1, 1.0, 0.2, 1.1, 0.1, 0.5])}, 0, 3)
+    unsure = gain(before, np.array([0.1, 1.0, 0.2, 1.1, 0.1, 0.5]))
     assert unsure.low < unsure.value < unsure.high <= 1
-    few = gain({0: before[:2], 3: before[:2] / 4}, 0, 3)
+    few = gain(before[:2], before[:2] / 4)
     assert few.value == pytest.approx(0.75) and few.low is None and few.high is None
