@@ -2,18 +2,19 @@
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dynreg import results
-from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
+from dynreg.errors import UsageError
+from dynreg.lookups import loaded_robot, name_of, population_for, read_log, registered, robot_of
 from dynreg.registry import Registry
 
 if TYPE_CHECKING:
-    from dynreg.data.maps import LogMap
     from dynreg.data.recording import Recording
     from dynreg.neighbours.population import Population, Training
     from dynreg.sim.robot import Robot
@@ -87,7 +88,7 @@ class Session:
         report = progress or (lambda *_: None)
         identity, added, timing = populate(
             self.registry,
-            self._robot(robot, ranges),
+            loaded_robot(robot, ranges),
             n,
             seed=seed,
             training=training,
@@ -133,12 +134,13 @@ class Session:
         Raises LogError, MapError with what is wrong and where; nothing is registered then.
         """
         from dynreg.data.recording import Recording
+        from dynreg.summaries import recording_summary
 
-        loaded = self._robot(robot)
+        loaded = loaded_robot(robot)
         recording = logs if isinstance(logs, Recording) else read_log(logs, loaded, log_map)
         self.registry.put_robot(loaded.folder, loaded.hash, loaded.name)
         identity = self.registry.put_recording(recording, loaded.hash, name)
-        return self._recording_summary(identity, recording, loaded.name, name)
+        return recording_summary(identity, recording, loaded.name, name or name_of(self.registry, identity))
 
     def query(
         self,
@@ -168,16 +170,10 @@ class Session:
         ready = self._population(
             population, identity, states=distance == "trajectory" or distance.startswith("cross_loss")
         )
-        settings = Settings(
-            k=k,
-            distance=distance,
-            replay=replay,
-            synthesise=synthesise,
-            hold_out=hold_out,
-            budget=budget,
-            threads=threads,
+        settings = _settings(Settings, locals())
+        found = query(
+            self.registry, ready, loaded, settings, name=name_of(self.registry, identity), progress=progress
         )
-        found = query(self.registry, ready, loaded, settings, name=self._name(identity), progress=progress)
         self.registry.put_result("neighbours", identity, found.to_dict())
         return found
 
@@ -241,21 +237,8 @@ class Session:
         from dynreg.diagnose.diagnose import diagnose
         from dynreg.diagnose.settings import Settings
 
-        settings = Settings(
-            start=start,
-            hold_out=hold_out,
-            effects=None if effects is None else tuple(effects),
-            without=tuple(without),
-            max_causes=max_causes,
-            engine=engine,
-            seed=seed,
-            threshold_runs=threshold_runs,
-            tolerance=tolerance,
-            horizon=horizon,
-            joints=None if joints is None else tuple(dict.fromkeys(joints)),
-            windows=windows,
-            threads=threads,
-        )
+        joints = None if joints is None else dict.fromkeys(joints)
+        settings = _settings(Settings, locals())
         loaded, owner, name = self._unregistered(recording, robot, log_map)
         found = diagnose(self.registry, owner, loaded, settings, name=name, progress=progress)
         if loaded.id not in {info.id for info in self.registry.recordings()}:
@@ -286,18 +269,8 @@ class Session:
         from dynreg.diagnose.settings import TrialSettings
         from dynreg.diagnose.trial import trial
 
-        settings = TrialSettings(
-            hide=hide,
-            effects=tuple(effects),
-            size=size,
-            count=count,
-            seed=seed,
-            seconds=seconds,
-            engine=engine,
-            threshold_runs=threshold_runs,
-            threads=threads,
-        )
-        table = trial(self.registry, self._robot(robot), settings, progress=progress)
+        settings = _settings(TrialSettings, locals())
+        table = trial(self.registry, loaded_robot(robot), settings, progress=progress)
         self.registry.put_result("trials", None, table.to_dict())
         return table
 
@@ -366,7 +339,7 @@ class Session:
         from dynreg.registry import export
         from dynreg.summaries import listing
 
-        export(self.registry, [refs] if isinstance(refs, str) else list_of(refs), destination)
+        export(self.registry, [refs] if isinstance(refs, str) else [str(ref) for ref in refs], destination)
         with Registry.open(destination) as copy:
             return listing(copy, None)
 
@@ -385,9 +358,6 @@ class Session:
 
         return information(self.registry)
 
-    def _robot(self, robot: "str | Path | Robot", ranges: str | None = None) -> "Robot":
-        return loaded_robot(robot, ranges)
-
     def _recording(
         self,
         recording: "str | Path | results.RecordingSummary",
@@ -395,7 +365,7 @@ class Session:
         log_map: str | Path | None,
     ) -> "tuple[str, Recording]":
         """(id, recording); a path of a log is ingested on the way."""
-        identity = self._registered(recording, robot)
+        identity = registered(self.registry, recording, robot)
         if identity is None:
             identity = self.ingest(recording, robot, log_map=log_map).recording
         return identity, self.registry.recording(identity)
@@ -407,148 +377,32 @@ class Session:
         log_map: str | Path | None,
     ) -> "tuple[Recording, Robot, str]":
         """(recording, its robot, its name); a path of a log is read, and nothing is registered."""
-        identity = self._registered(recording, robot)
-        if identity is not None:
-            return (
-                self.registry.recording(identity),
-                self._robot_of_recording(identity),
-                self._name(identity),
-            )
-        owner = self._robot(robot)
-        loaded = read_log(recording, owner, log_map)
-        return loaded, owner, loaded.id[:12]
-
-    def _registered(
-        self, recording: "str | Path | results.RecordingSummary", robot: "str | Path | Robot | None"
-    ) -> str | None:
-        """The id of a registered recording; None for the path of a log of `robot`.
-
-        Raises NoMatchError for what is neither, UsageError for a recording of another robot.
-        """
-        if isinstance(recording, results.RecordingSummary):
-            return recording.recording
-        try:
-            identity = self.registry.resolve(str(recording), ("recording",))[1]
-        except NoMatchError:
-            if not Path(recording).exists():
-                raise
-            if robot is None:
-                raise UsageError(
-                    f"{str(recording)!r} is a log, and no robot is named",
-                    expected="the robot that it was recorded on",
-                    do="add --robot ROBOT, or ingest it first",
-                ) from None
-            return None
-        if robot is not None:
-            (info,) = [info for info in self.registry.recordings() if info.id == identity]
-            owner, asked = self.registry.robots()[info.robot_hash], self._robot(robot).name
-            if owner != asked:
-                raise UsageError(
-                    f"recording {str(recording)!r} is of robot {owner!r}, not of {asked!r}",
-                    expected=f"a recording of {asked!r}",
-                    do="leave --robot out, or name another recording",
-                )
-        return identity
+        identity = registered(self.registry, recording, robot)
+        if identity is None:
+            owner = loaded_robot(robot)
+            loaded = read_log(recording, owner, log_map)
+            return loaded, owner, loaded.id[:12]
+        owner = self._robot_of_recording(identity)
+        return self.registry.recording(identity), owner, name_of(self.registry, identity)
 
     def _robot_of_recording(self, identity: str) -> "Robot":
-        from dynreg.sim.robot import load_robot
-
-        (info,) = [info for info in self.registry.recordings() if info.id == identity]
-        return load_robot(self.registry.robot_folder(info.robot_hash))
+        return robot_of(self.registry, identity)
 
     def _population(self, ref: str | None, recording: str, *, states: bool) -> "Population":
+        """The population to ask about a recording; the last one stays loaded."""
         from dynreg.neighbours.link import load_population
 
-        (info,) = [info for info in self.registry.recordings() if info.id == recording]
-        records = self.registry.populations()
-        if ref is not None:
-            identity = self.registry.resolve(ref, ("population",))[1]
-            record = next(r for r in records if r.id == identity)
-        else:
-            record = self._only_population(info.robot_hash, records)
-        if record.robot_hash != info.robot_hash:
-            raise UsageError(
-                f"the recording is of robot {self.registry.robots()[info.robot_hash]!r}, "
-                f"the population of {record.name!r}",
-                expected="a population of the same robot folder",
-                do="populate that robot, or ingest the log for this one",
-            )
-        count = self.registry.count(record.id)
-        if count == 0:
-            raise NoMatchError(
-                f"population {record.id[:12]} has no entries yet",
-                expected="at least one simulator",
-                do=f"run `dynreg populate {record.name} -n {record.size}`",
-            )
-        key = (record.id, count)
+        key = population_for(self.registry, recording, ref)
         held = self._populations.get(key)
         if held is None or (states and held.entries.states is None):
-            self._populations = {key: load_population(self.registry, record.id, states=states)}
+            self._populations = {key: load_population(self.registry, key[0], states=states)}
         return self._populations[key]
 
-    def _only_population(self, robot_hash: str, records: Sequence[Any]) -> Any:
-        name = self.registry.robots()[robot_hash]
-        fitting = [r for r in records if r.robot_hash == robot_hash]
-        if not fitting:
-            raise NoMatchError(
-                f"no simulators of robot {name!r} (folder hash {robot_hash[:12]}) in {str(self.path)!r}",
-                expected="a population of the recording's robot",
-                do=f"run `dynreg populate {name} -n 1000` first",
-            )
-        if len(fitting) > 1:
-            raise UsageError(
-                f"{len(fitting)} populations of robot {name!r}",
-                expected=f"one of {[r.id[:12] for r in fitting]}",
-                do="name one with --population",
-            )
-        return fitting[0]
 
-    def _name(self, identity: str) -> str:
-        (info,) = [info for info in self.registry.recordings() if info.id == identity]
-        return info.names[0] if info.names else identity[:12]
-
-    def _recording_summary(
-        self, identity: str, recording: "Recording", robot: str, name: str | None
-    ) -> results.RecordingSummary:
-        from dynreg.summaries import recording_summary
-
-        return recording_summary(identity, recording, robot, name or self._name(identity))
+def _settings(kind: type, given: Mapping[str, Any]) -> Any:
+    """Settings of a verb from those of its arguments that they name; sequences as tuples."""
+    return kind(**{field.name: _plain(given[field.name]) for field in fields(kind)})
 
 
-def loaded_robot(robot: "str | Path | Robot", ranges: str | None = None) -> "Robot":
-    """A robot by its packaged name or folder, with one of its [populations] where `ranges` names it."""
-    from dynreg.sim.robot import Robot, load_robot, with_population
-
-    if isinstance(robot, Robot):
-        return robot if ranges is None else with_population(robot, ranges)
-    return load_robot(robot, ranges)
-
-
-def list_of(refs: Sequence[str]) -> Sequence[str]:
-    """The refs as a plain list."""
-    return [str(ref) for ref in refs]
-
-
-def read_log(
-    logs: str | Path | Sequence[str | Path], robot: "Robot", log_map: "str | Path | LogMap | None" = None
-) -> "Recording":
-    """Logs of a robot as one recording, with the map given, else by their own names or a packaged map.
-
-    Raises LogError or MapError.
-    """
-    from dynreg.data.ingest import read_recording
-    from dynreg.data.maps import LogMap, read_map
-
-    spec = robot.recording_spec
-    paths = [Path(p) for p in ([logs] if isinstance(logs, str | Path) else logs)]
-    if log_map is not None:
-        return read_recording(paths, spec, log_map if isinstance(log_map, LogMap) else read_map(log_map))
-    try:
-        return read_recording(paths, spec, None)
-    except DynregError as first:
-        for path in sorted((robot.folder / "maps").glob("*.toml")):
-            try:
-                return read_recording(paths, spec, read_map(path))
-            except (LogError, MapError):
-                continue
-        raise first from None
+def _plain(value: Any) -> Any:
+    return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else value

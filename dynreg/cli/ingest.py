@@ -31,7 +31,7 @@ def ingest(
 
     Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday
     """
-    from dynreg.session import read_log
+    from dynreg.lookups import read_log
     from dynreg.sim.robot import load_robot
 
     loaded = load_robot(robot)

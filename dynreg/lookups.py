@@ -1,0 +1,149 @@
+"""What a session's verbs are asked about: robots, logs, recordings and populations, found where they are said to be."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
+from dynreg.registry import PopulationRecord, RecordingInfo, Registry
+from dynreg.results import RecordingSummary
+
+if TYPE_CHECKING:
+    from dynreg.data.maps import LogMap
+    from dynreg.data.recording import Recording
+    from dynreg.sim.robot import Robot
+
+
+def loaded_robot(robot: "str | Path | Robot", ranges: str | None = None) -> "Robot":
+    """A robot by its packaged name or folder, with one of its [populations] where `ranges` names it."""
+    from dynreg.sim.robot import Robot, load_robot, with_population
+
+    if isinstance(robot, Robot):
+        return robot if ranges is None else with_population(robot, ranges)
+    return load_robot(robot, ranges)
+
+
+def read_log(
+    logs: str | Path | Sequence[str | Path], robot: "Robot", log_map: "str | Path | LogMap | None" = None
+) -> "Recording":
+    """Logs of a robot as one recording, with the map given, else by their own names or a packaged map.
+
+    Raises LogError or MapError.
+    """
+    from dynreg.data.ingest import read_recording
+    from dynreg.data.maps import LogMap, read_map
+
+    spec = robot.recording_spec
+    paths = [Path(p) for p in ([logs] if isinstance(logs, str | Path) else logs)]
+    if log_map is not None:
+        return read_recording(paths, spec, log_map if isinstance(log_map, LogMap) else read_map(log_map))
+    try:
+        return read_recording(paths, spec, None)
+    except DynregError as first:
+        for path in sorted((robot.folder / "maps").glob("*.toml")):
+            try:
+                return read_recording(paths, spec, read_map(path))
+            except (LogError, MapError):
+                continue
+        raise first from None
+
+
+def registered(
+    registry: Registry, recording: str | Path | RecordingSummary, robot: "str | Path | Robot | None"
+) -> str | None:
+    """The id of a registered recording; None for the path of a log of `robot`.
+
+    Raises NoMatchError for what is neither, UsageError for a recording of another robot.
+    """
+    if isinstance(recording, RecordingSummary):
+        return recording.recording
+    try:
+        identity = registry.resolve(str(recording), ("recording",))[1]
+    except NoMatchError:
+        if not Path(recording).exists():
+            raise
+        if robot is None:
+            raise UsageError(
+                f"{str(recording)!r} is a log, and no robot is named",
+                expected="the robot that it was recorded on",
+                do="add --robot ROBOT, or ingest it first",
+            ) from None
+        return None
+    if robot is not None:
+        owner = registry.robots()[_info(registry, identity).robot_hash]
+        asked = loaded_robot(robot).name
+        if owner != asked:
+            raise UsageError(
+                f"recording {str(recording)!r} is of robot {owner!r}, not of {asked!r}",
+                expected=f"a recording of {asked!r}",
+                do="leave --robot out, or name another recording",
+            )
+    return identity
+
+
+def robot_of(registry: Registry, recording: str) -> "Robot":
+    """The robot of a registered recording (its id), from the registry's own copy."""
+    from dynreg.sim.robot import load_robot
+
+    return load_robot(registry.robot_folder(_info(registry, recording).robot_hash))
+
+
+def name_of(registry: Registry, recording: str) -> str:
+    """The name of a registered recording (its id), or the beginning of its id."""
+    names = _info(registry, recording).names
+    return names[0] if names else recording[:12]
+
+
+def population_for(registry: Registry, recording: str, ref: str | None) -> tuple[str, int]:
+    """Id and size of the population to ask about a recording (its id): `ref`, or the only one of its robot.
+
+    Raises UsageError for one of another robot or where there are several, NoMatchError where there is none or it has
+    no entries.
+    """
+    info = _info(registry, recording)
+    records = registry.populations()
+    if ref is not None:
+        identity = registry.resolve(ref, ("population",))[1]
+        record = next(r for r in records if r.id == identity)
+    else:
+        record = _only_population(registry, info.robot_hash, records)
+    if record.robot_hash != info.robot_hash:
+        raise UsageError(
+            f"the recording is of robot {registry.robots()[info.robot_hash]!r}, "
+            f"the population of {record.name!r}",
+            expected="a population of the same robot folder",
+            do="populate that robot, or ingest the log for this one",
+        )
+    count = registry.count(record.id)
+    if count == 0:
+        raise NoMatchError(
+            f"population {record.id[:12]} has no entries yet",
+            expected="at least one simulator",
+            do=f"run `dynreg populate {record.name} -n {record.size}`",
+        )
+    return record.id, count
+
+
+def _only_population(
+    registry: Registry, robot_hash: str, records: Sequence[PopulationRecord]
+) -> PopulationRecord:
+    name = registry.robots()[robot_hash]
+    fitting = [r for r in records if r.robot_hash == robot_hash]
+    if not fitting:
+        raise NoMatchError(
+            f"no simulators of robot {name!r} (folder hash {robot_hash[:12]}) in {str(registry.path)!r}",
+            expected="a population of the recording's robot",
+            do=f"run `dynreg populate {name} -n 1000` first",
+        )
+    if len(fitting) > 1:
+        raise UsageError(
+            f"{len(fitting)} populations of robot {name!r}",
+            expected=f"one of {[r.id[:12] for r in fitting]}",
+            do="name one with --population",
+        )
+    return fitting[0]
+
+
+def _info(registry: Registry, recording: str) -> RecordingInfo:
+    (info,) = [info for info in registry.recordings() if info.id == recording]
+    return info
