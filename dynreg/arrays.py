@@ -4,18 +4,15 @@ B simulations or batch, N rows, T time steps, S state channels, A actions, I inp
 P parameters, M models, C channels, D dimensions of an embedding.
 """
 
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 Times = Float[ndarray, "T"]
 Samples = Float[ndarray, "T C"]
 Rows = Float[ndarray, "N C"]
 States = Float[ndarray, "N S"]
-Actions = Float[ndarray, "N A"]
 Context = Float[ndarray, "N K"]
 Values = Float[ndarray, "B P"]
 Vectors = Float[ndarray, "N D"]
-Vector = Float[ndarray, "D"]
 Ids = Int[ndarray, "N"]
 Distances = Float[ndarray, "N"]
-Mask = Bool[ndarray, "N"]

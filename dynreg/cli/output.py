@@ -18,11 +18,6 @@ def console(stream=None):
     return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
 
 
-def print_line(text: str) -> None:
-    """One line to stderr."""
-    print(text, file=sys.stderr, flush=True)
-
-
 @contextmanager
 def progress_bars(wanted: bool) -> Iterator[Progress | None]:
     """A function (stage, done, total) that draws bars on stderr; None where nobody would see them."""

@@ -11,8 +11,6 @@ from dynreg.registry.files import ROBOTS, StoredFile
 from dynreg.registry.rebuild import Rows
 from dynreg.registry.scan import Found
 
-_HEALED_BY_PUTTING = ("robot", "population")
-
 
 @dataclass(frozen=True)
 class Fault:

@@ -4,7 +4,6 @@ import fcntl
 import hashlib
 import json
 import os
-import re
 import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +20,6 @@ ROBOTS = "robots"
 LOCKS = "locks"
 LOST_AND_FOUND = "lost+found"
 _TEMPORARY = ".tmp-"
-_SUFFIXED = re.compile(r"-([0-9a-f]{16})\.(parquet|safetensors|json)$")
 
 
 @dataclass(frozen=True)
@@ -37,12 +35,6 @@ def content_name(folder: str, stem: str, data: bytes, suffix: str) -> StoredFile
     """The name under which `data` is stored: it ends in the data's own hash, so no two contents meet."""
     digest = hashlib.sha256(data).hexdigest()
     return StoredFile(f"{folder}/{stem}-{digest[:16]}.{suffix}", digest, len(data))
-
-
-def named_by_content(path: Path) -> bool:
-    """True when the file carries the hash of its bytes in its name, and rightly so."""
-    found = _SUFFIXED.search(path.name)
-    return bool(found) and sha256_of(path).startswith(found.group(1))
 
 
 def sha256_of(path: Path) -> str:

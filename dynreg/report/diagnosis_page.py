@@ -13,6 +13,7 @@ from dynreg.report.diagnosis_words import (
     size_word,
     standing,
     threshold_words,
+    told_by,
     unsaid,
 )
 from dynreg.report.drawing import Chart, chart, ruler, track
@@ -95,13 +96,8 @@ def _beside(error: RolloutError) -> str:
 
 def _rests(result: Diagnosis) -> list[dict[str, Any]]:
     """Of each joint the sentence and the shares [%] of what is left that its signals tell."""
-    out = []
-    for rest, said in zip(result.rest or (), rest_words(result), strict=False):
-        told = [r for r in result.residual or () if r.joint == rest.joint and r.share > 0]
-        told.sort(key=lambda r: -r.share)
-        bars = [(r.signal.replace("_", " "), 100 * r.share) for r in told]
-        out.append({"said": said, "bars": bars})
-    return out
+    pairs = zip(result.rest or (), rest_words(result), strict=False)  # not every joint is told of
+    return [{"said": said, "bars": told_by(result, rest.joint)} for rest, said in pairs]
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

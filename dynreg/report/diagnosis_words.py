@@ -70,16 +70,21 @@ def rest_words(result: Diagnosis) -> tuple[str, ...]:
     out = []
     for rest in (result.rest or ())[:SHOWN_JOINTS]:
         of = f"{number(rest.left)} {rest.unit} (1 sigma) of {rest.joint}'s acceleration"
-        told = [r for r in result.residual or () if r.joint == rest.joint and r.share > 0]
-        told.sort(key=lambda r: -r.share)
+        told = told_by(result, rest.joint)
         if told:
-            parts = ", ".join(f"{r.signal.replace('_', ' ')} {100 * r.share:.0f} %" for r in told)
+            parts = ", ".join(f"{signal} {percent:.0f} %" for signal, percent in told)
             out.append(
                 f"{of} is left; on unseen data its signals tell {100 * rest.told:.0f} % of that: {parts}."
             )
         else:
             out.append(f"{of} is left, none of which its signals tell.")
     return tuple(out)
+
+
+def told_by(result: Diagnosis, joint: str) -> list[tuple[str, float]]:
+    """(signal, share [%]) of what is left of a joint, for the signals that tell some of it, the largest first."""
+    told = [r for r in result.residual or () if r.joint == joint and r.share > 0]
+    return [(r.signal.replace("_", " "), 100 * r.share) for r in sorted(told, key=lambda r: -r.share)]
 
 
 def unsaid(result: Diagnosis) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ def trials_table(result: TrialTable) -> Group:
         rows = [(c.hidden or "nothing", said_instead(c), c.count) for c in result.confusions]
         parts.append(table(("hidden", "said", "times"), rows, "not right"))
     if len(result.trials) <= LISTED:
-        parts.append(_one_by_one(result))
+        parts.append(_rows(result.trials, "one by one"))
     parts += [Text(f"\n{figures(result)}"), *(Text(f"note: {note}") for note in result.notes)]
     return Group(*parts)
 
@@ -84,10 +84,6 @@ def figures(result: TrialTable) -> str:
         ("{} s a diagnosis", result.seconds_median),
     ]
     return "; ".join(text.format(number(value)) for text, value in known if value is not None)
-
-
-def _one_by_one(result: TrialTable) -> RenderableType:
-    return _rows(result.trials, "one by one")
 
 
 def _rows(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
