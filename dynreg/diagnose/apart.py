@@ -46,7 +46,12 @@ class Together:
 
 
 def together(
-    problem: Problem, point: Point, alone: Posterior, rivals: Sequence[Term], chosen: np.ndarray
+    problem: Problem,
+    point: Point,
+    alone: Posterior,
+    rivals: Sequence[Term],
+    chosen: np.ndarray,
+    seed: int = 0,
 ) -> tuple[Together, ...]:
     """The last term of `point` (draws: `alone`) with each of the rivals most like it in the windows `chosen`."""
     if not rivals:
@@ -61,7 +66,7 @@ def together(
         starts = [doubled[i], *(with_term(point, rivals[i], sign * size) for size in SIZES for sign in signs)]
         points, cost = fit(problem, starts, chosen, effective, iterations=3)
         best = points[int(cost.argmin())]
-        draws = posterior(problem, best, chosen)
+        draws = posterior(problem, best, chosen, seed=seed)
         growth = float(np.ptp([ends, draws.quantiles(draws.z[:, at])]) / max(np.ptp(ends), 1e-9))
         out.append(Together(best, draws, float(alike[i]), growth))
     return tuple(sorted(out, key=lambda one: -one.growth))

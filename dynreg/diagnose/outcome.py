@@ -66,9 +66,9 @@ def outcome(
     errors = channel_errors(
         problem, states, judged, evidence.repeats, "test" if split.test.any() else "select"
     )
-    draws = posterior(problem, found.extended, split.chosen)
+    draws = posterior(problem, found.extended, split.chosen, seed=settings.seed)
     parameters = _parameters(problem, found.extended, draws)
-    looked, pairs = tied(problem, found, split.chosen, settings)
+    looked, pairs = tied(problem, found, draws, split.chosen, settings)
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     whole = gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     kinds = {"calibrated": found.base, "extended": found.extended}

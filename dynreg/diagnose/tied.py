@@ -1,5 +1,6 @@
 """The pairs of causes that a diagnosis reports as not told apart, and the experiment that separates each."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,7 +9,7 @@ from dynreg.diagnose import apart
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
-from dynreg.diagnose.interval import posterior
+from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.joints import terms_at
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.shown import shown
@@ -23,20 +24,26 @@ SIZES = (0.3, 1.0, 2.5, 5.0)  # medium sizes from which a cause that was asked f
 
 
 def tied(
-    problem: Problem, found: "Found", chosen: np.ndarray, settings: "Settings"
+    problem: Problem, found: "Found", extended: Posterior, chosen: np.ndarray, settings: "Settings"
 ) -> tuple[Looked | None, tuple[Inseparable, ...]]:
     """What was looked at: the first cause, or without one the only effect asked for, or the best ranked; and its rivals
-    that cannot be told from it."""
-    subject = _subject(problem, found, chosen, settings)
-    if subject is None:
-        return None, ()
+    that cannot be told from it.
+
+    extended : draws of the extended simulator.
+    """
+    if found.accepted:
+        subject, draws = _last(found.extended, extended)
+    else:
+        subject = _subject(problem, found, chosen, settings)
+        if subject is None:
+            return None, ()
+        draws = posterior(problem, subject, chosen, seed=settings.seed)
     cause = subject.hypothesis.terms[-1]
     others = {term.key for term in subject.hypothesis.terms}
     terms = [t for t in _offered(problem, settings) if t.key not in others]
     number = len(subject.hypothesis.terms) - 1
-    draws = posterior(problem, subject, chosen)
     alone = estimates(problem, subject, number, draws, median=True)
-    both = apart.together(problem, subject, draws, apart.neighbours(cause, terms), chosen)
+    both = apart.together(problem, subject, draws, apart.neighbours(cause, terms), chosen, settings.seed)
     with_rivals = [estimates(problem, one.point, number, one.draws, median=True) for one in both]
     looked = Looked(
         effect=cause.effect.id,
@@ -53,9 +60,7 @@ def tied(
 
 
 def _subject(problem: Problem, found: "Found", chosen: np.ndarray, settings: "Settings") -> Point | None:
-    """The point whose last term is looked at."""
-    if found.accepted:
-        return _last(found.extended)
+    """Where nothing was named: the point whose last term is looked at."""
     if settings.effects is not None and len(settings.effects) == 1:
         (term,) = _offered(problem, settings, settings.effects)[:1]
     elif found.rounds and found.rounds[-1].ranking:
@@ -76,11 +81,15 @@ def _offered(problem: Problem, settings: "Settings", only: tuple[str, ...] = ())
     return terms_at(terms, settings.joints) if settings.joints else terms
 
 
-def _last(point: Point) -> Point:
-    """The same point with its first term at the end."""
+def _last(point: Point, draws: Posterior) -> tuple[Point, Posterior]:
+    """The same point and draws with the first term at the end."""
     first, *rest = point.hypothesis.terms
-    many = len(first.effect.parameters)
-    return Point(Hypothesis((*rest, first)), point.nominal, np.roll(point.effect, -many))
+    hypothesis, many, free = Hypothesis((*rest, first)), len(first.effect.parameters), len(point.nominal)
+    effect = np.roll(draws.z[:, free:], -many, axis=1)
+    return (
+        Point(hypothesis, point.nominal, np.roll(point.effect, -many)),
+        replace(draws, hypothesis=hypothesis, z=np.concatenate([draws.z[:, :free], effect], axis=1)),
+    )
 
 
 def _widest(every: list[EffectEstimate]) -> EffectEstimate:
