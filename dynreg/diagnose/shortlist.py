@@ -17,6 +17,9 @@ MANY = 60  # terms from which a list is long
 PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
+REFINED = (
+    0.2  # of the medium size: probes of what acts on joints already: with more dry friction they would stick
+)
 PULL = 3.0  # largest first change of a nominal coordinate
 
 
@@ -88,9 +91,13 @@ def _sized(
 
 
 def _probes(base: Point, term: Term) -> list[Point]:
-    """`base` with the term at medium size, once for each of its sizes alone; shapes at their typical value."""
+    """`base` with the term at medium size, once for each of its sizes alone; shapes at their typical value.
+
+    What acts on some of these joints already is only refined: it is probed at a smaller size.
+    """
     hypothesis = base.hypothesis.with_term(term)
     parameters = term.effect.parameters
+    size = REFINED if any(_refines(term, other) for other in base.hypothesis.terms) else 1.0
     low, high = effect_bounds(hypothesis)[-len(parameters) :].T
     nothing = np.array([0.0 if p.shape or p.signed else SMALLEST for p in parameters])
     out = []
@@ -98,9 +105,15 @@ def _probes(base: Point, term: Term) -> list[Point]:
         if p.shape:
             continue
         z = nothing.copy()
-        z[i] = 1.0
+        z[i] = size
         out.append(Point(hypothesis, base.nominal, np.concatenate([base.effect, np.clip(z, low, high)])))
     return out
+
+
+def _refines(term: Term, other: Term) -> bool:
+    """Whether both are one effect, with joints in common."""
+    apart = bool(term.joints and other.joints) and not set(term.joints) & set(other.joints)
+    return term.effect.id == other.effect.id and not apart
 
 
 class _Linear:
