@@ -19,6 +19,7 @@ from dynreg.diagnose.settle import revise, settle, unlike
 from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import Calibrated, threshold
+from dynreg.diagnose.zeros import rezeroed
 from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.registry import Registry
 from dynreg.replay.holes import hit, holes, sentence
@@ -32,6 +33,7 @@ from dynreg.sim.robot import Robot, require_commands
 
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 FEWEST = 50  # measured rows in each of fit and select: fewer say nothing of any cause
+ZEROED = 2  # times that the zeros of episodes and the simulator are fitted in turn after each cause
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose
 STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
 Progress = Callable[[str, int, int], None]
@@ -174,7 +176,7 @@ def search(
         )
     )
     rounds: list[Naming] = []
-    accepted, current = 0, base
+    accepted, current, raw = 0, base, problem.windows
     for number in range(settings.max_causes):
         report("causes", number, settings.max_causes)
         left = unlike(terms, current.hypothesis.terms)
@@ -189,6 +191,7 @@ def search(
         accepted += 1
         rounds = revise(problem, rounds, fit_on, select_on, effective)
         current = rounds[-1].chosen.point
+        current = _zeroed(problem, raw, current, fit_on, select_on)
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
@@ -199,6 +202,18 @@ def search(
         (base,), _ = fit(problem, [base], both, pooled, iterations=4)
         current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base
     return Found(base, current, tuple(rounds), accepted, limit)
+
+
+def _zeroed(problem: Problem, raw: Windows, point: Point, fit_on: np.ndarray, select_on: np.ndarray) -> Point:
+    """The point refitted in turn with the zeros of the episodes, which the problem's windows then have."""
+    for _ in range(ZEROED):
+        problem.windows = rezeroed(problem, raw, point, np.concatenate([fit_on, select_on]))
+        if problem.windows is raw:  # nothing is set to zero anew
+            break
+        problem.refine([point], np.arange(len(problem.windows)))
+        effective = problem.effective(problem.residuals([point], fit_on)[0])
+        (point,), _ = fit(problem, [point], fit_on, effective, iterations=3)
+    return point
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:

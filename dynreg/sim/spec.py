@@ -128,10 +128,14 @@ class ActionTable(SignalTable):
 
 
 class ChannelTable(SignalTable):
-    """[[channels]]: the state vector; noise [1 sigma] and quantum in the channel's unit."""
+    """[[channels]]: the state vector; noise [1 sigma] and quantum in the channel's unit.
+
+    `zero` : 1 sigma by which a position's zero differs from episode to episode (set anew by hand at every start).
+    """
 
     noise: float = Field(default=0.0, ge=0)
     quantum: float = Field(default=0.0, ge=0)
+    zero: float = Field(default=0.0, ge=0)
     weight: float = Field(default=1.0, ge=0)
 
 

@@ -1,0 +1,78 @@
+"""The zeros of encoders that are set anew at every start, and joints on which an effect acts already."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.problem import Point
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.shortlist import REFINED, _probes
+from dynreg.diagnose.zeros import rezeroed
+from dynreg.rng import stream
+from dynreg.sim.effects import term
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Run
+
+OFF = np.array(
+    [[0.03, -0.02], [-0.02, 0.03], [0.02, 0.01], [-0.03, -0.02]]
+)  # rad, of each episode; mean zero
+SECONDS, PERIOD = 1.0, 0.002
+
+
+def _recording(robot) -> Recording:
+    rng = stream(0, "test zeros")
+    time = np.arange(int(SECONDS / PERIOD) + 1) * PERIOD
+    waves = 2 * np.pi * rng.uniform(0.5, 1.5, (len(OFF), 1, 2)) * time[None, :-1, None]
+    actions = 0.6 * np.sin(waves + rng.uniform(0, 6, (len(OFF), 1, 2)))
+    initial = np.zeros((len(OFF), len(robot.channels)))
+    run = Run(actions, initial=initial, period=PERIOD)
+    states = rollout(robot, robot.space.nominal[None], run, threads=1).states[0]
+    states[..., :2] -= OFF[:, None]  # the encoders read less than is true
+    names = (*robot.channels, *robot.actions)
+    units = ("rad", "rad", "rad/s", "rad/s", "N*m", "N*m")
+    episodes = tuple(
+        Episode(f"run {i}", time, np.hstack([s, np.vstack([a, a[-1:]])]), {})
+        for i, (s, a) in enumerate(zip(states, actions, strict=True))
+    )
+    return Recording(tuple(Channel(n, u) for n, u in zip(names, units, strict=True)), episodes)
+
+
+@pytest.fixture(scope="module")
+def posed():
+    robot = load_robot("double_pendulum")
+    settings = Settings(hold_out="0", threads=1)
+    return pose(None, robot, _recording(robot), settings)
+
+
+def test_zeros_of_episodes_are_found(posed):
+    problem, split = posed
+    point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+    raw = problem.windows
+    found = rezeroed(problem, raw, point, split.chosen)
+    moved = (found.run.initial - raw.run.initial)[:, :2]
+    assert np.allclose(moved, OFF[raw.episode], atol=2e-3)
+    assert np.allclose(found.measured[:, :, :2] - raw.measured[:, :, :2], moved[:, None])
+    assert np.array_equal(found.measured[..., 2:], raw.measured[..., 2:])  # velocities have no zero to set
+
+
+def test_zeros_stay_where_none_is_set_anew(posed):
+    problem, split = posed
+    channels = [c.model_copy(update={"zero": 0.0}) for c in problem.robot.file.channels]
+    file = problem.robot.file.model_copy(update={"channels": channels})
+    same = replace(problem, robot=replace(problem.robot, file=file))
+    point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+    assert rezeroed(same, problem.windows, point, split.chosen) is problem.windows
+
+
+def test_probes_of_what_acts_already_are_small():
+    base = Point(Hypothesis((term("coulomb_friction"),)), np.zeros(7), np.array([0.7]))
+    sizes = {
+        key: float(_probes(base, term(key))[0].effect[-1])
+        for key in ("coulomb_friction[shoulder]", "inertia[elbow]")
+    }
+    assert sizes == {"coulomb_friction[shoulder]": REFINED, "inertia[elbow]": 1.0}
