@@ -13,7 +13,7 @@ from dynreg.diagnose.hypothesis import SMALLEST, effect_bounds
 from dynreg.diagnose.problem import Point, Problem, mean_squares
 from dynreg.sim.effects import Term
 
-MANY = 60  # terms from which a list is long
+MANY = 40  # terms from which a list is long: two joints, and all that can be wrong with each
 PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
