@@ -8,7 +8,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, verdict_of
-from dynreg.diagnose.fit import fit
+from dynreg.diagnose.fit import fit, polish
 from dynreg.diagnose.hypothesis import Coordinates, single_terms
 from dynreg.diagnose.joints import fixed_unseen, only_joints, terms_at
 from dynreg.diagnose.name import DRAWS, Naming, calibrate, name_one
@@ -231,7 +231,14 @@ def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
 
 
 def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
-    """The point refitted with the time step's part and the samples of its own residual, twice."""
+    """The point refitted with the time step's part and the samples of its own residual, twice.
+
+    Where rollouts are rough that part changes from step to step: it is simulated in each.
+    """
+    if problem.rough and problem.coarse:
+        point = polish(problem, point, chosen)
+        problem.refine([point], np.arange(len(problem.windows)))
+        return point
     for _ in range(2):
         problem.refine([point], np.arange(len(problem.windows)))
         effective = problem.effective(problem.residuals([point], chosen)[0])

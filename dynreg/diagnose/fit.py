@@ -14,6 +14,7 @@ from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 # the valleys in which masses, gains and inertias make up for each other.
 STEP = 0.07
 ROUGH = 0.3  # where feet stick and slip: the rollouts are rough on a smaller scale
+UNEVEN = 0.3  # of the derivatives, by which those of the two widths differ where rollouts are rough (else 0.03)
 DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
@@ -65,6 +66,42 @@ def fit(
     return points, cost
 
 
+def polish(
+    problem: Problem, point: Point, chosen: np.ndarray, *, iterations: int = 6, tolerance: float = 3.0
+) -> Point:
+    """The point improved by rollouts with the finer time step, which alone says what time steps do to contacts.
+
+    Derivatives, and which of the steps is best, come from the usual time step; that step and half of it are tried with
+    the finer one. Independent samples are those of the point's own residual, anew after the second iteration.
+    """
+    residual = problem.residuals([point], chosen, finely=True)[0]
+    for number in range(iterations):
+        if number in (0, 2):
+            effective = problem.effective(residual)
+            cost = objective(problem, [point], residual[None], effective)[0]
+        slopes = _slopes(problem, [point], chosen)[0]
+        tries = _steps(problem, point, residual, slopes, effective)
+        made = problem.residuals([point, *tries], chosen)
+        likely = objective(problem, tries, made[1:] - made[0] + residual, effective)
+        far = tries[int(likely.argmin())]
+        two = [far, point.moved(0.5 * (point.z + far.z))]
+        finely = problem.residuals(two, chosen, finely=True)
+        costs = objective(problem, two, finely, effective)
+        best = int(costs.argmin())
+        gained = cost - costs[best]
+        if gained > 0:
+            point, residual, cost = two[best], finely[best], costs[best]
+        if gained < tolerance and number >= 2:
+            break
+    return point
+
+
+def uneven(problem: Problem, point: Point, chosen: np.ndarray) -> bool:
+    """Whether derivatives over a narrow and over a wide difference have little in common."""
+    narrow, wide = (np.nan_to_num(_slopes(problem, [point], chosen, step=s)[0]) for s in (STEP, ROUGH))
+    return bool(np.linalg.norm(narrow - wide) > UNEVEN * np.linalg.norm(wide))
+
+
 def objective(
     problem: Problem, points: list[Point], residuals: np.ndarray, effective: np.ndarray
 ) -> np.ndarray:
@@ -102,12 +139,19 @@ def information(
 
 
 def _slopes(
-    problem: Problem, points: list[Point], chosen: np.ndarray, leading: np.ndarray | None = None
+    problem: Problem,
+    points: list[Point],
+    chosen: np.ndarray,
+    leading: np.ndarray | None = None,
+    step: float | None = None,
 ) -> list[np.ndarray]:
-    """Of each point the derivatives (P' + K, W, T, C) of its residuals; the `leading` ones are taken as they are."""
+    """Of each point the derivatives (P' + K, W, T, C) of its residuals; the `leading` ones are taken as they are.
+
+    step : the difference's half width, by default as the rollouts are rough or not.
+    """
     moved, apart = [], []
     first = 0 if leading is None else len(leading)
-    step = ROUGH if problem.stands else STEP
+    step = step or (ROUGH if problem.rough else STEP)
     for point in points:
         limits = bounds(problem, point)
         up, down = np.minimum(point.z + step, limits[:, 1]), np.maximum(point.z - step, limits[:, 0])

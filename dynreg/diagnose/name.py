@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, sensitivities
+from dynreg.diagnose.fit import fit, information, sensitivities, uneven
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.diagnose.shortlist import MANY, shortlisted
@@ -64,7 +64,8 @@ def calibrate(
     apart = stream(seed, "calibrate").standard_normal((draws, many))
     points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *apart)]
     effective = np.full((len(fit_on), len(problem.use)), 20.0)
-    if problem.stands:  # what the time step does to contacts leads the fit astray from its start
+    problem.rough = problem.rough or (problem.coarse and uneven(problem, points[0], fit_on))
+    if problem.rough:  # what the time step does to contacts leads the fit astray from its start
         problem.refine(points[:1], np.arange(len(problem.windows)))
     points, cost = fit(problem, points, fit_on, effective, iterations=3)
     for rounds, kept in ((3, 2), (iterations, 1)) if draws else ((iterations, 1),):

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -61,8 +62,10 @@ class Problem:
     threads: int = 1
     candidates: int = field(default=0)
     corrections: dict[str, np.ndarray] = field(default_factory=dict)
+    rough: bool = field(default=False)
 
     def __post_init__(self):
+        self.rough = self.stands
         self.use = np.flatnonzero(self.windows.weight > 0)
         noise = np.array([c.noise**2 + c.quantum**2 / 12 for c in self.robot.file.channels])
         self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
@@ -78,6 +81,16 @@ class Problem:
         kinematic = self.robot.file.robot.engines == ["kinematic"]
         return not kinematic and bool((self.robot.model.jnt_type == 0).any())  # 0: a free joint
 
+    @property
+    def coarse(self) -> bool:
+        """Whether the engine's integrator is so coarse that its time step shows."""
+        return self.running == "mujoco"
+
+    @cached_property
+    def _finer(self) -> Robot:
+        table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
+        return replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
+
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
         return self._rollouts(self.robot, points, chosen)
@@ -89,11 +102,9 @@ class Problem:
         step `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). False where the
         engine needs none of it.
         """
-        if self.running != "mujoco":
+        if not self.coarse:
             return False
-        table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
-        finer = replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
-        change = self._rollouts(finer, points, chosen) - self._rollouts(self.robot, points, chosen)
+        change = self._rollouts(self._finer, points, chosen) - self._rollouts(self.robot, points, chosen)
         scaled = change[..., 1:, self.use] / self.windows.spread[self.use]
         for point, own in zip(points, scaled, strict=True):
             known = np.zeros((len(self.windows), *own.shape[1:]))
@@ -117,15 +128,17 @@ class Problem:
             robot, values, run, engine=self.engine, threads=self.threads, terms=self._terms(points)
         ).states
 
-    def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
+    def residuals(self, points: list[Point], chosen: np.ndarray, *, finely: bool = False) -> np.ndarray:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
 
-        A diverged simulation counts as ten times the motion.
+        A diverged simulation counts as ten times the motion. finely : simulated with the finer time step itself,
+        which needs no correction and takes `FINER` times as long.
         """
-        states = self.states(points, chosen)[..., 1:, self.use]
+        robot = self._finer if finely else self.robot
+        states = self._rollouts(robot, points, chosen)[..., 1:, self.use]
         measured = self.windows.measured[chosen][:, 1:, self.use]
         scaled = (states - measured) / self.windows.spread[self.use]
-        if self.corrections:
+        if self.corrections and not finely:
             scaled += np.array([self._correction(p.hypothesis)[chosen] for p in points])
         lost = ~np.isfinite(scaled) & np.isfinite(measured)
         return np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
