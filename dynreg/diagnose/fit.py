@@ -13,7 +13,8 @@ from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 # Central differences in fit coordinates: wide, for dry friction has kinks; one-sided ones are too biased to walk along
 # the valleys in which masses, gains and inertias make up for each other.
 STEP = 0.07
-ROUGH = 0.3  # where feet stick and slip: the rollouts are rough on a smaller scale
+ROUGH = 1.0  # where feet stick and slip: the rollouts are rough on a smaller scale
+WIDER = 0.3  # where derivatives over this width differ from the narrow ones by the share
 UNEVEN = 0.3  # of the derivatives, by which those of the two widths differ where rollouts are rough (else 0.03)
 DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
@@ -67,38 +68,63 @@ def fit(
 
 
 def polish(
-    problem: Problem, point: Point, chosen: np.ndarray, *, iterations: int = 6, tolerance: float = 3.0
-) -> Point:
-    """The point improved by rollouts with the finer time step, which alone says what time steps do to contacts.
+    problem: Problem, points: list[Point], chosen: np.ndarray, *, iterations: int = 6, tolerance: float = 3.0
+) -> list[Point]:
+    """The points improved by rollouts with the finer time step, which alone says what time steps do to contacts.
 
     Derivatives, and which of the steps is best, come from the usual time step; that step and half of it are tried with
-    the finer one. Independent samples are those of the point's own residual, anew after the second iteration.
+    the finer one. Independent samples are those of each point's own residual, anew after the second iteration.
     """
-    residual = problem.residuals([point], chosen, finely=True)[0]
+    points = list(points)
+    residuals = problem.residuals(points, chosen, finely=True)
+    going = np.arange(len(points))
     for number in range(iterations):
         if number in (0, 2):
-            effective = problem.effective(residual)
-            cost = objective(problem, [point], residual[None], effective)[0]
-        slopes = _slopes(problem, [point], chosen)[0]
-        tries = _steps(problem, point, residual, slopes, effective)
-        made = problem.residuals([point, *tries], chosen)
-        likely = objective(problem, tries, made[1:] - made[0] + residual, effective)
-        far = tries[int(likely.argmin())]
-        two = [far, point.moved(0.5 * (point.z + far.z))]
-        finely = problem.residuals(two, chosen, finely=True)
-        costs = objective(problem, two, finely, effective)
-        best = int(costs.argmin())
-        gained = cost - costs[best]
-        if gained > 0:
-            point, residual, cost = two[best], finely[best], costs[best]
-        if gained < tolerance and number >= 2:
+            effective = [problem.effective(r) for r in residuals]
+        moved = _promising(problem, [points[i] for i in going], chosen, residuals[going], effective, going)
+        made = problem.residuals(moved, chosen, finely=True)
+        gained = np.zeros(len(going))
+        for row, i in enumerate(going):
+            of = slice(2 * row, 2 * row + 2)
+            three = np.concatenate([residuals[i : i + 1], made[of]])
+            costs = objective(problem, [points[i], *moved[of]], three, effective[i])
+            best = int(costs.argmin())
+            points[i], residuals[i] = [points[i], *moved[of]][best], three[best]
+            gained[row] = costs[0] - costs[best]
+        if number >= 2:
+            going = going[gained > tolerance]
+        if not len(going):
             break
-    return point
+    return points
+
+
+def _promising(
+    problem: Problem,
+    points: list[Point],
+    chosen: np.ndarray,
+    residuals: np.ndarray,
+    effective: list[np.ndarray],
+    numbers: np.ndarray,
+) -> list[Point]:
+    """Of each point the best step by the usual time step, and half of it; `residuals` are of the finer one."""
+    slopes = _slopes(problem, points, chosen)
+    tries = [
+        _steps(problem, p, r, s, effective[i])
+        for p, r, s, i in zip(points, residuals, slopes, numbers, strict=True)
+    ]
+    made = problem.residuals([*points, *(t for own in tries for t in own)], chosen)
+    out, at = [], len(points)
+    for row, own in enumerate(tries):
+        likely = made[at : at + len(own)] - made[row] + residuals[row]
+        far = own[int(objective(problem, own, likely, effective[numbers[row]]).argmin())]
+        out += [far, points[row].moved(0.5 * (points[row].z + far.z))]
+        at += len(own)
+    return out
 
 
 def uneven(problem: Problem, point: Point, chosen: np.ndarray) -> bool:
     """Whether derivatives over a narrow and over a wide difference have little in common."""
-    narrow, wide = (np.nan_to_num(_slopes(problem, [point], chosen, step=s)[0]) for s in (STEP, ROUGH))
+    narrow, wide = (np.nan_to_num(_slopes(problem, [point], chosen, step=s)[0]) for s in (STEP, WIDER))
     return bool(np.linalg.norm(narrow - wide) > UNEVEN * np.linalg.norm(wide))
 
 

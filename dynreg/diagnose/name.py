@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, sensitivities, uneven
+from dynreg.diagnose.fit import fit, information, polish, sensitivities, uneven
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.diagnose.shortlist import MANY, shortlisted
@@ -14,6 +14,7 @@ from dynreg.sim.effects import Term
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
+FINISHED = 3  # of a long list, where rollouts are rough: those that are refitted with the finer time step
 FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
@@ -123,8 +124,14 @@ def _one_round(
     rivals = fitted[: 1 if many else 3]
     others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in rivals)]
     again, price = fit(problem, others, fit_on, effective, iterations=2 if many else iterations)
-    naming = select(problem, again[int(price.argmin())], fitted, fit_on, select_on)
-    naming.improved = float(price[0] - price.min()) > BETTER
+    start = again[int(price.argmin())]
+    improved = float(price[0] - price.min()) > BETTER
+    if many and problem.rough:
+        improved = False  # all are refitted from where they are by now
+        start, *fitted = polish(problem, [start, *fitted[:FINISHED]], fit_on, iterations=4)
+        problem.refine([start, *fitted], np.arange(len(problem.windows)))
+    naming = select(problem, start, fitted, fit_on, select_on)
+    naming.improved = improved
     return naming
 
 

@@ -31,13 +31,40 @@ def shortlisted(
     effective: np.ndarray,
     iterations: int,
 ) -> list[Point]:
-    """`base` with one of `terms`, refitted: the best of them, best first, one point for each term."""
+    """`base` with one of `terms`, refitted: the best of them, best first, one point for
+    each term.
+
+    Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
+    are tried start from the nameplate.
+    """
+    starts = [base]
+    if problem.rough:
+        starts.append(Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect))
+    done: list[tuple[float, Point]] = []
+    for start in starts:
+        done += _from(problem, start, terms, fit_on, effective, iterations, PROBED // len(starts))
+    best: dict[str, Point] = {}
+    for _, point in sorted(done, key=lambda d: d[0]):
+        best.setdefault(point.hypothesis.key, point)
+    return list(best.values())
+
+
+def _from(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    effective: np.ndarray,
+    iterations: int,
+    many: int,
+) -> list[tuple[float, Point]]:
+    """Objective and refitted point of each of the `many` most promising terms, all from one start."""
     residual, slopes = sensitivities(problem, [base], fit_on)
-    starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes[0])
+    starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes[0])[:many]
     points, cost = _sized(problem, starts, fit_on, effective)
     done: list[tuple[float, Point]] = []
-    for many in HALVED:
-        points, cost = fit(problem, points, fit_on, effective, iterations=many, leading=slopes[0])
+    for number in HALVED:
+        points, cost = fit(problem, points, fit_on, effective, iterations=number, leading=slopes[0])
         order = np.argsort(cost, kind="stable")
         half = (len(order) + 1) // 2
         done += [(float(cost[i]), points[i]) for i in order[half:]]
@@ -46,8 +73,7 @@ def shortlisted(
     problem.refine(points, np.arange(len(problem.windows)))
     slopes = sensitivities(problem, points[:1], fit_on)[1][0][: len(base.z)]
     points, cost = fit(problem, points, fit_on, effective, iterations=iterations, leading=slopes)
-    done += [(float(c), p) for c, p in zip(cost, points, strict=True)]
-    return [p for _, p in sorted(done, key=lambda d: d[0])]
+    return done + [(float(c), p) for c, p in zip(cost, points, strict=True)]
 
 
 def _probed(
@@ -59,7 +85,7 @@ def _probed(
     residual: np.ndarray,
     slopes: np.ndarray,
 ) -> list[list[Point]]:
-    """Of each of the `PROBED` most promising terms its points at several sizes, by first order.
+    """Of each term its points at several sizes, by first order; the most promising term first.
 
     residual : (W, T, C) of `base`. slopes : (D, W, T, C) its derivatives.
     """
@@ -71,7 +97,7 @@ def _probed(
         changes = made[at : at + len(own)] - residual
         found.append(linear.starts(own, changes))
         at += len(own)
-    order = np.argsort([cost for cost, _ in found], kind="stable")[:PROBED]
+    order = np.argsort([cost for cost, _ in found], kind="stable")
     return [found[i][1] for i in order]
 
 
@@ -144,8 +170,11 @@ class _Linear:
         best = np.linalg.lstsq(curvature, -j @ self.rest - prior * start, rcond=1e-12)[0]
         limits = bounds(self.problem, probes[0])[many:][sized]
         out = []
-        for share in SIZES:
-            size = np.clip(share * best[many:], limits[:, 0], limits[:, 1])
+        tried = [share * best[many:] for share in SIZES]
+        if self.problem.rough:  # jumps look like a large change of which only a little is wanted
+            tried.append(np.where(best[many:] < 0, -width, width))
+        for size in tried:
+            size = np.clip(size, limits[:, 0], limits[:, 1])
             out.append(self._start(probes[0], sized, size, scaled, j, curvature))
         return min(c for c, _ in out), [p for _, p in out]
 
