@@ -14,8 +14,7 @@ from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 # the valleys in which masses, gains and inertias make up for each other.
 STEP = 0.07
 ROUGH = 1.0  # where feet stick and slip: the rollouts are rough on a smaller scale
-WIDER = 0.3  # where derivatives over this width differ from the narrow ones by the share
-UNEVEN = 0.3  # of the derivatives, by which those of the two widths differ where rollouts are rough (else 0.03)
+WIDER, UNEVEN = 0.3, 0.3  # derivatives over this width and over STEP differ by more than this share there
 DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
@@ -68,7 +67,7 @@ def fit(
 
 
 def polish(
-    problem: Problem, points: list[Point], chosen: np.ndarray, *, iterations: int = 6, tolerance: float = 3.0
+    problem: Problem, points: list[Point], chosen: np.ndarray, *, iterations: int = 12, tolerance: float = 3.0
 ) -> list[Point]:
     """The points improved by rollouts with the finer time step, which alone says what time steps do to contacts.
 

@@ -1,0 +1,54 @@
+"""A leg that stands: its rollouts are found to be rough, and its last refit simulates the finer time step itself."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.fit import objective, polish, uneven
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.problem import Point
+from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.sim.robot import load_robot
+
+
+@lru_cache
+def posed(height: float):
+    """A leg without effects over the rail's stop at `height` [m]: one second to fit, as much to select."""
+    robot = load_robot("leg")
+    plan = protocol(robot, seed=1, seconds=5.0, episode=1.0, reach=1.0)
+    plan = replace(plan, run=replace(plan.run, settings=np.full_like(plan.run.settings, height)))
+    hidden = hide(robot, (), None, 11)
+    problem, split = pose(None, robot, log_of(robot, hidden, plan), Settings(hold_out="test_0", threads=1))
+    return problem, np.flatnonzero(split.fit), problem.coordinates.from_values(hidden.parameters)
+
+
+@pytest.mark.parametrize(("height", "rough"), [(0.5, False), (0.2, True)])
+def test_rollouts_are_rough_where_the_foot_touches_the_ground(height, rough):
+    problem, fit_on, _ = posed(height)
+    nameplate = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+    assert uneven(problem, nameplate, fit_on) is rough
+
+
+def test_simulated_finely_the_true_parameters_leave_the_noise_on_the_ground_too():
+    problem, fit_on, z = posed(0.2)
+    truth = [Point(Hypothesis(), z, np.zeros(0))]
+    coarse, fine = (problem.residuals(truth, fit_on, finely=f)[0] for f in (False, True))
+    left = [np.sqrt((r**2).mean(axis=(0, 1)) / problem.floor) for r in (coarse, fine)]
+    assert (left[1] < 1.6).all() and (left[0] > 1.5 * left[1]).any()
+
+
+def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
+    problem, fit_on, z = posed(0.2)
+    problem.rough = True
+    start = Point(Hypothesis(), z + np.where(np.arange(len(z)) % 2, 0.5, -0.5), np.zeros(0))
+    truth = Point(Hypothesis(), z, np.zeros(0))
+    (found,) = polish(problem, [start], fit_on)
+    points = [start, found, truth]
+    made = problem.residuals(points, fit_on, finely=True)
+    cost = objective(problem, points, made, problem.effective(made[2]))
+    assert cost[1] < cost[0]
+    assert cost[1] - cost[2] < 0.3 * (cost[0] - cost[2])
