@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, polish, sensitivities, uneven
+from dynreg.diagnose.fit import fit, information, objective, polish, sensitivities, uneven
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.diagnose.shortlist import MANY, shortlisted
@@ -128,11 +128,27 @@ def _one_round(
     improved = float(price[0] - price.min()) > BETTER
     if many and problem.rough:
         improved = False  # all are refitted from where they are by now
-        start, *fitted = polish(problem, [start, *fitted[:FINISHED]], fit_on, iterations=4)
-        problem.refine([start, *fitted], np.arange(len(problem.windows)))
+        start, fitted = _finished(problem, start, fitted[:FINISHED], fit_on)
     naming = select(problem, start, fitted, fit_on, select_on)
     naming.improved = improved
     return naming
+
+
+def _finished(
+    problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray
+) -> tuple[Point, list[Point]]:
+    """The model without the term and those with it, refitted with the finer time step; the first from where the best of
+    the others ended, too."""
+    start, *fitted = polish(problem, [start, *fitted], fit_on, iterations=4)
+    residuals = problem.residuals([start, *fitted], fit_on, finely=True)
+    effective = problem.effective(residuals[0])
+    best = fitted[int(objective(problem, [start, *fitted], residuals, effective)[1:].argmin())]
+    rival = Point(start.hypothesis, best.nominal, best.effect[: len(start.effect)])
+    plain = polish(problem, [start, rival], fit_on, iterations=4)
+    cost = objective(problem, plain, problem.residuals(plain, fit_on, finely=True), effective)
+    start = plain[int(cost.argmin())]
+    problem.refine([start, *fitted], np.arange(len(problem.windows)))
+    return start, fitted
 
 
 def screen(
