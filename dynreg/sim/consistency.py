@@ -34,6 +34,24 @@ def _problems(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
                 except RobotError as problem:
                     yield (group, i, "sets"), problem
     yield from _populations(file)
+    yield from _wheels(file)
+
+
+def _wheels(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
+    if file.base is None:
+        return
+    actions = [table.name for table in file.actions]
+    for side in ("left", "right"):
+        name = f"{getattr(file.base, side)}/velocity_command"
+        if name not in actions:
+            yield (
+                ("base", side),
+                RobotError(
+                    f"no action {name!r} drives the {side} wheel",
+                    expected=f"the wheel of one of {actions}",
+                    do="add the action, or correct the wheel",
+                ),
+            )
 
 
 def _populations(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:

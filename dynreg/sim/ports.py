@@ -1,4 +1,4 @@
-"""The ports where parameters, settings and effects act: drives, friction, control.
+"""The ports where parameters, settings and effects act: drives, friction, sensors, a wheeled base, control.
 
 Both engines read the same `Ports`, and one torque law (`servo_law`) serves every drive on every engine.
 """
@@ -29,12 +29,13 @@ _DEFAULTS = {
 
 @dataclass
 class Ports:
-    """Port values of B simulators: drive, friction and sensor (B, A), control (B,).
+    """Port values of B simulators: drive, friction and sensor (B, A), control and base (B,).
 
     Encoders read scale (q + offset), to the drives and to the log; `control.clock` is a factor on time: the
     simulator takes `clock` seconds for one of the log.
 
-    joints, actions, types : the driven joint, name and drive type of each action.
+    joints, actions, types : the driven joint, name and drive type of each action. base : what [base] of robot.toml
+    says of a base on two wheels; empty where it has none.
     """
 
     joints: list[str]
@@ -46,6 +47,7 @@ class Ports:
     supply_input: np.ndarray
     enable_input: np.ndarray
     actions: list[str] = field(default_factory=list)
+    base: dict[str, np.ndarray] = field(default_factory=dict)
 
     def apply(self, assignment: Assignment, values: np.ndarray) -> None:
         """Set one port from (B,) values."""
@@ -54,11 +56,23 @@ class Ports:
             self.control[assignment.path] = np.array(combine(assignment.op, old, values))
             return
         port, _, key = assignment.path.partition(".")
+        if port == "base":
+            self.base[key] = np.array(combine(assignment.op, self._base(assignment)[key], values))
+            return
         array = getattr(self, port)[key]
         # a base has two drives under one name: elements with a slash are actions, the others joints
         whole = any("/" in element for element in assignment.elements)
         at = matching(self.actions if whole else self.joints, assignment.elements, assignment.text)
         array[:, at] = combine(assignment.op, array[:, at], values)
+
+    def _base(self, assignment: Assignment) -> dict[str, np.ndarray]:
+        if not self.base:
+            raise RobotError(
+                f"sets entry {assignment.text!r}: the robot has no base on wheels",
+                expected="a [base] table in robot.toml",
+                do="add it, or correct the entry",
+            )
+        return self.base
 
     def repeat(self, times: int) -> "Ports":
         """Each simulator `times` times in a row, for its episodes."""
@@ -73,6 +87,7 @@ class Ports:
             self.supply_input,
             self.enable_input,
             self.actions,
+            spread(self.base),
         )
 
     def take(self, drives: np.ndarray) -> "Ports":
@@ -89,6 +104,7 @@ class Ports:
             self.supply_input[drives],
             self.enable_input[drives],
             names(self.actions),
+            self.base,
         )
 
 
@@ -100,7 +116,7 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
         key: np.tile(np.array([getattr(t, key, _DEFAULTS[key]) for t in tables], dtype=float), (n, 1))
         for key in PORT_KEYS["drive"]
     }
-    inputs = list(robot.inputs)
+    inputs, wheels = list(robot.inputs), robot.file.base
     find = lambda name: inputs.index(name) if name else -1  # noqa: E731
     return Ports(
         joints,
@@ -117,6 +133,7 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
         np.array([find(getattr(t, "supply_input", None)) for t in tables], dtype=int),
         np.array([find(t.enable) for t in tables], dtype=int),
         list(robot.actions),
+        {} if wheels is None else {key: np.full(n, getattr(wheels, key)) for key in PORT_KEYS["base"]},
     )
 
 
@@ -139,7 +156,7 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     if "velocity" in ports.types:
         raise SimulationError(
             f"the drive of action {ports.actions[ports.types.index('velocity')]!r} is of type 'velocity'",
-            expected="a drive that becomes a torque: velocity drives are the kinematic engine's",
+            expected="a drive that becomes a torque: velocity drives are those of the kinematic and unicycle engines",
             do='set engines = ["kinematic"], or correct the drive',
         )
     position, torque, duty = (types == t for t in ("position", "torque", "duty_servo"))
@@ -171,6 +188,13 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
 def takes_positions(ports: Ports) -> np.ndarray:
     """(A,) whether each action is a position that its drive moves to, as against a torque or a voltage."""
     return np.array([t in ("position", "duty_servo") for t in ports.types], dtype=bool)
+
+
+def largest_speeds(robot: Robot) -> np.ndarray:
+    """(A,) largest command of each drive that is told a speed, where its range is stated; else 1."""
+    types = nominal_ports(robot, 1).types
+    ends = [max(abs(a.low or 0.0), abs(a.high or 0.0)) or 1.0 for a in robot.file.actions]
+    return np.array([end if t == "velocity" else 1.0 for end, t in zip(ends, types, strict=True)])
 
 
 def varies(ports: Ports) -> bool:

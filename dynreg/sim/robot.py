@@ -74,6 +74,11 @@ class Robot:
             )
         return self.file.robot.control_rate
 
+    @property
+    def planar(self) -> bool:
+        """Whether all of its engines move a planar base: no forces, no contacts."""
+        return {*self.file.robot.engines} <= {"kinematic", "unicycle"}
+
     def substeps(self, period: float | np.ndarray) -> np.ndarray:
         """Physics time steps in commands of `period` [s]: at least one, none longer than the stated time step."""
         return np.maximum(np.ceil(np.asarray(period) / self.file.robot.timestep - 1e-9), 1).astype(int)

@@ -34,6 +34,16 @@ PORT_KEYS = {
     ),
     "friction": ("coulomb", "viscous"),
     "sensor": ("offset", "scale"),
+    "base": (
+        "wheel_radius",
+        "track",
+        "speed_lag",
+        "yaw_lag",
+        "centrifugal",
+        "speed_drag",
+        "coupling",
+        "yaw_drag",
+    ),
 }
 MODIFIERS = ("link_length", "mass", "gravity")
 

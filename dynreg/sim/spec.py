@@ -17,7 +17,7 @@ class RobotTable(Table):
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
     model: str = "model.xml"
-    engines: list[Literal["mujoco", "joint", "kinematic"]] = Field(min_length=1)
+    engines: list[Literal["mujoco", "joint", "kinematic", "unicycle"]] = Field(min_length=1)
     control_rate: float | None = Field(default=None, gt=0)
     control: Literal["rate", "timed"] = "rate"
     timestep: float = Field(gt=0, le=0.05)
@@ -88,7 +88,8 @@ class DcMotor(Table):
 class VelocityDrive(Table):
     """rate of velocity = (gain command - velocity) / lag; gain [1], lag [s], at once where it is 0.
 
-    For the kinematic engine; `joint` is a whole action name such as "base/speed_command".
+    For the kinematic and the unicycle engine; `joint` is a whole action name such as "base/speed_command", or a wheel
+    of [base], whose command is a speed of rotation [rad/s]; the lags of both wheels count by their mean.
     """
 
     type: Literal["velocity"]
@@ -184,6 +185,29 @@ class ParameterTable(Table):
         return self
 
 
+class BaseTable(Table):
+    """[base]: a base on two driven wheels, the joints `left` and `right`; actions are "<wheel>/velocity_command".
+
+    With vl, vr what the commands ask of the wheels on the ground [m/s], v the base's speed and w its yaw rate:
+    speed_lag v' = (vl + vr) / 2 - speed_drag v + centrifugal w^2,
+    yaw_lag w' = (vr - vl) / track - yaw_drag w - coupling v w.
+
+    wheel_radius, track [m] between the wheels; speed_lag, yaw_lag [s]; speed_drag, yaw_drag [1]; centrifugal
+    [m*s/rad^2] and coupling [s/m], which only the unicycle engine has.
+    """
+
+    left: str
+    right: str
+    wheel_radius: float = Field(gt=0)
+    track: float = Field(gt=0)
+    speed_lag: float = Field(default=0.0, ge=0)
+    yaw_lag: float = Field(default=0.0, ge=0)
+    centrifugal: float = 0.0
+    speed_drag: float = Field(default=1.0, gt=0)
+    coupling: float = 0.0
+    yaw_drag: float = Field(default=1.0, gt=0)
+
+
 class ResetTable(Table):
     """[reset]: the keyframe an episode starts from and how long [s] it may settle there."""
 
@@ -243,6 +267,7 @@ class RobotFile(Table):
     inputs: list[InputTable] = Field(default_factory=list)
     settings: list[SettingTable] = Field(default_factory=list)
     parameters: list[ParameterTable] = Field(min_length=1)
+    base: BaseTable | None = None
     reset: ResetTable = ResetTable()
     fall: FallTable | None = None
     excitation: ExcitationTable = ExcitationTable()

@@ -23,7 +23,8 @@ class EffectParameter:
     """One number of an effect.
 
     unit : of the value. per : the quantity that sizes are multiples of: "1", "torque" (the joint's torque limit),
-    "stiffness" (of its servo), "inertia" (of the joint), "length" (joint to centre of mass).
+    "stiffness" (of its servo), "inertia" (of the joint), "length" (joint to centre of mass), "command" (the largest
+    one of a drive that is told a speed; else 1: such units are written for positions).
     weak, medium, strong : sizes in multiples of `per`; below weak the effect is not worth naming. A parameter
     of shape (how fast, how wide) has the same three sizes: its typical value.
     most : largest size that a fit may reach. signed : whether the size can be negative. inverse : the effect
@@ -37,7 +38,7 @@ class EffectParameter:
     medium: float
     strong: float
     most: float
-    per: Literal["1", "torque", "stiffness", "inertia", "length"] = "1"
+    per: Literal["1", "torque", "stiffness", "inertia", "length", "command"] = "1"
     signed: bool = False
     inverse: bool = False
     shape: bool = False
@@ -57,6 +58,8 @@ class Moment:
     limit, stiffness, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state, kept
     between time steps.
     past : command `delay` (rows, 1) [s] ago, averaged over the time step.
+    Drives of a planar base give speeds, which are its q and v here, and `speeds` is true; it has neither torques nor
+    inertia. For `roll` v and q are the speeds [m/s] of the wheels as the time step begins and ends.
     """
 
     h: Any = 0.0
@@ -71,6 +74,7 @@ class Moment:
     damping: Any = None
     past: Callable[[np.ndarray], np.ndarray] | None = None
     now: Callable[[], np.ndarray] | None = None
+    speeds: bool = False
     memory: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -125,6 +129,8 @@ class Effect:
     command(u, x, p) : (rows, joints) commands -> commands.
     drive(torque, x, p) : (rows, joints) drive torque -> torque that reaches the joint.
     friction(x, p) : (rows, joints) dry friction [N m] to add to the bound, at the present speed and load.
+    roll(speed, x, p) : (rows, wheels) [m/s] that the wheels of a base turn at -> that they roll over the ground at,
+        both the mean over the time step.
     observe(states, columns, times, p) : (rows, T+1, S) state vectors -> what the log holds; `columns` by kind
         ("position", "velocity", "base") of the effect's joints, times (rows, T+1) [s] since the episode began.
     """
@@ -142,6 +148,7 @@ class Effect:
     command: ClassVar[Callable | None] = None
     drive: ClassVar[Callable | None] = None
     friction: ClassVar[Callable | None] = None
+    roll: ClassVar[Callable | None] = None
     observe: ClassVar[Callable | None] = None
 
     def why_not(self, robot: Robot) -> str | None:

@@ -15,6 +15,7 @@ ENGINES = MappingProxyType(
         "mujoco": "dynreg.sim.engines.mujoco_engine",
         "joint": "dynreg.sim.engines.joint_engine",
         "kinematic": "dynreg.sim.engines.kinematic_engine",
+        "unicycle": "dynreg.sim.engines.unicycle_engine",
     }
 )
 

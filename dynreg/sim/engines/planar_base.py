@@ -1,0 +1,349 @@
+"""What the engines of planar bases share: names, commands on their way to the wheels, pose, encoders, effects.
+
+An engine says how velocities go on in one time step and what becomes of the pose. What the wheels do is one thing,
+what the base does on the ground another: effects of contact lie between. Arrays are (quantity, simulation) here.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from dynreg.errors import RobotError, SimulationError
+from dynreg.sim.commands import shaped_commands
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines.acting import (
+    Acting,
+    Clock,
+    acting,
+    commanded,
+    configure_terms,
+    observed,
+    on,
+    true_states,
+)
+from dynreg.sim.ports import Ports, nominal_ports
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Rollout, Run
+
+QUANTITIES = ("speed", "yaw_rate", "x", "y", "yaw")
+ON_WHEELS = ("left/position", "right/position", "left/velocity", "right/velocity")
+COMMANDS = ("speed_command", "yaw_rate_command")
+
+
+@dataclass(frozen=True)
+class Base:
+    """Columns of a planar base.
+
+    channels : (S,) which of QUANTITIES and ON_WHEELS each is. commands : (A,) which of both velocities, or on
+    `wheels` which wheel (0 left, 1 right) each action commands. ranges : (A, 2) of the actions.
+    """
+
+    channels: np.ndarray
+    commands: np.ndarray
+    ranges: np.ndarray
+    wheels: bool
+
+
+@dataclass(frozen=True)
+class Law:
+    """lag v' = target - drag v + coupling, of n simulations: lag, drag (2, n) of speed and yaw rate.
+
+    centrifugal : (n,) times yaw rate squared, on the speed. coupling : (n,) times speed and yaw rate, against the yaw
+    rate.
+    """
+
+    lag: np.ndarray
+    drag: np.ndarray
+    centrifugal: np.ndarray
+    coupling: np.ndarray
+
+
+class Integrator(Protocol):
+    """How an engine takes one time step h (n,) [s]."""
+
+    def longest(self, law: Law, h: np.ndarray) -> np.ndarray:
+        """(n,) time steps that it can take, at most h."""
+
+    def advance(
+        self, velocity: np.ndarray, target: np.ndarray, law: Law, h: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(2, n) velocities after the time step, their mean in it, and (..., 2, n) what `displace` takes."""
+
+    def displace(self, yaw: np.ndarray, stages: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, ...]:
+        """(n,) changes of x, y and yaw."""
+
+
+def planar_rollout(
+    robot: Robot,
+    values: np.ndarray,
+    run: Run,
+    terms: Terms | None,
+    integrator: Integrator,
+) -> Rollout:
+    """Simulate B configurations (B, P) through the E episodes of `run`.
+
+    Effects may change ports, commands, the contact of wheels and what the log holds. Raises RobotError or
+    SimulationError where the robot has channels, actions, drives, `sets` or effects that a planar base does not have.
+    """
+    base = planar_base(robot)
+    n = len(values) * run.episodes
+    ports = _configured(robot, values, run)
+    active = _configured_terms(robot, acting(robot, terms, run.episodes, n), ports)
+    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
+    period = period * ports.control["clock"]
+    law = _law(base, ports)
+    # each simulator divides its own period, whatever others are in the batch
+    substeps = robot.substeps(period)
+    h = period / substeps
+    substeps = substeps * np.ceil(h / integrator.longest(law, h) - 1e-9).astype(int)
+    state = _start(robot, base, run, ports, n)
+    begin = np.zeros(run.episodes) if run.begin is None else run.begin
+    begin = np.tile(begin, n // run.episodes)
+    clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin)
+    motion = _Motion(base, ports, law, clock, active, integrator)
+    trace = np.empty((run.steps + 1, *state.shape))
+    trace[0] = state
+    for t in range(run.steps):
+        state = trace[t + 1] = motion.hold(state, t)
+    shape = (len(values), run.episodes)
+    states = _channels(base, ports, trace)
+    states = observed(robot, active, states, ports, period).reshape(*shape, run.steps + 1, -1)
+    return Rollout(states, np.full(shape, run.steps + 1), int(substeps.sum()) * run.steps)
+
+
+class _Motion:
+    """A batch in motion: states (7, n) are QUANTITIES and the angles of both wheels."""
+
+    def __init__(
+        self,
+        base: Base,
+        ports: Ports,
+        law: Law,
+        clock: Clock,
+        active: list[Acting],
+        integrator: Integrator,
+    ):
+        self.base, self.ports, self.law, self.clock, self.integrator = base, ports, law, clock, integrator
+        self.gain = (ports.drive["gain"] * ports.drive["gain_factor"] / ports.sensor["scale"]).T
+        self.commanding, self.rolling = on(active, "command"), on(active, "roll")
+        self.most = int(clock.substeps.max())
+        for a in active:
+            a.moment.h, a.moment.speeds = clock.h[a.rows, None], True
+
+    def hold(self, state: np.ndarray, step: int) -> np.ndarray:
+        """(7, n) after command number `step`."""
+        self.clock.step = step
+        u = self.clock.commands[:, step]
+        target = self._targets(u)
+        for substep in range(self.most):
+            self.clock.substep = substep
+            if self.commanding:
+                told = commanded(self.commanding, u, *self._measured(state), self.clock)
+                target = self._targets(told)
+            after = self._step(state, target)
+            done = self.clock.done(slice(None))  # simulators with shorter periods wait
+            state = after if done is None else np.where(done[:, 0], state, after)
+        return state
+
+    def _targets(self, u: np.ndarray) -> np.ndarray:
+        """(2, n) velocities that commands (n, A) ask of the base; zero without a command.
+
+        Wheels are driven to what their encoders read.
+        """
+        asked = np.zeros((2, len(u)))
+        asked[self.base.commands] = self.gain * u.T
+        if not self.base.wheels:
+            return asked
+        return _base_velocities(*(self.ports.base["wheel_radius"] * asked), self.ports.base["track"])
+
+    def _measured(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, A) what each drive measures of the speed that it is to give, twice: nothing is faster than a speed."""
+        true = _wheel_speeds(self.ports, *state[:2]) if self.base.wheels else state[:2]
+        read = self.ports.sensor["scale"] * true[self.base.commands].T
+        return read, read
+
+    def _step(self, state: np.ndarray, target: np.ndarray) -> np.ndarray:
+        h = self.clock.h
+        after = np.empty_like(state)
+        after[:2], mean, stages = self.integrator.advance(state[:2], target, self.law, h)
+        ground = stages + self._slip(state[:2], mean, after[:2]) if self.rolling else stages
+        after[2], after[3], after[4] = self.integrator.displace(state[4], ground, h)
+        after[2:5] += state[2:5]
+        after[5:] = state[5:]
+        if self.base.wheels:
+            after[5:] += _wheel_speeds(self.ports, *mean) * h
+        return after
+
+    def _slip(self, before: np.ndarray, mean: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """(2, n) by how much the base's mean velocities over the ground differ from those (2, n) of its wheels."""
+        radius, order = self.ports.base["wheel_radius"], self.base.commands
+        first, turning, last = (
+            (radius * _wheel_speeds(self.ports, *velocities))[order].T for velocities in (before, mean, after)
+        )
+        rolled = turning.copy()
+        for a in self.rolling:
+            x = a.see(v=first, q=last)
+            x.now = self.clock.now(a)
+            rolled[a.where] = a.ask(a.effect.roll, self.clock, rolled[a.where], x)
+        lost = np.zeros_like(before)
+        lost[order] = (rolled - turning).T
+        return _base_velocities(*lost, self.ports.base["track"])
+
+
+def planar_base(robot: Robot) -> Base:
+    """Resolve the robot's names: "<base>/speed", yaw_rate, x, y, yaw, and the commands of the base or its wheels."""
+    table = robot.file.base
+    wheels = () if table is None else (table.left, table.right)
+    names = (*robot.channels, *robot.actions)
+    owners = {owner for name in names if (owner := name.split("/")[0]) not in wheels}
+    if len(owners) != 1 and not (wheels and not owners):
+        raise RobotError(
+            f"the names of {robot.name!r} have the prefixes {sorted(owners)}",
+            expected="one base, as in 'base/speed' and 'base/speed_command'",
+            do="correct the names, or choose another engine",
+        )
+    sides = dict(zip(wheels, ("left", "right"), strict=False))
+
+    def index(what: str, name: str, choices: tuple[str, ...]) -> int:
+        owner, _, quantity = name.partition("/")
+        known = f"{sides[owner]}/{quantity}" if owner in sides else quantity
+        if known not in choices:
+            raise RobotError(
+                f"{what} {name!r} is not of a planar base",
+                expected=f"one of {[_named(choice, table) for choice in choices]}",
+                do="correct it",
+            )
+        return choices.index(known)
+
+    possible = (*QUANTITIES, *ON_WHEELS) if wheels else QUANTITIES
+    commands = ("left/velocity_command", "right/velocity_command") if wheels else COMMANDS
+    wrong = [a for a, t in zip(robot.actions, nominal_ports(robot, 1).types, strict=True) if t != "velocity"]
+    if wrong:
+        raise RobotError(
+            f"the drive of action {wrong[0]!r} is not one of a planar base",
+            expected='type = "velocity"',
+            do="correct the drive, or choose another engine",
+        )
+    ranges = [
+        (-np.inf if a.low is None else a.low, np.inf if a.high is None else a.high)
+        for a in robot.file.actions
+    ]
+    return Base(
+        np.array([index("channel", name, possible) for name in robot.channels], dtype=int),
+        np.array([index("action", name, commands) for name in robot.actions], dtype=int),
+        np.array(ranges, dtype=float).reshape(-1, 2),
+        bool(wheels),
+    )
+
+
+def _named(choice: str, table) -> str:
+    """A quantity as robot.toml would name it."""
+    side, _, quantity = choice.partition("/")
+    return f"{getattr(table, side)}/{quantity}" if quantity else choice
+
+
+def _configured(robot: Robot, values: np.ndarray, run: Run) -> Ports:
+    """Ports of the B E simulations, parameters and settings applied."""
+    ports = nominal_ports(robot, len(values)).repeat(run.episodes)
+    settings = run.settings
+    if settings is None:
+        settings = np.tile([s.nominal for s in robot.file.settings], (run.episodes, 1))
+    columns = [(a, np.repeat(values[:, i], run.episodes)) for i, s in enumerate(robot.setters) for a in s]
+    columns += [
+        (a, np.tile(settings[:, i], len(values))) for i, s in enumerate(robot.setting_setters) for a in s
+    ]
+    for assignment, column in columns:
+        if assignment.root not in ("port", "control"):
+            raise SimulationError(
+                f"sets entry {assignment.text!r}: a planar base has no such field",
+                expected="port.drive.gain, port.drive.lag, a port.base.* or a control.* key",
+                do="correct the entry, or choose another engine",
+            )
+        ports.apply(assignment, column)
+    return ports
+
+
+def _configured_terms(robot: Robot, active: list[Acting], ports: Ports) -> list[Acting]:
+    """The terms, their ports written; SimulationError where one needs masses or moments in between."""
+
+    def expand(field: str) -> np.ndarray:
+        raise SimulationError(
+            f"an effect changes the model field {field!r}: a planar base has no such field",
+            expected="effects on ports, commands, wheels or sensors",
+            do="choose another engine",
+        )
+
+    between = [a for port in ("drive", "friction") for a in on(active, port)]
+    if between:
+        raise SimulationError(
+            f"effect {between[0].effect.id!r} acts on torques and joints: a planar base has none",
+            expected="effects on ports, commands, wheels or sensors",
+            do="choose another engine",
+        )
+    configure_terms(robot, active, ports, expand)
+    return active
+
+
+def _law(base: Base, ports: Ports) -> Law:
+    n = len(ports.control["clock"])
+    drives = ports.drive["lag"]
+    if base.wheels:
+        b = ports.base
+        more = drives.mean(axis=1) if drives.shape[1] else 0.0
+        lag = np.stack([b["speed_lag"] + more, b["yaw_lag"] + more])
+        drag = np.stack([b["speed_drag"], b["yaw_drag"]])
+        return Law(lag, drag, b["centrifugal"], b["coupling"])
+    lag = np.zeros((2, n))
+    lag[base.commands] = drives.T
+    return Law(lag, np.ones((2, n)), np.zeros(n), np.zeros(n))
+
+
+def _start(robot: Robot, base: Base, run: Run, ports: Ports, n: int) -> np.ndarray:
+    """(7, n) states at the start: what is known of the first one, else zero."""
+    state = np.zeros((len(QUANTITIES) + 2, n))
+    if run.initial is None:
+        return state
+    known = np.nan_to_num(true_states(robot, np.tile(run.initial, (n // run.episodes, 1)), ports))
+    full = np.zeros((len(QUANTITIES) + len(ON_WHEELS), n))
+    full[base.channels] = known.T
+    state[:] = full[: len(state)]
+    speeds = len(QUANTITIES) + 2 + np.arange(2)
+    if base.wheels and np.isin(speeds, base.channels).all() and not np.isin((0, 1), base.channels).any():
+        radius = ports.base["wheel_radius"]
+        state[:2] = _base_velocities(*(radius * full[speeds]), ports.base["track"])
+    return state
+
+
+def _commands(base: Base, ports: Ports, run: Run, state: np.ndarray) -> np.ndarray:
+    """(n, T, A) commands within their ranges and largest steps."""
+    n = state.shape[1]
+    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), *run.actions.shape[-2:])
+    actions = np.tile(actions, (n // len(actions), 1, 1))
+    noise = None if run.noise is None else run.noise.reshape(actions.shape)
+    low, high = (np.tile(base.ranges[:, i], (n, 1)) for i in (0, 1))
+    moving = _wheel_speeds(ports, *state[:2]) if base.wheels else state[:2]
+    return shaped_commands(actions, moving[base.commands].T, low, high, ports, noise)
+
+
+def _base_velocities(left: np.ndarray, right: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """(2, n) speed and yaw rate of a base whose wheels move at (n,) `left` and `right` [m/s]."""
+    out = np.empty((2, len(left)))
+    out[0], out[1] = (left + right) / 2.0, (right - left) / track
+    return out
+
+
+def _wheel_speeds(ports: Ports, speed: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
+    """(2, ..., n) [rad/s] of the left and the right wheel, from (..., n) velocities of the base."""
+    radius, turn = ports.base["wheel_radius"], yaw_rate * (ports.base["track"] / 2.0)
+    out = np.empty((2, *speed.shape))
+    out[0], out[1] = (speed - turn) / radius, (speed + turn) / radius
+    return out
+
+
+def _channels(base: Base, ports: Ports, trace: np.ndarray) -> np.ndarray:
+    """(n, T+1, S) channels of states (T+1, 7, n)."""
+    if base.wheels:
+        speeds = _wheel_speeds(ports, trace[:, 0], trace[:, 1])
+        trace = np.concatenate([trace, np.moveaxis(speeds, 0, 1)], axis=1)
+    return np.ascontiguousarray(np.moveaxis(trace[:, base.channels], 2, 0))
