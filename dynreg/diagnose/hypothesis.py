@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.sim.effects import EffectParameter, Term, applicable
 from dynreg.sim.effects.body import at_reset, driven_dofs, lever
-from dynreg.sim.ports import nominal_ports, servo_law
+from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 
@@ -94,7 +94,10 @@ class Coordinates:
 
     @cached_property
     def scales(self) -> dict[str, np.ndarray]:
-        """{quantity: (A,)} what sizes of effects are multiples of, for each drive."""
+        """{quantity: (A,)} what sizes of effects are multiples of, for each drive; a planar base has no forces."""
+        reach = largest_speeds(self.robot)
+        if self.robot.planar:
+            return {"1": np.ones(len(reach)), "command": reach}
         law = servo_law(nominal_ports(self.robot, 1), self.robot.input_defaults[None])
         model, data = self.robot.model, at_reset(self.robot)
         inertia = _felt_inertia(model, data)[driven_dofs(self.robot)]
@@ -110,6 +113,7 @@ class Coordinates:
             "stiffness": 1.0 / stiffness,
             "inertia": inertia,
             "length": lever(self.robot) * ones,
+            "command": reach,
         }
 
     def scale(self, term: Term, parameter: EffectParameter) -> float:
