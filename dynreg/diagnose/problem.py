@@ -78,8 +78,7 @@ class Problem:
     @property
     def stands(self) -> bool:
         """Whether a floating base stands on its feet, or falls."""
-        kinematic = self.robot.file.robot.engines == ["kinematic"]
-        return not kinematic and bool((self.robot.model.jnt_type == 0).any())  # 0: a free joint
+        return not self.robot.planar and bool((self.robot.model.jnt_type == 0).any())  # 0: a free joint
 
     @property
     def coarse(self) -> bool:
