@@ -17,7 +17,7 @@ from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-MOVING = ("command", "drive", "friction", "observe")  # ports that no parameter can stand for
+MOVING = ("command", "drive", "friction", "roll", "observe")  # ports that no parameter can stand for
 SAME = 1e-12  # relative: values that one parameter can set
 LEAST = 0.1  # of a factor, that stays above nothing
 SPREAD = 0.1  # tolerance of the parameters that stand for effects
@@ -26,6 +26,7 @@ ADDED = MappingProxyType(  # what effects add to, and its unit; elsewhere they s
         "port.friction.coulomb": "N*m",
         "port.friction.viscous": "N*m*s/rad",
         "port.sensor.offset": "rad",
+        "port.drive.lag": "s",
         "mj.dof_armature": "kg*m^2",
         "mj.body_ipos": "m",
         "mj.opt.gravity": "m/s^2",

@@ -57,7 +57,15 @@ def estimates(
 
 
 def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
-    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles."""
+    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles.
+
+    A drive that is told a speed has commands in the unit of its action.
+    """
+    if robot.planar and parameter.per == "command":
+        told = robot.file.actions[0].unit
+        return told if parameter.unit == "rad" else told.replace("/s", "/s^2")
+    if robot.planar:
+        return parameter.unit
     owners = dict.fromkeys(name.split("/")[0] for name in robot.actions)
     joints = [joint for joint in owners if not term.joints or joint in term.joints]
     slides = [robot.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for j in joints]

@@ -23,7 +23,7 @@ from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem, mean_squares
 from dynreg.rng import stream
 
-VECTORISED = ("joint", "kinematic")  # engines on which a thousand draws take a second
+VECTORISED = ("joint", "kinematic", "unicycle")  # engines on which a thousand draws take a second
 NINETY = (0.05, 0.95)
 ROUNDS = 6  # of proposals, each made of what the last ones found, the first of the curvature,
 DRAWS = 150  # in each

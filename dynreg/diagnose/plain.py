@@ -34,9 +34,11 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     robot's model does, and belongs beside it.
     Raises RobotError where MuJoCo cannot express a change in the model's file.
     """
-    if not {"mujoco", "joint"} & set(robot.file.robot.engines):
+    if robot.planar:
         raise RobotError(
-            "MuJoCo does not move the robot: its engine is kinematic", expected="joints", do="use robot.toml"
+            f"MuJoCo does not move the robot: its engine is {robot.file.robot.engines[0]}",
+            expected="joints",
+            do="use robot.toml",
         )
     layout = layout_of(robot)
     source = robot.folder / robot.file.robot.model

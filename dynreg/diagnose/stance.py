@@ -15,7 +15,7 @@ def stance(robot: Robot, windows: Windows) -> dict[str, np.ndarray] | None:
     Feet are the last bodies of each limb. The lowest point of the robot is taken to stand on level ground, so a
     flight phase is not seen. None where the robot has no floating base, or its roll, pitch or a joint is not measured.
     """
-    if robot.file.robot.engines == ["kinematic"]:
+    if robot.planar:
         return None
     from dynreg.sim.layout import layout_of
 

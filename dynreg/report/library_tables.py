@@ -12,6 +12,10 @@ PER = {
     "stiffness": ("1/k", "over the stiffness of the servo"),
     "inertia": ("I", "the joint's inertia"),
     "length": ("l", "from the joint to the centre of mass"),
+    "command": (
+        "u",
+        "the largest command of a drive that is told a speed, 1 rad of one that is told a position",
+    ),
 }
 
 

@@ -194,6 +194,20 @@ def test_a_robot_that_mujoco_does_not_move_has_no_mjcf(tmp_path: Path) -> None:
     assert not check_robot(tmp_path / "taken") and exported.robot.space.names == robot.space.names
 
 
+def test_a_folder_of_a_base_has_the_effects_of_its_wheels(tmp_path: Path) -> None:
+    robot = load_robot("diffdrive")
+    keys = [key for key, effect in applicable(robot).items() if carries(effect)]
+    assert keys == ["wheel_gain", "drive_inertia", "encoder_scale"]
+    made = config(robot, *keys)
+    exported = export_robot(robot, made, tmp_path / "taken")
+    assert all(effect.parameters for effect in exported.effects) and not check_robot(tmp_path / "taken")
+    for engine in robot.file.robot.engines:
+        ours = states(robot, made, bank(robot), engine)
+        nominal = exported.robot.space.nominal[None]
+        again = rollout(exported.robot, nominal, bank(robot), engine=engine).states[0]
+        np.testing.assert_allclose(again, ours, rtol=EXACT, atol=EXACT)
+
+
 def test_what_exists_is_not_overwritten_and_failures_leave_nothing(tmp_path: Path) -> None:
     robot = load_robot("servo_pendulum")
     (tmp_path / "there").mkdir()

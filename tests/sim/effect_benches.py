@@ -10,7 +10,7 @@ from dynreg.sim.effects import Effect, Term, Terms
 from dynreg.sim.effects.body import at_reset, driven_dofs, lever
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation, reset_pose
-from dynreg.sim.ports import nominal_ports, servo_law
+from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -53,7 +53,7 @@ def plain(bench: Bench) -> np.ndarray:
 
 @cache
 def bench(name: str) -> Bench:
-    """servo (lively: it saturates), servo_mujoco, servo_short, air (the leg hangs), stand, lean (a quadruped).
+    """servo (lively: it saturates), servo_mujoco, servo_short, air (the leg hangs), stand, lean (a quadruped), wheels.
 
     The two on the ground move slowly, so that contacts neither open nor close by chance.
     """
@@ -68,6 +68,11 @@ def bench(name: str) -> Bench:
             fine = robot.file.robot.model_copy(update={"timestep": 0.002})
             robot = replace(robot, file=robot.file.model_copy(update={"robot": fine}))
         return Bench(name, robot, run, "mujoco" if name.endswith("mujoco") else "joint")
+    if name == "wheels":
+        robot = load_robot("diffdrive")
+        return Bench(
+            name, robot, excitation(robot, seed=3, name="effects", episodes=4, steps=60), "kinematic"
+        )
     if name == "lean":
         robot = load_robot("quadruped")
         sway = np.sin(np.pi * np.arange(20) / 20)[:, None]
@@ -100,13 +105,20 @@ def values_at(effect: Effect, robot: Robot, size: str | float) -> np.ndarray:
 @cache
 def unit_of(robot: Robot, per: str) -> float:
     """What sizes of one kind are multiples of, in SI units; the mean over the robot's drives."""
+    if robot.planar:
+        return {"1": 1.0, "command": float(largest_speeds(robot).mean())}[per]
     law = servo_law(nominal_ports(robot, 1), robot.input_defaults[None])
     if per == "inertia":
         model, data = robot.model, at_reset(robot)
         return float(data.M[model.M_rowadr + model.M_rownnz - 1][driven_dofs(robot)].mean())
     if per == "length":
         return lever(robot)
-    return {"1": 1.0, "torque": float(law.limit.mean()), "stiffness": 1.0 / float(law.stiffness.mean())}[per]
+    return {
+        "1": 1.0,
+        "command": 1.0,
+        "torque": float(law.limit.mean()),
+        "stiffness": 1.0 / float(law.stiffness.mean()),
+    }[per]
 
 
 def mixed(robot: Robot, rows: Sequence[Row]) -> Terms:

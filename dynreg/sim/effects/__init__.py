@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 
 from dynreg.errors import RobotError, UsageError
-from dynreg.sim.effects import body, command, contact, drive, friction, sensor, transmission
+from dynreg.sim.effects import body, command, contact, drive, friction, sensor, transmission, wheels
 from dynreg.sim.effects.effect import SIZES, Effect, EffectParameter, Moment, Site, Term, Terms, Values
 
 _PACKAGED = (
@@ -22,6 +22,8 @@ _PACKAGED = (
     drive.ThermalFade,
     drive.Cogging,
     drive.ForceOffset,
+    wheels.WheelGain,
+    wheels.DriveInertia,
     friction.CoulombFriction,
     friction.ViscousFriction,
     friction.StribeckFriction,
@@ -40,6 +42,7 @@ _PACKAGED = (
     contact.GroundFriction,
     contact.SecondFrictionMaterial,
     contact.ContactCompliance,
+    wheels.WheelSlip,
     sensor.EncoderOffset,
     sensor.EncoderScale,
     sensor.SensorDelay,

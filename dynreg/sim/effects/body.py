@@ -191,4 +191,4 @@ def _moving_joint(robot: Robot) -> int:
 
 
 def _mechanical(robot: Robot) -> str | None:
-    return "the kinematic engine has no masses" if robot.file.robot.engines[0] == "kinematic" else None
+    return "no engine of the robot has masses" if robot.planar else None

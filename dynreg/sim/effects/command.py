@@ -8,10 +8,27 @@ from dynreg.sim.robot import Robot
 DEGREE = np.pi / 180
 
 
-class CommandDelay(Effect):
+class _OnCommands(Effect):
+    """Needs drives, of whatever type."""
+
+    acts_on = "command"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if robot.actions else "no driven joint"
+
+
+class _OnTargets(_OnCommands):
+    """Needs drives that are told what to reach."""
+
+    def why_not(self, robot: Robot) -> str | None:
+        able = drives(robot, "position", "duty_servo", "velocity")
+        return None if able else "no drive takes positions or speeds"
+
+
+class CommandDelay(_OnCommands):
     """u(t) -> u(t - delay)."""
 
-    id, acts_on, title = "command_delay", "command", "commands arrive late"
+    id, title = "command_delay", "commands arrive late"
     parameters = (EffectParameter("delay", "s", "from sending to acting", 0.005, 0.010, 0.020, 0.4),)
     group = "time shift"
     near = ("command_lag", "sensor_delay")
@@ -21,10 +38,10 @@ class CommandDelay(Effect):
         return x.past(p["delay"])
 
 
-class CommandGain(Effect):
+class CommandGain(_OnCommands):
     """u -> (1 + gain) u."""
 
-    id, acts_on, title = "command_gain", "command", "commands are scaled on their way"
+    id, title = "command_gain", "commands are scaled on their way"
     parameters = (
         EffectParameter("gain", "1", "relative error of the command", 0.02, 0.06, 0.15, 0.6, signed=True),
     )
@@ -35,16 +52,15 @@ class CommandGain(Effect):
         return u * (1.0 + p["gain"])
 
 
-class RateLimit(Effect):
+class RateLimit(_OnTargets):
     """The command that acts follows the one sent at most at `rate`."""
 
-    id, acts_on, title = "rate_limit", "command", "commands change at a limited rate"
-    parameters = (EffectParameter("rate", "rad/s", "fastest change", 10.0, 5.0, 2.5, 0.3, inverse=True),)
+    id, title = "rate_limit", "commands change at a limited rate"
+    parameters = (
+        EffectParameter("rate", "rad/s", "fastest change", 10.0, 5.0, 2.5, 0.3, per="command", inverse=True),
+    )
     near = ("speed_limit", "command_lag")
     separate_by = "steps of different height without load: a rate limit takes time in proportion to height"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return None if drives(robot, "position", "duty_servo") else "no drive takes positions"
 
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         last = x.memory.get("u")
@@ -57,10 +73,10 @@ class RateLimit(Effect):
         return last + moved * (1.0 - late)
 
 
-class CommandLag(Effect):
+class CommandLag(_OnCommands):
     """First-order low pass: rate of y = (u - y) / time."""
 
-    id, acts_on, title = "command_lag", "command", "commands are smoothed by a first-order lag"
+    id, title = "command_lag", "commands are smoothed by a first-order lag"
     parameters = (EffectParameter("time", "s", "time constant", 0.005, 0.012, 0.030, 0.5),)
     near = ("command_delay", "joint_elasticity")
     separate_by = "a chirp: a lag damps fast commands, a delay does not"
@@ -74,18 +90,18 @@ class CommandLag(Effect):
         return u + (1.0 - keep) / steps * (last - u)  # the mean over the time step
 
 
-class CommandDeadband(Effect):
-    """The servo ignores position errors within +-width."""
+class CommandDeadband(_OnTargets):
+    """The servo ignores errors of its position within +-width; a drive that is told a speed has no lower ones."""
 
-    id, acts_on, title = "command_deadband", "command", "the servo ignores small position errors"
+    id, title = "command_deadband", "the servo ignores small position errors, the wheel small speeds"
     parameters = (
-        EffectParameter("width", "rad", "half of the band", 0.3 * DEGREE, 1 * DEGREE, 2.5 * DEGREE, 0.3),
+        EffectParameter(
+            "width", "rad", "half of the band", 0.3 * DEGREE, 1 * DEGREE, 2.5 * DEGREE, 0.3, per="command"
+        ),
     )
     near = ("coulomb_friction", "backlash")
     separate_by = "a slow triangle under load in both directions, and holds with the load reversed"
 
-    def why_not(self, robot: Robot) -> str | None:
-        return None if drives(robot, "position", "duty_servo") else "no drive takes positions"
-
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return u - np.clip(u - x.q, -p["width"], p["width"])
+        rest = 0.0 if x.speeds else x.q
+        return u - np.clip(u - rest, -p["width"], p["width"])

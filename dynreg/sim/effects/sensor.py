@@ -35,19 +35,34 @@ class EncoderScale(Effect):
     near = ("command_gain",)
     separate_by = "hold three distant targets without load and measure the angles by hand"
 
+    def why_not(self, robot: Robot) -> str | None:
+        wheels = () if robot.file.base is None else (robot.file.base.left, robot.file.base.right)
+        if any(f"{wheel}/{kind}" in robot.channels for wheel in wheels for kind in ("position", "velocity")):
+            return None
+        return super().why_not(robot)
+
     def configure(self, site: Site, p: Values) -> None:
         site.sensor("scale", lambda s: s * (1.0 + p["error"]))
 
 
-class SensorDelay(Effect):
+class _OnLogs(Effect):
+    """Needs drives, of whatever type."""
+
+    acts_on = "sensor"
+    scope = "robot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if robot.actions else "no driven joint"
+
+
+class SensorDelay(_OnLogs):
     """The log holds states of `delay` ago."""
 
-    id, acts_on, title = "sensor_delay", "sensor", "measurements are logged late"
+    id, title = "sensor_delay", "measurements are logged late"
     parameters = (EffectParameter("delay", "s", "from moving to logging", 0.004, 0.008, 0.015, 0.4),)
     group = "time shift"
     near = ("command_delay",)
     separate_by = "a hardware loop-back: log when the drive itself sees the command"
-    scope = "robot"
 
     def observe(self, states: np.ndarray, columns: dict, times: np.ndarray, p: Values) -> np.ndarray:
         back = p["delay"] / (times[:, 1:2] - times[:, :1])
@@ -59,17 +74,21 @@ class SensorDelay(Effect):
         return (1.0 - share) * states[at, low] + share * states[at, high]
 
 
-class ClockError(Effect):
+class ClockError(_OnLogs):
     """The log's seconds are (1 + error) of true ones."""
 
-    id, acts_on, title = "clock_error", "sensor", "the log's clock runs fast or slow"
+    id, title = "clock_error", "the log's clock runs fast or slow"
     parameters = (
         EffectParameter("error", "1", "relative error of time", 0.01, 0.03, 0.08, 0.3, signed=True),
     )
     group = "time scale"
     near = ("inertia",)
     separate_by = "an external clock"
-    scope = "robot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        if robot.planar:  # nothing falls or swings, so that nothing tells how long a second is
+            return "other wheels and lags do the same to a base without masses"
+        return super().why_not(robot)
 
     def configure(self, site: Site, p: Values) -> None:
         site.ports.control["clock"][site.rows] *= 1.0 / (1.0 + p["error"][:, 0])

@@ -22,10 +22,12 @@ def _benches(effect: Effect, *names: str) -> list[Bench]:
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
 def test_half_of_a_small_size_is_half_the_change(effect: Effect):
     """Nothing at size zero, and a slope there that a fit can follow (small is 2 % of the weak size)."""
-    for b in _benches(effect, "servo_short", "air", "lean"):
+    for b in _benches(effect, "servo_short", "air", "lean", "wheels"):
         half, whole, weak = (rms(c) for c in b.changes({effect: 0.01}, {effect: 0.02}, {effect: 1.0}))
         assert whole <= 0.2 * weak, b.name
-        if half > 0:  # a limit that is far away changes nothing at all, nor does the ground a leg in the air
+        if (
+            half > 1e-12
+        ):  # a limit that is far away changes nothing at all, nor does the ground a leg in the air
             assert 1.4 < whole / half < 2.8, b.name
         else:
             assert effect.size.inverse or weak == 0, b.name
@@ -35,7 +37,7 @@ def test_half_of_a_small_size_is_half_the_change(effect: Effect):
 def test_a_strong_effect_is_seen(effect: Effect):
     """On at least one bench some channel moves by several times its sensor noise."""
     most = 0.0
-    for b in _benches(effect, "servo", "stand", "lean"):
+    for b in _benches(effect, "servo", "stand", "lean", "wheels"):
         change = b.changes({effect: "strong"})[0]
         assert np.isfinite(change).all()
         noise = np.array([c.noise for c in b.robot.file.channels])[b.columns]
@@ -78,7 +80,7 @@ def test_small_effects_add_up_in_every_pair():
 
 
 def test_any_two_strong_effects_compose():
-    for name in ("servo", "lean"):
+    for name in ("servo", "lean", "wheels"):
         b = bench(name)
         pairs = combinations([e for e in EFFECTS if e.why_not(b.robot) is None], 2)
         assert np.isfinite(b.states(*({e: "strong", f: "strong"} for e, f in pairs))).all(), name
@@ -89,7 +91,7 @@ def test_every_effect_says_what_it_is_and_what_is_like_it():
     for e in EFFECTS:
         assert e.acts_on in ports and e.title and e.separate_by
         assert set(e.near) <= set(effects()) and e.id not in e.near
-        assert any((e.configure, e.command, e.drive, e.friction, e.observe))
+        assert any((e.configure, e.command, e.drive, e.friction, e.roll, e.observe))
         for p in e.parameters:
             sizes = [p.weak, p.medium, p.strong, p.most][:: -1 if p.inverse else 1]
             assert sizes == sorted(sizes) and sizes[0] > 0

@@ -1,0 +1,150 @@
+"""Effects of planar bases: on both engines alike, composable, and each where a base would show it."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from effect_benches import rms, values_at
+
+from dynreg.sim.effects import Effect, Term, Terms, applicable, effects, term
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Run
+
+DIFFDRIVE = load_robot("diffdrive")
+ABLE = tuple(applicable(DIFFDRIVE).values())
+RUN = excitation(DIFFDRIVE, seed=3, name="wheels", episodes=4, steps=60)
+POSE, WHEELS = slice(4, 7), slice(0, 2)
+E = effects()
+
+
+def states(*rows: dict[Effect, str | float], engine: str = "kinematic", run: Run = RUN) -> np.ndarray:
+    """(rows, E, T+1, S) of the nominal robot with the effects of each row."""
+    every = list(dict.fromkeys(e for row in rows for e in row))
+    absent = {e: [np.nan] * len(e.parameters) for e in every}
+    columns = [
+        np.array([values_at(e, DIFFDRIVE, row[e]) if e in row else absent[e] for row in rows]) for e in every
+    ]
+    terms = Terms(tuple(Term(e) for e in every), tuple(columns)) if every else None
+    nominal = np.tile(DIFFDRIVE.space.nominal, (len(rows), 1))
+    return rollout(DIFFDRIVE, nominal, run, engine=engine, terms=terms).states
+
+
+def test_a_base_has_the_effects_of_commands_wheels_and_logs():
+    wanted = {"command_delay", "command_lag", "command_deadband", "command_gain", "rate_limit"}
+    wanted |= {"wheel_gain", "drive_inertia", "wheel_slip", "encoder_scale", "sensor_delay"}
+    assert set(applicable(DIFFDRIVE)) == wanted
+    husky = set(applicable(load_robot("husky")))  # commanded as a whole, without encoders
+    assert husky == wanted - {"wheel_gain", "wheel_slip", "encoder_scale"}
+    for name in ("servo_pendulum", "quadruped"):
+        assert not {"wheel_gain", "drive_inertia", "wheel_slip"} & set(applicable(load_robot(name)))
+
+
+@pytest.mark.parametrize("size", ["medium", "strong"])
+@pytest.mark.parametrize("effect", ABLE, ids=lambda e: e.id)
+def test_engines_agree_on_the_change_that_an_effect_makes(effect: Effect, size: str):
+    changes = []
+    for engine in ("kinematic", "unicycle"):
+        plain, changed = states({}, {effect: size}, engine=engine)
+        changes.append(changed - plain)
+    for columns in (POSE, WHEELS):
+        assert rms((changes[0] - changes[1])[..., columns]) <= 0.03 * rms(changes[0][..., columns]) + 1e-6
+
+
+@pytest.mark.parametrize("engine", ["kinematic", "unicycle"])
+def test_rows_are_independent_and_any_two_effects_compose(engine: str):
+    rows = [{}, *({e: "strong", f: "medium"} for e, f in combinations(ABLE, 2))]
+    run = RUN.take(np.array([0, 1]))
+    together = states(*rows, engine=engine, run=run)
+    assert np.isfinite(together).all()
+    for number in (0, 7, 23, len(rows) - 1):
+        np.testing.assert_array_equal(states(rows[number], engine=engine, run=run)[0], together[number])
+
+
+@pytest.mark.parametrize("engine", ["kinematic", "unicycle"])
+def test_simulators_with_other_command_rates_change_nothing(engine: str):
+    """Memories of effects in a base that waits for a slower one do not run on."""
+    slip, limit, late = E["wheel_slip"], E["rate_limit"], E["command_lag"]
+    robot = replace(
+        DIFFDRIVE,
+        space=replace(
+            DIFFDRIVE.space,
+            parameters=(
+                replace(DIFFDRIVE.space.parameters[0], sets=("control.rate =",), low=1.0, high=99.0),
+            ),
+        ),
+    )
+    rates, terms = np.array([[50.0], [7.0], [20.0]]), (Term(slip), Term(limit), Term(late))
+    columns = [np.array([values_at(t.effect, DIFFDRIVE, "strong")] * 3) for t in terms]
+    together = rollout(robot, rates, RUN, engine=engine, terms=Terms(terms, tuple(columns))).states
+    for i in range(3):
+        alone = Terms(terms, tuple(c[i : i + 1] for c in columns))
+        np.testing.assert_array_equal(
+            rollout(robot, rates[i : i + 1], RUN, engine=engine, terms=alone).states[0], together[i]
+        )
+
+
+def test_a_wheel_gain_turns_a_straight_line_into_an_arc_that_encoders_see():
+    """At equal commands u the wheels turn at u (1 -+ d/2): yaw rate r u d / (track drag)."""
+    run = Run(np.full((1, 100, 2), 8.0), initial=np.array([[0, 0, 8.0, 8.0, 0, 0, 0]]))
+    made = rollout(
+        DIFFDRIVE,
+        DIFFDRIVE.space.nominal[None],
+        run,
+        terms=Terms((term("wheel_gain"),), (np.array([[0.1]]),)),
+    ).states[0, 0]
+    b = DIFFDRIVE.file.base
+    late = 2.0 - b.yaw_lag / b.yaw_drag
+    turned = b.wheel_radius * 8.0 * 0.1 / b.track / b.yaw_drag
+    assert made[-1, 6] == pytest.approx(turned * late, rel=1e-3)
+    assert made[-1, 1] - made[-1, 0] == pytest.approx(turned * late * b.track / b.wheel_radius, rel=1e-3)
+
+
+def test_inertia_is_a_longer_lag_of_speed_and_yaw_rate():
+    longer = DIFFDRIVE.space.as_dict(DIFFDRIVE.space.nominal)
+    longer |= {"speed_lag": longer["speed_lag"] + 0.05, "yaw_lag": longer["yaw_lag"] + 0.05}
+    for engine in ("kinematic", "unicycle"):
+        by_parameters = rollout(DIFFDRIVE, DIFFDRIVE.space.from_dict(longer)[None], RUN, engine=engine).states
+        np.testing.assert_allclose(
+            states({E["drive_inertia"]: "medium"}, engine=engine), by_parameters, atol=1e-12
+        )
+
+
+def test_slip_is_what_encoders_do_not_see_and_grip_is_the_fastest_change_on_the_ground():
+    plain, slipping = states({}, {E["wheel_slip"]: "strong"})
+    np.testing.assert_array_equal(plain[..., :4], slipping[..., :4])
+    assert rms((plain - slipping)[..., POSE]) > 0.02
+    # a standing start straight ahead: speed t grip until the wheels' speed is reached
+    run = Run(np.full((1, 50, 2), 12.0))
+    grip = 0.4
+    made = rollout(
+        DIFFDRIVE,
+        DIFFDRIVE.space.nominal[None],
+        run,
+        terms=Terms((term("wheel_slip"),), (np.array([[grip]]),)),
+    ).states[0, 0]
+    t = np.arange(51) * 0.02
+    until = 0.5  # s: 0.2 m/s of the 0.255 that the wheels have by then
+    np.testing.assert_allclose(made[t <= until, 4], grip * t[t <= until] ** 2 / 2, atol=3e-4)
+    assert made[-1, 4] < made[-1, 0] * DIFFDRIVE.file.base.wheel_radius - 0.02
+
+
+def test_a_scaled_encoder_is_driven_to_what_it_reads():
+    """Both wheels read 3 % too much: encoders as commanded, the base 3 % slower."""
+    plain, scaled = states({}, {E["encoder_scale"]: 3.0})
+    np.testing.assert_allclose(scaled[..., :4], plain[..., :4], atol=1e-9)
+    np.testing.assert_allclose(scaled[..., 6], plain[..., 6] / 1.03, atol=1e-9)
+
+
+def test_a_dead_zone_holds_the_wheels_at_small_commands():
+    small = np.full((1, 30, 2), [0.2, -0.2])
+    width = Terms((term("command_deadband"),), (np.array([[0.25]]),))
+    made = rollout(DIFFDRIVE, DIFFDRIVE.space.nominal[None], Run(small), terms=width).states
+    assert not made.any()
+
+
+def test_effects_of_torques_stay_refused():
+    assert "no driven joint" in E["load_friction"].why_not(DIFFDRIVE)
+    assert "masses" in E["payload"].why_not(DIFFDRIVE) and "masses" in E["clock_error"].why_not(DIFFDRIVE)
