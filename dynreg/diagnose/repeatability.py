@@ -7,6 +7,7 @@ import numpy as np
 
 from dynreg.data.recording import Episode, Recording
 from dynreg.diagnose.signals import sensor_noise
+from dynreg.replay.windows import standing
 from dynreg.sim.robot import Robot
 
 LONGEST_SHIFT = 0.5  # s by which the commands of two runs may lie apart in their episodes
@@ -44,7 +45,8 @@ def repeatability(
 
     Two episodes repeat each other where their settings are equal, their commands and enable flags agree within
     `tolerance` (mean size of the difference, in standard deviations of each command over the recording) at one
-    shift of at most 0.5 s, and they start alike there. A constant offset between two runs is not counted.
+    shift of at most 0.5 s, and they start alike there. A constant offset between two runs is not counted; of a planar
+    base, the offset with which they start.
     """
     stated = sensor_noise(robot)
     pairs = repeated(robot, recording, tolerance=tolerance)
@@ -57,7 +59,10 @@ def repeatability(
             difference = difference[np.isfinite(difference)]
             if len(difference) < 2:
                 continue
-            squares += float(np.sum((difference - difference.mean()) ** 2))
+            # what a base did wrong it never makes good: there runs part from where they stood at first
+            still = _standing(robot, recording, a) if robot.planar else len(difference)
+            apart = difference - difference[:still].mean()
+            squares += float(np.sum(apart**2))
             freedom, used, samples = freedom + len(difference) - 1, used + 1, samples + len(difference)
         spread = float(np.sqrt(squares / freedom / 2)) if freedom else None
         out.append(Repeatability(channel.name, channel.unit, spread, float(stated[c]), used, samples))
@@ -148,6 +153,12 @@ def autocorrelation_time(series: np.ndarray, *, window: float = 5.0) -> float:
         if lag >= window * tau:
             break
     return float(max(tau, 1.0))
+
+
+def _standing(robot: Robot, recording: Recording, rows: np.ndarray) -> int:
+    """How many rows (T, C) at the start a planar base stands still."""
+    actions, states = (rows[None][..., recording.columns(names)] for names in (robot.actions, robot.channels))
+    return int(standing(robot, actions[:, :-1], states)[0])
 
 
 def _autocorrelation(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

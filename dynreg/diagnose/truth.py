@@ -24,22 +24,44 @@ COUNTS = 4096  # a turn, of encoders that state no quantum
 LEAST_NOISE = 0.0005  # rad or m, of positions that state none
 SIZES = (0.7, 1.3)  # of the episodes: none so gentle that it says nothing
 REACH = 0.7  # of the bank's excitation: a robot that topples or whirls says less about causes than one that follows
+REST = 0.5  # s that a planar base stands still before each episode: so long the log sees where it stands
 TILES = 2.5  # nameplate errors are drawn within so many sigma
 
 
-class Disturbance(Effect):
-    """Torque noise of a hidden robot: held for one command, 1 sigma `torque`, drawn before the run."""
-
-    id, acts_on, title = "disturbance", "drive", "torque noise"
-    parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
+class _Noise(Effect):
+    """Noise of a hidden robot: held for one command, drawn before the run; its parameter is 1 sigma."""
 
     def __init__(self, noise: np.ndarray, substeps: int):
         self.noise, self.substeps = noise, substeps  # (rows, steps, joints)
 
-    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+    def why_not(self, robot: Robot) -> str | None:
+        return None
+
+    def now(self, x: Moment) -> np.ndarray:
+        """(rows, joints) of this time step."""
         count = x.memory.get("count", 0)
         x.memory["count"] = count + 1
-        return torque + p["torque"] * self.noise[:, min(count // self.substeps, self.noise.shape[1] - 1)]
+        return self.noise[:, min(count // self.substeps, self.noise.shape[1] - 1)]
+
+
+class Disturbance(_Noise):
+    """Torque noise of a hidden robot."""
+
+    id, acts_on, title = "disturbance", "drive", "torque noise"
+    parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + p["torque"] * self.now(x)
+
+
+class Unsteadiness(_Noise):
+    """Noise on the speeds that the drives of a hidden planar base are told."""
+
+    id, acts_on, title = "unsteadiness", "command", "noise on speeds"
+    parameters = (EffectParameter("speed", "rad/s", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="command"),)
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return u + p["speed"] * self.now(x)
 
 
 @dataclass(frozen=True)
@@ -74,8 +96,8 @@ def protocol(
 ) -> Protocol:
     """Random levels that saturate, a chirp, slow triangles, a torque-off drop, each twice; others to test.
 
-    Two fifths of `seconds` to fit, the same commands again to select, a fifth of new ones to test. reach : as in
-    `excitation`.
+    A planar base stands still at the start of each. Two fifths of `seconds` to fit, the same commands again to
+    select, a fifth of new ones to test. reach : as in `excitation`.
     Raises UsageError where there is no room for two episodes to fit and one to test.
     """
     rate = robot.rate
@@ -90,6 +112,9 @@ def protocol(
     bank = {"reach": reach, "sizes": SIZES}
     first = excitation(robot, seed=seed, name="diagnose", episodes=fits, steps=steps, **bank)
     last = excitation(robot, seed=seed, name="diagnose test", episodes=tests, steps=steps, **bank)
+    if robot.planar:
+        for bank_of in (first, last):
+            bank_of.actions[:, : round(REST * rate)] = 0.0
     join = lambda a: (  # noqa: E731
         None if getattr(first, a) is None else np.concatenate([getattr(first, a)] * 2 + [getattr(last, a)])
     )
@@ -199,11 +224,13 @@ def _disturbance(robot: Robot, hidden: Hidden, run: Run) -> Term:
     rng = stream(hidden.seed, "disturbance", robot.name)
     noise = rng.standard_normal((run.episodes, run.steps, len(robot.actions)))
     substeps = int(robot.substeps(run.period))
-    return Term(Disturbance(noise, substeps))
+    return Term((Unsteadiness if robot.planar else Disturbance)(noise, substeps))
 
 
 def _limit(robot: Robot) -> float:
-    return float(Coordinates(robot, _known(robot)).scales["torque"].mean())
+    """What a disturbance is a share of: the drives' torque limit, of a planar base their largest speed."""
+    scales = Coordinates(robot, _known(robot)).scales
+    return float(scales["command" if robot.planar else "torque"].mean())
 
 
 def _known(robot: Robot) -> np.ndarray:

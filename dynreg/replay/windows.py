@@ -10,6 +10,8 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+STILL = 5.0  # times its noise that a channel of a base that stands still may move
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -85,13 +87,41 @@ def windows(robot: Robot, recording: Recording) -> Windows:
         actions,
         inputs=inputs,
         settings=_settings(robot, recording)[[c[0] for c in cuts]],
-        initial=measured[:, 0],
+        initial=starts(robot, actions, measured),
         period=_period(recording),
         begin=_begins(recording, cuts),
     )
     spread, weight = _scales(robot, measured)
     numbers, rows = np.array(cuts)[:, 0], np.array(cuts)[:, 1:]
     return Windows(run, measured, spread, weight, numbers, rows, run.period)
+
+
+def starts(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """(W, S) measured states that windows begin with, from commands (W, T, A) and rows (W, T+1, S).
+
+    A planar base never forgets where it started, and one noisy row would turn its whole path: where it stands still
+    at first, its start is the mean of those rows.
+    """
+    out = measured[:, 0].copy()
+    for w, rows in enumerate(standing(robot, actions, measured)):
+        known = np.isfinite(measured[w, :rows]).all(axis=0)
+        out[w, known] = measured[w, :rows, known].mean(axis=1)
+    return out
+
+
+def standing(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """(W,) rows at the start of each window in which a planar base stands still; 1 for all else."""
+    rows = np.ones(len(measured), dtype=int)
+    if not robot.planar:
+        return rows
+    noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])
+    moves = (actions != 0).any(axis=2)
+    first = np.where(moves.any(axis=1), moves.argmax(axis=1), moves.shape[1])
+    for w, many in enumerate(first + 1):
+        apart = np.abs(measured[w, :many] - measured[w, :many].mean(axis=0))
+        if many > 1 and not (apart > STILL * noise).any():
+            rows[w] = many
+    return rows
 
 
 @dataclass

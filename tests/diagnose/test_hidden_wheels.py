@@ -1,0 +1,68 @@
+"""Hidden causes of a base on two wheels: found by name, none where none is; and what a start that is measured says."""
+
+import numpy as np
+import pytest
+
+from dynreg.diagnose.repeatability import repeatability
+from dynreg.diagnose.settings import TrialSettings
+from dynreg.diagnose.threshold import USUAL
+from dynreg.diagnose.trial import one_trial
+from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.replay.windows import STILL, standing, starts
+from dynreg.sim.effects import term
+from dynreg.sim.robot import Robot, load_robot
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("diffdrive")
+
+
+SETTINGS = TrialSettings(hide="nothing", threshold_runs=0, threads=1)
+
+
+@pytest.mark.parametrize("effect", ["wheel_gain", "drive_inertia", "wheel_slip", None])
+def test_a_hidden_cause_is_found_and_no_other(effect: str | None, robot: Robot):
+    """The truth runs on the unicycle engine, the diagnosis on the kinematic one; 20 nats are asked for."""
+    plan = protocol(robot, seed=1, seconds=25.0)
+    terms = (term(effect),) if effect else ()
+    found = one_trial(robot, plan, terms, "medium", 1, USUAL, SETTINGS, share=False)
+    assert found.named == effect and found.right
+    assert found.parameter_error is None or found.parameter_error < 0.2
+
+
+def test_a_base_that_stands_still_at_first_is_measured_many_times(robot: Robot):
+    rng = np.random.default_rng(0)
+    noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])
+    truth = np.array([1.0, 2.0, 0.0, 0.0, 0.3, -0.2, 0.7])
+    measured = truth + noise * rng.standard_normal((4, 41, len(truth)))
+    actions = np.zeros((4, 40, 2))
+    actions[0, 25:] = 3.0
+    actions[1, 0] = 3.0  # moves at once
+    actions[2, 10:] = 3.0
+    measured[2, 4:, 4] += 4 * STILL * noise[4]  # rolls without a command
+    actions[3, 25:] = 3.0
+    measured[3, 7, 5] = np.nan
+    np.testing.assert_array_equal(standing(robot, actions, measured), [26, 1, 1, 26])
+    begun = starts(robot, actions, measured)
+    np.testing.assert_array_equal(begun[1:3], measured[1:3, 0])
+    np.testing.assert_allclose(begun[0], measured[0, :26].mean(axis=0), rtol=1e-12)
+    assert np.abs((begun[0] - truth) / noise).max() < 4 / np.sqrt(26)
+    assert begun[3, 5] == measured[3, 0, 5]
+    assert begun[3, 4] == pytest.approx(measured[3, :26, 4].mean())
+    servo = load_robot("servo_pendulum")
+    rows = rng.standard_normal((2, 5, len(servo.channels)))
+    np.testing.assert_array_equal(starts(servo, np.zeros((2, 4, 1)), rows), rows[:, 0])
+
+
+def test_runs_of_a_base_part_from_their_common_start(robot: Robot):
+    """Its floor is what two runs of the same commands differ by, counted from where they stood: more than the noise."""
+    plan = protocol(robot, seed=0, seconds=25.0)
+    recording = log_of(robot, hide(robot, (), None, 3), plan)
+    by_name = {r.channel: r for r in repeatability(robot, recording)}
+    yaw, wheel = by_name["base/yaw"], by_name["left_wheel/position"]
+    assert yaw.pairs == 4 and yaw.spread > 1.1 * yaw.stated
+    episodes = [e.values[:, recording.names.index("left_wheel/position")] for e in recording.episodes[:8]]
+    apart = [a - b for a, b in zip(episodes[:4], episodes[4:], strict=True)]
+    expected = np.sqrt(np.mean([np.mean((d - d[:26].mean()) ** 2) for d in apart]) / 2)
+    assert wheel.spread == pytest.approx(expected, rel=0.01)
