@@ -13,6 +13,7 @@ from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.truth import hide, measured_states
 from dynreg.registry import Registry
+from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term
 
@@ -93,7 +94,8 @@ def null_score(
         problem.robot, hidden, windows.run, engine=problem.engine, threads=problem.threads
     )
     measured = np.where(np.isnan(windows.measured), np.nan, measured)
-    initial = np.where(np.isnan(windows.run.initial), np.nan, measured[:, 0])
+    begun = starts(problem.robot, windows.run.actions, measured)
+    initial = np.where(np.isnan(windows.run.initial), np.nan, begun)
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
     same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)
     fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
