@@ -14,7 +14,8 @@ from statistics import median
 import numpy as np
 
 from dynreg.diagnose.settings import TrialSettings
-from dynreg.diagnose.trial import one_trial, trial_threshold
+from dynreg.diagnose.threshold import USUAL, level
+from dynreg.diagnose.trial import null_scores, one_trial
 from dynreg.diagnose.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
 from dynreg.rng import stream_seed
@@ -23,6 +24,7 @@ from dynreg.sim.robot import Robot
 
 RESULTS = Path(__file__).parent / "results"
 TUNE = 3  # the seed of the development, of the commands and of the threshold
+PARTS = 10  # in which the threshold's robots are simulated
 MANY = 100  # trials: with more, a line tells of fifty
 NOTHING = "nothing"  # hidden or named
 RATES = ("right", "joint_right", "covered", "wrong", "false_alarm", "in_set")
@@ -81,13 +83,23 @@ def seeds(seed: int, *names: object, n: int) -> list[int]:
 def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace) -> float:
     """[nats] that a cause needs, from robots without any; printed."""
     began = time.perf_counter()
-    settings = TrialSettings(threshold_runs=given.threshold_runs, seed=TUNE, threads=given.processes)
-    needed = trial_threshold(None, robot, plan, settings)
+    if given.threshold_runs == 0:
+        needed = USUAL
+    else:
+        chunks = [(robot, plan, range(i, given.threshold_runs, PARTS)) for i in range(PARTS)]
+        with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
+            needed = level([score for scores in pool.map(nulls, chunks) for score in scores])
     seconds = time.perf_counter() - began
     print(
         f"{name}: threshold {needed:.1f} nats from {given.threshold_runs} robots, {seconds:.0f} s", flush=True
     )
     return needed
+
+
+def nulls(given: tuple[Robot, Protocol, range]) -> list[float]:
+    """[nats] of robots without an effect, by their numbers."""
+    robot, plan, numbers = given
+    return null_scores(robot, plan, TrialSettings(seed=TUNE, threads=1), numbers)
 
 
 def run(job: Job) -> TrialResult:

@@ -1,4 +1,6 @@
-"""Intervals: the posterior of all coordinates of a hypothesis, sampled, for long valleys and bounds have no curvature.
+"""Intervals: the posterior of all coordinates of a hypothesis; valleys and bounds have no curvature, so it is sampled.
+
+Where rollouts are dear (MuJoCo) it is the normal distribution of that curvature.
 
 Adaptive importance sampling (Cappe, Guillin, Marin, Robert: Population Monte Carlo, J. Comput. Graph. Stat. 13, 2004)
 with the weights of the deterministic mixture of all rounds (Cornuet, Marin, Mira, Robert: Adaptive Multiple Importance

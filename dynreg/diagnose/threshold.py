@@ -22,7 +22,7 @@ USUAL = 20.0  # and this is it where nothing was simulated
 ALARMS = 0.005  # of robots without an effect that may score more
 TAIL = 5  # of the largest scores, and at least a tenth of all: what the exponential tail is fitted to
 KIND = "threshold"
-SEARCH = 2  # goes up when scores change: thresholds found before no longer serve
+SEARCH = 3  # goes up when scores change: thresholds found before no longer serve
 Progress = Callable[[str, int, int], None]
 
 
@@ -58,15 +58,23 @@ def threshold(
         return Calibrated(known["nats"], tuple(known["scores"]), cached=True)
     scores = []
     for i in range(runs):
-        scores.append(
-            null_score(problem, terms, fit_on, select_on, stream_seed(seed, "no effect", i) % 2**31)
-        )
+        scores.append(null_score(problem, terms, fit_on, select_on, null_seed(seed, i)))
         if progress:
             progress("threshold", i + 1, runs)
-    found = Calibrated(max(LEAST, exceeded(scores)), tuple(scores))
+    found = Calibrated(level(scores), tuple(scores))
     if registry is not None:
         registry.put_result(KIND, None, {"key": key, "nats": found.nats, "scores": scores})
     return found
+
+
+def level(scores: Sequence[float]) -> float:
+    """The threshold [nats] that the best scores of robots without an effect ask for."""
+    return max(LEAST, exceeded(scores))
+
+
+def null_seed(seed: int, number: int) -> int:
+    """Of the robot without an effect of that number."""
+    return stream_seed(seed, "no effect", number) % 2**31
 
 
 def exceeded(scores: Sequence[float]) -> float:
@@ -86,7 +94,7 @@ def exceeded(scores: Sequence[float]) -> float:
 def null_score(
     problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, seed: int
 ) -> float:
-    """[nats] of the best cause for one simulated robot that has none, under the commands of the problem."""
+    """[nats] of the cause chosen for one simulated robot that has none, under the commands of the problem."""
     chosen = np.concatenate([fit_on, select_on])
     windows = problem.windows.take(chosen)
     hidden = hide(problem.robot, (), None, seed, problem.coordinates.tolerance)
@@ -100,8 +108,8 @@ def null_score(
     same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)
     fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
     base, effective = calibrate(same, fits, draws=0 if len(terms) > MANY else DRAWS)
-    ranking = name_one(same, base, terms, fits, selects, effective).ranking
-    return max(0.0, ranking[0].nats) if ranking else 0.0
+    chosen = name_one(same, base, terms, fits, selects, effective).chosen
+    return 0.0 if chosen is None else max(0.0, chosen.nats)
 
 
 def _key(

@@ -1,7 +1,7 @@
 """Trials: hide an effect in a simulated robot, diagnose its log blind, and score the answer."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings, TrialSettings
-from dynreg.diagnose.threshold import USUAL, threshold
+from dynreg.diagnose.threshold import USUAL, null_score, null_seed, threshold
 from dynreg.diagnose.truth import Hidden, Protocol, hide, log_of, protocol
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
@@ -61,20 +61,23 @@ def trial_threshold(
     """[nats] that a cause needs under the protocol's commands."""
     if settings.threshold_runs == 0:
         return USUAL
+    posed, seed = _without_effect(robot, plan, settings)
+    return threshold(registry, *posed, runs=settings.threshold_runs, seed=seed, progress=progress).nats
+
+
+def null_scores(robot: Robot, plan: Protocol, settings: TrialSettings, numbers: Iterable[int]) -> list[float]:
+    """[nats] of the robots without an effect of these numbers, which `trial_threshold` finds its threshold by."""
+    posed, seed = _without_effect(robot, plan, settings)
+    return [null_score(*posed, null_seed(seed, i)) for i in numbers]
+
+
+def _without_effect(robot: Robot, plan: Protocol, settings: TrialSettings):
+    """(problem, terms, fit windows, select windows) of a robot without an effect under the plan, and its seed."""
     seed = stream_seed(settings.seed, "threshold") % 2**31
     recording = log_of(robot, hide(robot, (), None, seed), plan, engine=_truth_engine(robot, settings))
     problem, split = pose(None, robot, recording, _blind(plan, settings))
-    found = threshold(
-        registry,
-        problem,
-        single_terms(robot),
-        np.flatnonzero(split.fit),
-        np.flatnonzero(split.select),
-        runs=settings.threshold_runs,
-        seed=seed,
-        progress=progress,
-    )
-    return found.nats
+    terms = single_terms(robot)
+    return (problem, terms, np.flatnonzero(split.fit), np.flatnonzero(split.select)), seed
 
 
 def one_trial(
@@ -220,7 +223,8 @@ def _jobs(robot: Robot, settings: TrialSettings) -> list[tuple[tuple[Term, ...],
         return [((shared[d],), settings.size, s) for d, s in zip(draw, seeds, strict=True)]
     chosen = tuple(term(key) for key in settings.effects)
     for t in chosen:
-        reason = t.effect.why_not(robot)
+        unknown = set(t.joints) - {name.split("/")[0] for name in robot.actions}
+        reason = f"it has no joint {min(unknown)!r}" if unknown else t.effect.why_not(robot)
         if reason:
             raise UsageError(
                 f"effect {t.key!r} on robot {robot.name!r}: {reason}",
