@@ -88,7 +88,9 @@ def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace
     else:
         chunks = [(robot, plan, range(i, given.threshold_runs, PARTS)) for i in range(PARTS)]
         with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-            needed = level([score for scores in pool.map(nulls, chunks) for score in scores])
+            scores = [score for part in pool.map(nulls, chunks) for score in part]
+        needed = level(scores)
+        print(f"largest scores without an effect: {[round(s, 1) for s in sorted(scores)[::-1][:10]]}")
     seconds = time.perf_counter() - began
     print(
         f"{name}: threshold {needed:.1f} nats from {given.threshold_runs} robots, {seconds:.0f} s", flush=True

@@ -19,7 +19,7 @@ from dynreg.sim.effects import Term
 
 LEAST = 5.0  # nats: no simulation lowers the threshold below this,
 USUAL = 20.0  # and this is it where nothing was simulated
-ALARMS = 0.005  # of robots without an effect that may score more
+ALARMS = 0.01  # of robots without an effect that may score more
 TAIL = 5  # of the largest scores, and at least a tenth of all: what the exponential tail is fitted to
 KIND = "threshold"
 SEARCH = 3  # goes up when scores change: thresholds found before no longer serve

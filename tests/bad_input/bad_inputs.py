@@ -487,12 +487,13 @@ def _populate_twice(tmp: Path, registry: Path) -> None:
 
 def _another_robot(tmp: Path, registry: Path) -> None:
     from dynreg import session
+    from dynreg.lookups import loaded_robot
 
     log = tmp / "other.csv"
     rows = (f"{0.005 * i:.3f},{0.01 * (i % 17)},{0.02 * (i % 5)},{0.3 * (i % 9)}\n" for i in range(400))
     log.write_text("time,carriage/position,carriage/velocity,carriage/force\n" + "".join(rows))
     with session.open(registry) as opened:
-        robot = opened._robot("emps")
+        robot = loaded_robot("emps")
         names = ["time", *robot.channels, *robot.actions]
         log.write_text(log.read_text().replace(log.read_text().splitlines()[0], ",".join(names), 1))
         opened.ingest(log, "emps", name="slide")

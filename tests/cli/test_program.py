@@ -135,6 +135,7 @@ def test_an_interrupt_is_one_line_and_exits_130(dynreg, session) -> None:
 def test_ctrl_c_ends_the_real_program_with_130(tmp_path: Path) -> None:
     code = (
         "import os, signal, time, dynreg.cli.call as c\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a parent in the background ignores it
         # the signal may reach another thread first: wait for it
         "c.Call.open = lambda *a, **k: (os.kill(os.getpid(), signal.SIGINT), time.sleep(30))\n"
         "from dynreg.cli.main import run; run()"
