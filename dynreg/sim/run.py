@@ -78,6 +78,21 @@ class Rollout:
     physics_steps: int
 
 
+@dataclass(frozen=True)
+class Walk:
+    """How the floating base of B simulators moved in E episodes, at the command times, the start included.
+
+    base : (B, E, T+1, 12) position [m] and Euler angles [rad] in the world, velocity [m/s, rad/s] in the body's
+        frame, in the order of `layout.BASE`; it stays where it was before a fall.
+    fell : (B, E) the first step at which the robot had fallen or diverged, T+1 where it had not.
+    physics_steps : time steps taken, over all simulators.
+    """
+
+    base: np.ndarray
+    fell: np.ndarray
+    physics_steps: int
+
+
 def motor_noise(seeds: np.ndarray, episodes: int, steps: int, actions: int) -> np.ndarray:
     """(B, E, T, A) standard normal draws; those of a simulator depend on its seed alone."""
     from dynreg.rng import stream

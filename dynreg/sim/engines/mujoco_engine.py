@@ -1,22 +1,28 @@
 """Any MJCF robot on `mujoco.batch.Batch`: each simulation with its own model fields, on a thread pool."""
 
 import copy
+from dataclasses import replace
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
-from dynreg.sim.effects import Terms
-from dynreg.sim.engines.acting import Acting, Clock, acting, configure_terms, observed, true_states
+from dynreg.sim.effects import Moment, Terms
+from dynreg.sim.engines.acting import Acting, Clock, acting, configure_terms, observed
+from dynreg.sim.engines.mujoco_reset import reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.fields import modify, set_field
-from dynreg.sim.layout import Layout, layout_of, observe, place
+from dynreg.sim.layout import Layout, base_motion, layout_of, observe
 from dynreg.sim.ports import Ports, nominal_ports, servo_law, takes_positions, varies
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run
+from dynreg.sim.run import Rollout, Run, Walk
+
+DIVERGED = 1e4  # rad/s or m/s
+_KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
 
 
 @quiet()
@@ -28,30 +34,93 @@ def rollout(
     Simulations are independent of each other and of the number of threads, bit for bit. A simulation that
     diverges holds NaN from then on.
     """
-    model, layout = compiled(robot)
-    n, episodes = len(values), run.episodes
-    batch = Batch(model, n * episodes, nthread=threads)
-    ports = configure(robot, batch, model, values, run)
-    active = acting(robot, terms, episodes, batch.nsim)
-    configure_terms(robot, active, ports, batch.expand)
-    inputs = episode_inputs(robot, n, run)
-    drives = Drives(batch, layout)
-    drives.apply(servo_law(ports, inputs[:, 0]), ports)
-    batch.set_const()
-    period, begin = clock_of(batch.nsim, ports, run)
-    h = _time_steps(robot, batch, period)
-    busy = busy_simulations(active, batch.nsim)
-    inertia = _inertia(robot, batch, model, layout) if len(busy) else None
-    _reset(robot, batch, model, layout, episodes, run, ports)
-    clock = Clock(_commands(layout, batch, ports, run), period, h, begin)
-    if len(busy):
-        steps = EffectSteps(batch, layout, drives, clock, busy, active, ports, inertia)
-    else:
-        steps = Steps(batch, layout, drives, clock, busy)
-    states, fell = _advance(robot, batch, layout, steps, drives, ports, inputs, active)
-    shape = (n, episodes)
-    taken = int(clock.substeps.sum()) * run.steps
-    return Rollout(states.reshape(*shape, run.steps + 1, -1), fell.reshape(shape), taken)
+    return Arena(robot, values, run, threads=threads, terms=terms).rollout(run)
+
+
+class Arena:
+    """B simulators, each for E episodes, set up and settled once; every run starts there, with other commands.
+
+    `run` gives the number of episodes and all but the commands: settings, inputs, initial states, period, noise.
+    slope : angle [rad] of the ground, rising ahead of the robot: gravity is turned.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        values: np.ndarray,
+        run: Run,
+        *,
+        threads: int = 0,
+        terms: Terms | None = None,
+        slope: float = 0.0,
+    ):
+        model, self.layout = compiled(robot)
+        n, episodes = len(values), run.episodes
+        self.robot, self._shape = robot, (n, episodes)
+        self._batch = batch = Batch(model, n * episodes, nthread=threads)
+        self._ports = ports = configure(robot, batch, model, values, run)
+        self._active = acting(robot, terms, episodes, batch.nsim)
+        configure_terms(robot, self._active, ports, batch.expand)
+        if slope:
+            gravity = batch.expand("opt.gravity")
+            down = -gravity[:, 2].copy()
+            gravity[:, 0], gravity[:, 2] = -np.sin(slope) * down, -np.cos(slope) * down
+        self._inputs = episode_inputs(robot, n, run)
+        self._drives = Drives(batch, self.layout)
+        self._drives.apply(servo_law(ports, self._inputs[:, 0]), ports)
+        batch.set_const()
+        self._period, self._begin = clock_of(batch.nsim, ports, run)
+        self._h = _time_steps(robot, batch, self._period)
+        self._busy = busy_simulations(self._active, batch.nsim)
+        self._inertia = _inertia(robot, batch, model, self.layout) if len(self._busy) else None
+        reset(robot, batch, model, self.layout, episodes, run, ports)
+        self._start = {name: batch.bind(name).copy() for name in _KEPT}
+        self._memory = [copy.deepcopy(a.moment.memory) for a in self._active]
+        self._used = False
+
+    def rollout(self, run: Run) -> Rollout:
+        """The whole episodes under the commands and motor noise of `run`, as the log would hold them."""
+        steps = self._steps(run)
+        states, fell = _advance(
+            self.robot, self._batch, self.layout, steps, self._drives, self._ports, self._inputs, self._active
+        )
+        taken = int(steps.clock.substeps.sum()) * run.steps
+        states = states.reshape(*self._shape, run.steps + 1, -1)
+        return Rollout(states, fell.reshape(self._shape), taken)
+
+    @quiet()
+    def walk(self, run: Run) -> Walk:
+        """How the base moves under the commands and motor noise of `run`; a simulation ends where it falls.
+
+        Raises SimulationError for a robot without a floating base.
+        """
+        if self.layout.base_qpos < 0:
+            raise SimulationError(
+                f"robot {self.robot.name!r} has no floating base",
+                expected="a model with a free joint: what stands on a bench does not walk",
+                do="name another robot",
+            )
+        steps = self._steps(run)
+        base, fell, taken = _walk(self.robot, self._batch, self.layout, steps)
+        shape = (*self._shape, run.steps + 1, -1)
+        return Walk(base.reshape(shape), fell.reshape(self._shape), taken)
+
+    def _steps(self, run: Run) -> Steps:
+        """Every simulation at its start, with the commands of `run` before it."""
+        batch = self._batch
+        if self._used:
+            for name, values in self._start.items():
+                batch.bind(name)[:] = values
+            for a, memory in zip(self._active, self._memory, strict=True):
+                a.moment = Moment(memory=copy.deepcopy(memory))
+            self._drives.apply(servo_law(self._ports, self._inputs[:, 0]), self._ports)
+        self._used = True
+        commands = _commands(self.layout, batch, self._ports, run)
+        clock = Clock(commands, self._period, self._h, self._begin)
+        if not len(self._busy):
+            return Steps(batch, self.layout, self._drives, clock, self._busy)
+        effects = (self._active, self._ports, self._inertia)
+        return EffectSteps(batch, self.layout, self._drives, clock, self._busy, *effects)
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
@@ -122,65 +191,6 @@ def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) 
     return matrix[:, diagonal[layout.action_dof]].copy()
 
 
-def _reset(
-    robot: Robot,
-    batch: Batch,
-    model: mujoco.MjModel,
-    layout: Layout,
-    episodes: int,
-    run: Run,
-    ports: Ports,
-) -> None:
-    """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states."""
-    name = robot.file.reset.keyframe
-    batch.reset(keyframe=model.keyframe(name).id if name else -1)
-    qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    same = 1 if robot.settings or robot.inputs else episodes  # episodes that settle alike
-    first = np.arange(0, batch.nsim, same)
-    pose = qpos[:, layout.action_qpos].copy()
-    if layout.base_qpos >= 0:
-        qpos[:, layout.base_qpos + 2] -= _clearance(batch, model)
-    if robot.file.reset.settle > 0:
-        ctrl[:, layout.action_actuator] = np.where(takes_positions(ports), pose, 0.0)
-        steps = np.ceil(robot.file.reset.settle / batch.expand("opt.timestep").reshape(-1)).astype(int)
-        for count in np.unique(steps[first]):
-            batch.step(ids=first[steps[first] == count], nstep=int(count))
-        qpos[:], qvel[:] = qpos[np.repeat(first, same)], qvel[np.repeat(first, same)]
-        batch.bind("qacc_warmstart")[:] = 0.0  # of the episode that settled: it would start unlike the others
-    if layout.base_qpos >= 0:
-        qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
-    if run.initial is not None:
-        known = np.tile(run.initial, (batch.nsim // episodes, 1))
-        place(layout, true_states(robot, known, ports), qpos, qvel)
-    rail = _rail(model, layout)
-    if rail >= 0:
-        qpos[:, rail] += np.maximum(-_clearance(batch, model), 0.0)
-
-
-def _rail(model: mujoco.MjModel, layout: Layout) -> int:
-    """Position of a vertical slide that carries the robot and that no log knows; -1 where there is none.
-
-    The robot is lifted along it until its feet are above the ground, whatever pose its joints start in.
-    """
-    known = {*layout.position[1], *layout.action_qpos}
-    for joint in range(model.njnt):
-        slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_axis[joint, 2] > 0.99
-        on_world = model.body_parentid[model.jnt_bodyid[joint]] == 0
-        if slide and on_world and model.jnt_qposadr[joint] not in known:
-            return int(model.jnt_qposadr[joint])
-    return -1
-
-
-def _clearance(batch: Batch, model: mujoco.MjModel) -> np.ndarray:
-    """(n,) height [m] of the lowest sphere or capsule end that can touch the ground, at the reset pose."""
-    centres = batch.bind("geom_xpos")  # outputs are filled by calls made after they are bound
-    batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-    spheres = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (model.geom_contype > 0))
-    if not len(spheres):
-        return np.zeros(batch.nsim)
-    return (centres[:, spheres, 2] - model.geom_size[spheres, 0]).min(axis=1)
-
-
 def _advance(
     robot: Robot,
     batch: Batch,
@@ -203,11 +213,41 @@ def _advance(
             drives.apply(servo_law(ports, inputs[:, t]), ports)
         steps.hold(t)
         trace_q[t + 1], trace_v[t + 1] = qpos, qvel
-    diverged = ~(np.abs(trace_v).max(axis=2) < 1e4)
+    diverged = ~(np.abs(trace_v).max(axis=2) < DIVERGED)
     states = observe(layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(robot.channels))
     states = observed(robot, active, states, ports, steps.clock.period)
     states[np.maximum.accumulate(diverged, axis=0).T] = np.nan
     return states, _fell(robot, layout, trace_q)
+
+
+def _walk(robot: Robot, batch: Batch, layout: Layout, steps: Steps) -> tuple[np.ndarray, np.ndarray, int]:
+    """(n, T+1, 12) the base, (n,) the step at which each simulation fell or diverged, time steps taken.
+
+    Simulations that fell stand still from then on, and are not advanced.
+    """
+    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+    commands = steps.clock.commands.shape[1]
+    at, dof = layout.base_qpos, layout.base_dof
+    trace_q, trace_v = np.empty((commands + 1, batch.nsim, 7)), np.empty((commands + 1, batch.nsim, 6))
+    trace_q[0], trace_v[0] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
+    fell, taken = np.full(batch.nsim, commands + 1), 0
+    for t in range(commands):
+        standing = fell > commands
+        if not standing.any():
+            trace_q[t + 1 :], trace_v[t + 1 :] = trace_q[t], trace_v[t]
+            break
+        steps.hold(t)
+        taken += int(steps.clock.substeps[standing].sum())
+        trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
+        down = standing & (_down(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
+        if down.any():
+            fell[down] = t + 1
+            steps.keep(fell > commands)
+    last = np.where(fell > commands, commands, fell - 1)
+    still = np.minimum(np.arange(commands + 1)[:, None], last)
+    rows = np.arange(batch.nsim)
+    base = base_motion(replace(layout, base_qpos=0, base_dof=0), trace_q[still, rows], trace_v[still, rows])
+    return np.swapaxes(base, 0, 1), fell, taken
 
 
 def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run) -> np.ndarray:
@@ -241,10 +281,16 @@ def limited_range(
 def _fell(robot: Robot, layout: Layout, trace_q: np.ndarray) -> np.ndarray:
     """(n,) first recorded step at which the base tilts or sinks too far; T+1 where it never does."""
     steps, n = trace_q.shape[:2]
-    if robot.file.fall is None or layout.base_qpos < 0:
+    if layout.base_qpos < 0:
         return np.full(n, steps)
-    at = layout.base_qpos
-    x, y = trace_q[..., at + 4], trace_q[..., at + 5]
-    upright = 1 - 2 * (x * x + y * y)
-    down = (upright < np.cos(robot.file.fall.tilt)) | (trace_q[..., at + 2] < robot.file.fall.height)
+    down = _down(robot, trace_q[..., layout.base_qpos :])
     return np.where(down.any(axis=0), down.argmax(axis=0), steps)
+
+
+def _down(robot: Robot, base: np.ndarray) -> np.ndarray:
+    """(...) whether a base (..., 7 or more: position, quaternion) tilts or sinks too far; never without [fall]."""
+    if robot.file.fall is None:
+        return np.zeros(base.shape[:-1], dtype=bool)
+    x, y = base[..., 4], base[..., 5]
+    upright = 1 - 2 * (x * x + y * y)
+    return (upright < np.cos(robot.file.fall.tilt)) | (base[..., 2] < robot.file.fall.height)

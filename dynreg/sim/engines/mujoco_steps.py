@@ -59,15 +59,22 @@ class Steps:
     def __init__(self, batch: Batch, layout: Layout, drives: Drives, clock: Clock, busy: np.ndarray):
         self._batch, self._drives, self.clock = batch, drives, clock
         self._ctrl, self._actuators = batch.bind("ctrl"), layout.action_actuator
-        idle = np.setdiff1d(np.arange(batch.nsim), busy)
-        counts = clock.substeps[idle]
-        self._groups = [(idle[counts == count], int(count)) for count in np.unique(counts)]
+        self._idle = np.setdiff1d(np.arange(batch.nsim), busy)
+        self._groups = self._grouped(self._idle)
 
     def hold(self, step: int) -> None:
         """Advance every simulation to the end of command number `step`."""
         self._ctrl[:, self._actuators] = self.clock.commands[:, step]
         for group, count in self._groups:
             self._step(group, count)
+
+    def keep(self, standing: np.ndarray) -> None:
+        """Advance only these simulations, (n,) flags, from here on."""
+        self._groups = self._grouped(self._idle[standing[self._idle]])
+
+    def _grouped(self, idle: np.ndarray) -> list[tuple[np.ndarray, int]]:
+        counts = self.clock.substeps[idle]
+        return [(idle[counts == count], int(count)) for count in np.unique(counts)]
 
     def _step(self, simulations: np.ndarray, count: int) -> None:
         whole = len(simulations) == self._batch.nsim
@@ -105,6 +112,10 @@ class EffectSteps(Steps):
         self._spring, self._springs = batch.bind("qfrc_spring"), batch.expand("jnt_stiffness").any()
         self._constraints, self._dry = batch.bind("nefc"), batch.bind("nf")
         batch.forward(ids=busy)  # the forces before the first time step
+
+    def keep(self, standing: np.ndarray) -> None:
+        super().keep(standing)
+        self._counts = np.where(standing[self._busy], self._counts, 0)
 
     def hold(self, step: int) -> None:
         super().hold(step)
