@@ -26,12 +26,13 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.settings import Settings
-from dynreg.diagnose.truth import DISTURBANCE, Disturbance, finer, hide
+from dynreg.diagnose.truth import hide
 from dynreg.errors import LogError
 from dynreg.results import Diagnosis
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Term, Terms, term
 from dynreg.sim.engines import rollout
+from dynreg.sim.real import DISTURBANCE, Disturbance, finer
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 

@@ -44,6 +44,10 @@ class SimulationError(DynregError):
     """A simulation that diverged or was asked for something its engine does not offer."""
 
 
+class BudgetError(DynregError):
+    """A robot that may not be tried any further."""
+
+
 class RegistryError(DynregError):
     """A registry directory that cannot be used as asked."""
 

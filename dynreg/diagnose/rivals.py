@@ -7,9 +7,9 @@ import numpy as np
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.separate import Pair
-from dynreg.diagnose.truth import LEAST_NOISE
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
+from dynreg.sim.real import LEAST_NOISE
 from dynreg.sim.run import Run
 
 SIZES = (0.3, 1.0, 2.0)  # medium sizes from which a fit may start

@@ -13,10 +13,10 @@ import numpy as np
 from dynreg.diagnose.candidates import Pool, joint_range
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.diagnose.problem import effective_samples
-from dynreg.diagnose.truth import DISTURBANCE, LEAST_NOISE, Disturbance
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
+from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, Disturbance
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 

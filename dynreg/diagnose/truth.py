@@ -12,56 +12,17 @@ from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
 from dynreg.errors import UsageError
 from dynreg.rng import stream
-from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms, Values
+from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
+from dynreg.sim.real import DISTURBANCE, disturbance, finer, sensed
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-FINER = 10  # physics steps of the truth for one of the model
-DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
-COUNTS = 4096  # a turn, of encoders that state no quantum
-LEAST_NOISE = 0.0005  # rad or m, of positions that state none
 SIZES = (0.7, 1.3)  # of the episodes: none so gentle that it says nothing
 REACH = 0.7  # of the bank's excitation: a robot that topples or whirls says less about causes than one that follows
 REST = 0.5  # s that a planar base stands still before each episode: so long the log sees where it stands
 TILES = 2.5  # nameplate errors are drawn within so many sigma
-
-
-class _Noise(Effect):
-    """Noise of a hidden robot: held for one command, drawn before the run; its parameter is 1 sigma."""
-
-    def __init__(self, noise: np.ndarray, substeps: int):
-        self.noise, self.substeps = noise, substeps  # (rows, steps, joints)
-
-    def why_not(self, robot: Robot) -> str | None:
-        return None
-
-    def now(self, x: Moment) -> np.ndarray:
-        """(rows, joints) of this time step."""
-        count = x.memory.get("count", 0)
-        x.memory["count"] = count + 1
-        return self.noise[:, min(count // self.substeps, self.noise.shape[1] - 1)]
-
-
-class Disturbance(_Noise):
-    """Torque noise of a hidden robot."""
-
-    id, acts_on, title = "disturbance", "drive", "torque noise"
-    parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
-
-    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return torque + p["torque"] * self.now(x)
-
-
-class Unsteadiness(_Noise):
-    """Noise on the speeds that the drives of a hidden planar base are told."""
-
-    id, acts_on, title = "unsteadiness", "command", "noise on speeds"
-    parameters = (EffectParameter("speed", "rad/s", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="command"),)
-
-    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return u + p["speed"] * self.now(x)
 
 
 @dataclass(frozen=True)
@@ -179,27 +140,14 @@ def measured_states(
     """(E, T+1, S) what the hidden robot's sensors say in the episodes of `run`: noise and quantisation included."""
     truth = finer(robot)
     active = Terms(
-        (*hidden.terms, _disturbance(truth, hidden, run)),
+        (*hidden.terms, disturbance(truth, run, stream(hidden.seed, "disturbance", robot.name))),
         (*(v[None] for v in hidden.values), np.array([[DISTURBANCE * _limit(robot)]])),
     )
     whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
     states = rollout(
         truth, hidden.parameters[None], whole, engine=engine, terms=active, threads=threads
     ).states[0]
-    noise = np.array([c.noise for c in robot.file.channels])
-    quantum = np.array([c.quantum for c in robot.file.channels])
-    position = np.array([name.endswith("/position") for name in robot.channels])
-    noise = np.where(position, np.maximum(noise, LEAST_NOISE), noise)
-    quantum = np.where(position & (quantum == 0), 2 * np.pi / COUNTS, quantum)
-    states = states + noise * stream(hidden.seed, "sensors", robot.name).standard_normal(states.shape)
-    grid = np.where(quantum > 0, quantum, 1.0)
-    return np.where(quantum > 0, np.round(states / grid) * grid, states)
-
-
-def finer(robot: Robot) -> Robot:
-    """The robot with a physics time step `FINER` times finer."""
-    table = robot.file.robot.model_copy(update={"timestep": robot.file.robot.timestep / FINER})
-    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
+    return sensed(robot, states, stream(hidden.seed, "sensors", robot.name))
 
 
 def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
@@ -218,13 +166,6 @@ def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
         settings = {} if run.settings is None else dict(zip(robot.settings, run.settings[e], strict=True))
         episodes.append(Episode(name, time, values[e], settings))
     return Recording(tuple(channels), tuple(episodes), measured=False)
-
-
-def _disturbance(robot: Robot, hidden: Hidden, run: Run) -> Term:
-    rng = stream(hidden.seed, "disturbance", robot.name)
-    noise = rng.standard_normal((run.episodes, run.steps, len(robot.actions)))
-    substeps = int(robot.substeps(run.period))
-    return Term((Unsteadiness if robot.planar else Disturbance)(noise, substeps))
 
 
 def _limit(robot: Robot) -> float:

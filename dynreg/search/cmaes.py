@@ -10,13 +10,26 @@ class CmaEs:
 
     Parameters
     ----------
-    start : (P,) where to begin. sigma : first step size in the unit cube. seed : of its random draws.
+    start : (P,) where to begin. sigma : first step size in the unit cube. seed : of its random draws, which come
+    from numpy's global generator; with `rng` they come from that one alone. batch : candidates of one ask.
     """
 
-    def __init__(self, start: np.ndarray, *, sigma: float = 0.3, seed: int = 0):
+    def __init__(
+        self,
+        start: np.ndarray,
+        *,
+        sigma: float = 0.3,
+        seed: int = 0,
+        rng: np.random.Generator | None = None,
+        batch: int | None = None,
+    ):
         import cma
 
         options = {"bounds": [0.0, 1.0], "seed": seed % (2**31 - 1) + 1, "verbose": -9, "tolflatfitness": 50}
+        if rng is not None:
+            options |= {"seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape)}
+        if batch is not None:
+            options["popsize"] = batch
         self._search = cma.CMAEvolutionStrategy(np.clip(start, 0.0, 1.0), sigma, options)
         self._asked: list[np.ndarray] | None = None
 
@@ -34,6 +47,11 @@ class CmaEs:
             raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
         self._search.tell(self._asked, [float(x) for x in losses])
         self._asked = None
+
+    @property
+    def batch(self) -> int:
+        """Candidates of one ask."""
+        return int(self._search.popsize)
 
     @property
     def stopped(self) -> bool:

@@ -35,6 +35,7 @@ def _problems(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
                     yield (group, i, "sets"), problem
     yield from _populations(file)
     yield from _wheels(file)
+    yield from _gait(file)
 
 
 def _wheels(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
@@ -52,6 +53,23 @@ def _wheels(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
                     do="add the action, or correct the wheel",
                 ),
             )
+
+
+def _gait(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
+    driven = [action.name.split("/")[0] for action in file.actions]
+    for i, leg in enumerate(file.gait.legs if file.gait else ()):
+        for joint in leg.joints.values():
+            if joint not in driven:
+                problem = RobotError(
+                    f"leg {leg.name!r}: no action drives joint {joint!r}",
+                    expected=f"joints out of {driven}",
+                    do="correct [[gait.legs]]",
+                )
+                yield ("gait", "legs", i, "joints"), problem
+    if file.tasks and file.gait is None:
+        problem = RobotError("there are tasks, but no [gait]", expected="the legs and roles", do="add [gait]")
+        yield ("tasks", 0, "name"), problem
+    yield from _twice([("tasks", i, t.name) for i, t in _tables(file, "tasks")])
 
 
 def _populations(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:

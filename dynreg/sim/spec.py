@@ -3,13 +3,10 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator, model_validator
+from pydantic import Field, Strict, field_validator, model_validator
 
-
-class Table(BaseModel):
-    """A table of the file: unknown keys are errors, numbers are finite, nothing changes after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+from dynreg.sim.gait_tables import GaitTable, TaskTable
+from dynreg.sim.table import Table
 
 
 class RobotTable(Table):
@@ -273,3 +270,5 @@ class RobotFile(Table):
     excitation: ExcitationTable = ExcitationTable()
     replay: ReplayTable = ReplayTable()
     populations: dict[str, PopulationTable] = Field(default_factory=dict)
+    gait: GaitTable | None = None
+    tasks: list[TaskTable] = Field(default_factory=list)

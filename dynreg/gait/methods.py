@@ -1,0 +1,5 @@
+"""Names of the searches for gaits, and of what they may raise; without heavy imports."""
+
+METHODS = ("cma", "hill", "random")
+ACCEPT = ("min", "mean", "quantile")
+SOURCES = ("neighbours", "synthesised", "diagnosed", "nominal", "random", "population")

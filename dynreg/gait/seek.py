@@ -1,0 +1,129 @@
+"""The search for a gait on k simulators."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.gait.methods import ACCEPT, METHODS
+from dynreg.gait.tasks import fitness
+from dynreg.gait.trials import Trials
+from dynreg.rng import stream
+from dynreg.search.drive import Found, Limits, Search, drive
+from dynreg.search.journal import Journal
+from dynreg.sim.run import Walk
+
+QUARTILE = 0.25
+RESTARTS = 5  # climbers of the paper
+STEP = 0.1  # of the range, 1 sigma, of the paper
+SPREAD = 0.15  # of the range, the first step size of CMA-ES
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How a gait is sought. rollouts : runs of one simulator, in all; patience, target : see `drive.Limits`."""
+
+    method: str = METHODS[0]
+    accept: str = ACCEPT[0]
+    rollouts: int = 750
+    seed: int = 0
+    patience: int | None = None
+    target: float | None = None
+
+    def __post_init__(self):
+        for name, value, choices in (("method", self.method, METHODS), ("accept", self.accept, ACCEPT)):
+            if value not in choices:
+                raise UsageError(
+                    f"{name} {value!r}", expected=f"one of {list(choices)}", do="choose one of them"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked."""
+
+    found: Found
+    genes: np.ndarray
+    fitness: np.ndarray
+    fell: np.ndarray
+    walk: Walk
+
+
+def seek(
+    trials: Trials,
+    settings: SearchSettings,
+    *,
+    journal: Path | None = None,
+    resume: bool = False,
+    key: Mapping[str, Any] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Sought:
+    """The gait with the highest accepted fitness; the same settings give the same gait.
+
+    journal : a file to go on from when the search was interrupted (`resume`); `key` is what makes it this search.
+    Raises UsageError where the rollouts do not suffice for one batch of candidates.
+    """
+    space = trials.space
+    search, batch = _search(trials, settings)
+    evaluations = settings.rollouts // len(trials.simulators)
+    if evaluations < batch:
+        raise UsageError(
+            f"{settings.rollouts} rollouts in {len(trials.simulators)} simulators",
+            expected=f"at least {batch * len(trials.simulators)}: {batch} gaits at a time in each",
+            do="raise --rollouts or lower -k",
+        )
+    kept = Journal(journal, key or {}, resume=resume) if journal else None
+    gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
+    found = drive(
+        search,
+        lambda unit: trials.grades(gaits(unit)),
+        _judge(settings),
+        Limits(evaluations, settings.patience, settings.target),
+        journal=kept,
+        progress=(lambda done, total: progress("search", done, total)) if progress else None,
+    )
+    genes = gaits(found.best[None])
+    walk = trials.walk(genes)
+    fell = walk.fell[:, 0] < walk.base.shape[2]
+    if kept:
+        kept.done()
+    return Sought(found, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, walk)
+
+
+def accepted(values: np.ndarray, how: str) -> np.ndarray:
+    """(n,) of fitness (n, k): the minimum, the mean or the lower quartile over the simulators."""
+    if how == "mean":
+        return values.mean(axis=1)
+    return values.min(axis=1) if how == "min" else np.quantile(values, QUARTILE, axis=1)
+
+
+def _judge(settings: SearchSettings) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    def judge(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values = accepted(fitness(grades), settings.accept)
+        # CMA-ES ranks its candidates, the fallen ones too; the hill climber is the paper's
+        return values, -accepted(grades, settings.accept) if settings.method == "cma" else -values
+
+    return judge
+
+
+def _search(trials: Trials, settings: SearchSettings) -> tuple[Search, int]:
+    """The search and its number of candidates at a time; all begin at the robot's `start`, where it has one."""
+    from dynreg.search.at_random import AtRandom
+    from dynreg.search.cmaes import CmaEs
+    from dynreg.search.hill import HillClimber
+
+    space = trials.space
+    rng = stream(settings.seed, "gait", settings.method)
+    if settings.method == "hill":
+        climber = HillClimber(
+            len(space), rng=rng, restarts=RESTARTS, step=STEP, periodic=space.periodic, start=space.start
+        )
+        return climber, RESTARTS
+    if settings.method == "random":
+        return AtRandom(len(space), rng=rng, batch=10, start=space.start), 10
+    middle = np.full(len(space), 0.5) if space.start is None else space.start
+    evolution = CmaEs(middle, sigma=SPREAD, rng=rng)
+    return evolution, evolution.batch

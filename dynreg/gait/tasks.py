@@ -1,0 +1,171 @@
+"""Tasks: what a gait is sought for. One class each, by kind; plugins through the entry points `dynreg.tasks`."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+
+from dynreg.errors import RobotError, UsageError
+from dynreg.sim.gait_tables import TaskTable
+from dynreg.sim.layout import BASE
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Walk
+
+FELL = -1000.0  # below every score
+X, Y, YAW = (BASE.index(name) for name in ("x", "y", "yaw"))
+
+
+class Task:
+    """A task as robot.toml names it. A kind of task gives its score and, where it has numbers, their defaults.
+
+    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved.
+
+    unit : of the fitness. defaults : {name: value} of the kind's numbers, which `values` of [[tasks]] overrides.
+    score(base) : (B, E) from base (B, E, T+1, 12), in the order of `layout.BASE`; see `Walk`.
+    slope() : angle of the ground [rad].
+    """
+
+    kind: ClassVar[str]
+    unit: ClassVar[str] = "m"
+    defaults: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    score: ClassVar[Callable]
+
+    def __init__(self, table: TaskTable):
+        unknown = sorted(set(table.values) - set(self.defaults))
+        if unknown:
+            raise RobotError(
+                f"task {table.name!r}: unknown value {unknown[0]!r}",
+                expected=f"some of {sorted(self.defaults)}",
+                do="correct [[tasks]] in robot.toml",
+            )
+        self.name, self.seconds, self.success = table.name, table.seconds, table.success
+        self.values = {**self.defaults, **table.values}
+
+    def slope(self) -> float:
+        """Angle of the ground [rad], rising ahead."""
+        return 0.0
+
+    def grade(self, walk: Walk) -> np.ndarray:
+        """(B, E) scores of walks; where the robot fell, `FELL` and the share of the time that it stood.
+
+        The fitness of a fall is 0 (`fitness`), but a search that ranks wants to know the less bad ones.
+        """
+        whole = walk.base.shape[2]
+        return np.where(walk.fell < whole, FELL + walk.fell / whole, self.score(walk.base))
+
+
+def fell(grades: np.ndarray) -> np.ndarray:
+    """Which grades are those of falls."""
+    return grades < FELL / 2
+
+
+def fitness(grades: np.ndarray) -> np.ndarray:
+    """The fitness of grades: the score, 0 for a fall."""
+    return np.where(fell(grades), 0.0, grades)
+
+
+def progress(base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(B, E) metres ahead and to the left, as the robot looked at the start, of base (B, E, T+1, 12)."""
+    moved = base[:, :, -1, [X, Y]] - base[:, :, 0, [X, Y]]
+    yaw = base[:, :, 0, YAW]
+    ahead = np.cos(yaw) * moved[..., 0] + np.sin(yaw) * moved[..., 1]
+    return ahead, np.cos(yaw) * moved[..., 1] - np.sin(yaw) * moved[..., 0]
+
+
+class Forward(Task):
+    """Metres ahead less metres of lateral drift."""
+
+    kind = "forward"
+
+    def score(self, base: np.ndarray) -> np.ndarray:
+        ahead, left = progress(base)
+        return ahead - np.abs(left)
+
+
+class Slope(Forward):
+    """The same on ground that rises by `angle` [rad]."""
+
+    kind = "slope"
+    defaults = MappingProxyType({"angle": 0.07})
+
+    def slope(self) -> float:
+        return self.values["angle"]
+
+
+class Turn(Task):
+    """Radians turned to the left (to the right where `side` is -1), less `drift` [rad/m] for metres moved."""
+
+    kind, unit = "turn", "rad"
+    defaults = MappingProxyType({"side": 1.0, "drift": 1.0})
+
+    def score(self, base: np.ndarray) -> np.ndarray:
+        turned = np.unwrap(base[..., YAW], axis=-1)
+        ahead, left = progress(base)
+        angle = self.values["side"] * (turned[..., -1] - turned[..., 0])
+        return angle - self.values["drift"] * np.hypot(ahead, left)
+
+
+class Speed(Task):
+    """How well `speed` [m/s] straight ahead is kept: 1 where it is, 0 for standing still."""
+
+    kind, unit = "speed", "1"
+    defaults = MappingProxyType({"speed": 0.1})
+
+    def score(self, base: np.ndarray) -> np.ndarray:
+        ahead, left = progress(base)
+        wanted = self.values["speed"] * self.seconds
+        return 1.0 - np.hypot(ahead - wanted, left) / abs(wanted)
+
+
+@cache
+def kinds() -> Mapping[str, type[Task]]:
+    """{kind: class} of dynreg's tasks and those of installed plugins; RobotError where a plugin is none."""
+    table: dict[str, type[Task]] = {cls.kind: cls for cls in (Forward, Turn, Speed, Slope)}
+    for point in entry_points(group="dynreg.tasks"):
+        try:
+            plugin = point.load()
+        except Exception as error:
+            raise RobotError(
+                f"plugin {point.value} cannot be loaded: {type(error).__name__}: {error}",
+                expected="a class derived from dynreg.gait.tasks.Task",
+                do="mend it, or uninstall its package",
+            ) from error
+        if plugin.kind in table:
+            raise RobotError(
+                f"plugin {point.value} brings a task of kind {plugin.kind!r}",
+                expected="a kind that is not taken",
+                do="rename it",
+            )
+        table[plugin.kind] = plugin
+    return MappingProxyType(table)
+
+
+def task_of(robot: Robot, name: str | None = None) -> Task:
+    """A robot's task by name, the first where `name` is None.
+
+    Raises RobotError where the robot has none or its kind is unknown, UsageError for an unknown name.
+    """
+    tables = {table.name: table for table in robot.file.tasks}
+    if not tables:
+        raise RobotError(
+            f"robot {robot.name!r} has no walking task",
+            expected="[[tasks]] in robot.toml",
+            do="add one, or name a robot that walks, such as 'quadruped'",
+        )
+    if name is not None and name not in tables:
+        raise UsageError(
+            f"robot {robot.name!r} has no task {name!r}",
+            expected=f"one of {list(tables)}",
+            do="choose one of them, or add it to robot.toml",
+        )
+    table = tables[name or next(iter(tables))]
+    if table.kind not in kinds():
+        raise RobotError(
+            f"task {table.name!r} is of unknown kind {table.kind!r}",
+            expected=f"one of {list(kinds())}",
+            do="correct it, or install the plugin that brings it",
+        )
+    return kinds()[table.kind](table)

@@ -1,0 +1,121 @@
+"""Gaits on several simulators at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dynreg.errors import RobotError
+from dynreg.gait.space import GaitSpace, gait_space
+from dynreg.gait.tasks import Task
+from dynreg.rng import stream_seed
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import Term, Terms
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run, Walk, motor_noise
+
+if TYPE_CHECKING:
+    from dynreg.sim.engines.mujoco_engine import Arena
+
+LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which a sine is none
+
+
+@dataclass(frozen=True, eq=False)
+class Simulators:
+    """k simulators of one robot: values (k, P) and their effects."""
+
+    values: np.ndarray
+    terms: Terms | None = None
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+def simulators_of(robot: Robot, configs: Sequence[SimConfig], known: np.ndarray | None = None) -> Simulators:
+    """The simulators of configurations, all with the parameters (P,) that are known of the real robot (not NaN)."""
+    values = np.array([robot.space.from_dict(dict(config.values)) for config in configs])
+    if known is not None:
+        values = np.where(np.isnan(known), values, known)
+    each = [terms_of(config) for config in configs]
+    table: dict[str, Term] = {term.key: term for terms in each for term in terms.terms}
+    columns = []
+    for key, term in table.items():
+        column = np.full((len(configs), len(term.effect.parameters)), np.nan)
+        for row, terms in enumerate(each):
+            for own, found in zip(terms.terms, terms.values, strict=True):
+                if own.key == key:
+                    column[row] = found[0]
+        columns.append(column)
+    return Simulators(values, Terms(tuple(table.values()), tuple(columns)) if table else None)
+
+
+class Trials:
+    """Runs gaits in k simulators; counts the runs.
+
+    rate : commands a second [Hz]. Every simulator draws its motor noise once, the same for all gaits, so that
+    gaits are compared and not their luck. Raises RobotError where the robot cannot walk or commands are too rare.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        task: Task,
+        simulators: Simulators,
+        *,
+        rate: float,
+        seed: int = 0,
+        threads: int = 0,
+    ):
+        if "mujoco" not in robot.file.robot.engines:
+            raise RobotError(
+                f"robot {robot.name!r} has no engine 'mujoco'",
+                expected="walking robots to name it in robot.toml",
+                do="add it to `engines`",
+            )
+        self.space: GaitSpace = gait_space(robot)
+        fastest = self.space.bounds[0, 1]
+        if rate < LEAST_RATE * fastest:
+            raise RobotError(
+                f"{rate:.3g} commands a second for gaits of up to {fastest:g} Hz",
+                expected=f"at least {LEAST_RATE * fastest:g} Hz",
+                do="lower `frequency` of [gait], or command the robot more often",
+            )
+        self.robot, self.task, self.simulators, self.rate = robot, task, simulators, rate
+        self.rollouts = self.physics_steps = 0
+        self._threads = threads
+        self.times = np.arange(max(round(task.seconds * rate), 1)) / rate
+        seeds = np.array([stream_seed(seed, "gait noise", i) % 2**62 for i in range(len(simulators))])
+        self._noise = motor_noise(seeds, 1, len(self.times), len(robot.actions))
+        self._arenas: dict[int, Arena] = {}
+
+    def walk(self, genes: np.ndarray) -> Walk:
+        """What gaits (n, G) do in every simulator: (k, n)."""
+        run = self._run(genes)
+        if len(genes) not in self._arenas:
+            self._arenas = {len(genes): self._arena(run)}
+        walk = self._arenas[len(genes)].walk(run)
+        self.rollouts += len(genes) * len(self.simulators)
+        self.physics_steps += walk.physics_steps
+        return walk
+
+    def grades(self, genes: np.ndarray) -> np.ndarray:
+        """(n, k) of gaits (n, G); see `Task.grade`."""
+        return self.task.grade(self.walk(genes)).T
+
+    def _run(self, genes: np.ndarray) -> Run:
+        actions = self.space.targets(genes, self.times)
+        noise = np.broadcast_to(self._noise, (len(self.simulators), *actions.shape))
+        return Run(actions, period=1.0 / self.rate, noise=noise)
+
+    def _arena(self, run: Run) -> "Arena":
+        from dynreg.sim.engines.mujoco_engine import Arena
+
+        return Arena(
+            self.robot,
+            self.simulators.values,
+            run,
+            threads=self._threads,
+            terms=self.simulators.terms,
+            slope=self.task.slope(),
+        )

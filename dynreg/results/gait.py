@@ -1,0 +1,108 @@
+"""The answer of `gait`: joint commands that walk in k simulators, and how well."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from dynreg.results.result import Cost, Result
+
+
+class GaitGene(Result):
+    """One number of a gait, with the bounds in which it was sought."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+class GaitTrial(Result):
+    """The gait in one simulator: its fitness (0 for a fall), and the body's way over the ground [m, rad].
+
+    simulator : id of a registered simulator or entry. time [s] of the points of the way, before a fall.
+    """
+
+    simulator: str
+    kind: str
+    fitness: float
+    fell: bool
+    parameters: dict[str, float]
+    time: list[float]
+    x: list[float]
+    y: list[float]
+    yaw: list[float]
+
+
+class GaitStep(Result):
+    """The best value after so many candidates."""
+
+    evaluations: int
+    value: float
+
+
+class Fitness(Result):
+    """The fitness over the simulators, in the task's unit; `quantile` is the lower quartile."""
+
+    min: float
+    mean: float
+    quantile: float
+
+
+class Gait(Result):
+    """Sinusoidal joint commands found by a search in k simulators.
+
+    In leg l joint j is told sign (offset_j + amplitude_j sin(2 pi frequency t + phase_l + phase_j)), for `seconds`,
+    `rate` times a second, faded in from the rest pose over `ramp` seconds.
+
+    recording : that the simulators were chosen for; on : how; source : the stored result that they came from.
+    succeeded : it fell in no simulator and reached `success` in all. value : what the search raised, by `accept`.
+    rest : the pose [rad] of the `actions` before it begins. ended : why the search ended.
+    """
+
+    schema_: Literal["dynreg/gait/1"] = Field(default="dynreg/gait/1", alias="schema")
+    robot: str
+    robot_hash: str
+    recording: str
+    recording_name: str
+    on: str
+    k: int
+    source: str | None
+    task: str
+    unit: str
+    success: float
+    seconds: float
+    rate: float
+    ramp: float
+    genes: dict[str, GaitGene]
+    actions: tuple[str, ...]
+    rest: tuple[float, ...]
+    accept: Literal["min", "mean", "quantile"]
+    value: float
+    fitness: Fitness
+    succeeded: bool
+    trials: tuple[GaitTrial, ...]
+    method: str
+    seed: int
+    ended: str
+    history: tuple[GaitStep, ...]
+    evaluations: int
+    resumed: int
+    cost: Cost
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [{"gene": name, **gene.to_dict()} for name, gene in self.genes.items()]
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        told = [
+            {"simulator": t.simulator[:12], "kind": t.kind, "fitness": t.fitness, "fell": t.fell}
+            for t in self.trials
+        ]
+        return {"": self.rows(), "in the simulators": told}
+
+    def __str__(self) -> str:
+        falls = sum(t.fell for t in self.trials)
+        how = "succeeded" if self.succeeded else f"fell in {falls} of {self.k}" if falls else "too little"
+        return (
+            f"{self.recording_name}: {self.task} {self.fitness.min:.3g} {self.unit} at worst, "
+            f"{self.fitness.mean:.3g} on average in {self.k} simulators: {how}"
+        )

@@ -1,0 +1,97 @@
+"""Drives any ask-and-tell search within a budget; what was asked and found is kept, so that it can go on later."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from dynreg.search.journal import Journal
+
+
+class Search(Protocol):
+    """What proposes candidates in the unit cube and learns from their losses."""
+
+    stopped: bool
+
+    def ask(self) -> np.ndarray:
+        """(n, P) candidates to evaluate."""
+
+    def tell(self, losses: np.ndarray) -> None:
+        """Losses (n,) of the candidates asked for, lower is better."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a search ends.
+
+    evaluations : candidates at most (the last batch may not begin where it would not fit). patience : candidates
+    without a better one after which to give up, None for never. target : value that is good enough.
+    """
+
+    evaluations: int
+    patience: int | None = None
+    target: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best candidate (P,), its grades (k,) and value, and (evaluations, best value) whenever it rose.
+
+    ended : "budget", "patience", "target" or "converged". resumed : evaluations taken from the journal.
+    """
+
+    best: np.ndarray
+    grades: np.ndarray
+    value: float
+    history: tuple[tuple[int, float], ...]
+    evaluations: int
+    resumed: int
+    ended: str
+
+
+def drive(
+    search: Search,
+    grades: Callable[[np.ndarray], np.ndarray],
+    judge: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    limits: Limits,
+    *,
+    journal: Journal | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Found:
+    """Look for the candidate with the highest value.
+
+    grades : (n, k) of candidates (n, P). judge : values (n,) of grades (n, k), and the losses (n,) to tell.
+    journal : what an interrupted run of the same search left; its candidates are not evaluated again.
+    """
+    best, spent, resumed, last, history = None, 0, 0, 0, []
+    while True:
+        asked = search.ask()
+        known = journal.next(asked) if journal else None
+        found = grades(asked) if known is None else known
+        if known is not None:
+            resumed += len(asked)
+        elif journal:
+            journal.add(asked, found)
+        values, losses = judge(found)
+        search.tell(losses)
+        at = int(values.argmax())
+        if best is None or values[at] > best[2]:
+            best, last = (asked[at], found[at], float(values[at])), spent + at + 1
+            history.append((last, best[2]))
+        spent += len(asked)
+        if progress:
+            progress(spent, limits.evaluations)
+        ended = _ended(search, limits, best[2], spent, spent - last, len(asked))
+        if ended:
+            return Found(*best, tuple(history), spent, resumed, ended)
+
+
+def _ended(search: Search, limits: Limits, value: float, spent: int, since: int, batch: int) -> str:
+    if limits.target is not None and value >= limits.target:
+        return "target"
+    if limits.patience is not None and since >= limits.patience:
+        return "patience"
+    if search.stopped:
+        return "converged"
+    return "budget" if spent + batch > limits.evaluations else ""

@@ -1,0 +1,78 @@
+"""What `robot.toml` may say about walking: the gait's roles and legs, and the tasks."""
+
+from typing import Annotated
+
+from pydantic import Field, Strict, model_validator
+
+from dynreg.sim.table import Table
+
+Range = Annotated[tuple[float, float], Strict(False)]
+
+
+class RoleTable(Table):
+    """[[gait.roles]]: what the joints of this name have in common in every leg; bounds [rad].
+
+    `amplitude` of the sine and `offset`, the angle about which it swings.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
+    amplitude: Range
+    offset: Range
+
+
+class LegTable(Table):
+    """[[gait.legs]]: the joint of every role; `mirrored` are the roles whose joints turn the other way here."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
+    joints: dict[str, str]
+    mirrored: list[str] = Field(default_factory=list)
+
+
+class GaitTable(Table):
+    """[gait]: bounds of the sinusoidal gait: `frequency` [Hz]; `ramp` [s] from the reset pose into it.
+
+    start : {gene: value} of a gait where searches begin; genes that are not named stand in the middle.
+    """
+
+    frequency: Range
+    ramp: float = Field(default=1.0, gt=0)
+    roles: list[RoleTable] = Field(min_length=1)
+    legs: list[LegTable] = Field(min_length=2)
+    start: dict[str, float] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _parts(self):
+        ranges = {"frequency": self.frequency}
+        for role in self.roles:
+            ranges |= {f"amplitude of {role.name}": role.amplitude, f"offset of {role.name}": role.offset}
+        for name, (low, high) in ranges.items():
+            if not low < high:
+                raise ValueError(f"{name}: low {low} is not below high {high}")
+        if self.frequency[0] <= 0 or any(role.amplitude[0] < 0 for role in self.roles):
+            raise ValueError("a frequency must be above 0, and an amplitude not below it")
+        roles = [role.name for role in self.roles]
+        names = [leg.name for leg in self.legs]
+        if len({*roles}) < len(roles) or len({*names}) < len(names):
+            raise ValueError("two roles or two legs have one name")
+        for leg in self.legs:
+            if sorted(leg.joints) != sorted(roles):
+                raise ValueError(
+                    f"leg {leg.name!r} has joints for {sorted(leg.joints)}, not for {sorted(roles)}"
+                )
+            if set(leg.mirrored) - set(roles):
+                raise ValueError(f"leg {leg.name!r} mirrors {leg.mirrored}, not some of {roles}")
+        return self
+
+
+class TaskTable(Table):
+    """[[tasks]]: what a gait is sought for; `kind` is one of dynreg's or of a plugin (`dynreg.tasks`).
+
+    seconds : how long a trial is. success : the least fitness that counts as done, without a fall.
+    values : numbers of the kind, such as {speed = 0.2}.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
+    kind: str = "forward"
+    seconds: float = Field(default=10.0, gt=0)
+    success: float = 0.3
+    values: dict[str, float] = Field(default_factory=dict)

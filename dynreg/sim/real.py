@@ -1,0 +1,204 @@
+"""The only door to a robot whose truth is not known: every trial is counted, and the budget is kept.
+
+`SimulatedRobot` is one for experiments: secret parameters, effects that no simulator of the family has, a finer
+time step, a torque disturbance, sensor noise and quantisation.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.errors import BudgetError, UsageError
+from dynreg.rng import stream
+from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms, Values
+from dynreg.sim.ports import nominal_ports
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run, Walk
+
+FINER = 10  # physics steps of the truth for one of the model
+DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
+COUNTS = 4096  # a turn, of encoders that state no quantum
+LEAST_NOISE = 0.0005  # rad or m, of positions that state none
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What trials on a robot may cost in all: their number, their seconds, falls; None for no limit."""
+
+    trials: int | None = None
+    seconds: float | None = None
+    falls: int | None = None
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What trials have cost so far."""
+
+    trials: int = 0
+    seconds: float = 0.0
+    falls: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class RealTrial:
+    """One trial: its log, and how the body moved (1, 1, T+1, 12), as a camera or a tape measure tells."""
+
+    recording: Recording
+    walk: Walk
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell."""
+        return bool(self.walk.fell[0, 0] < self.walk.base.shape[2])
+
+
+class RealRobot(Protocol):
+    """A robot on which commands can be tried, for a price."""
+
+    robot: Robot
+    budget: Budget
+    spent: Spent
+
+    def run(self, actions: np.ndarray, rate: float, name: str = "trial") -> RealTrial:
+        """Play commands (T, A), `rate` a second; BudgetError, before anything moves, where they cost too much."""
+
+
+class _Noise(Effect):
+    """Noise of a hidden robot: held for one command, drawn before the run; its parameter is 1 sigma."""
+
+    def __init__(self, noise: np.ndarray, substeps: int):
+        self.noise, self.substeps = noise, substeps  # (rows, steps, joints)
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None
+
+    def now(self, x: Moment) -> np.ndarray:
+        """(rows, joints) of this time step."""
+        count = x.memory.get("count", 0)
+        x.memory["count"] = count + 1
+        return self.noise[:, min(count // self.substeps, self.noise.shape[1] - 1)]
+
+
+class Disturbance(_Noise):
+    """Torque noise of a hidden robot."""
+
+    id, acts_on, title = "disturbance", "drive", "torque noise"
+    parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + p["torque"] * self.now(x)
+
+
+class Unsteadiness(_Noise):
+    """Noise on the speeds that the drives of a hidden planar base are told."""
+
+    id, acts_on, title = "unsteadiness", "command", "noise on speeds"
+    parameters = (EffectParameter("speed", "rad/s", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="command"),)
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return u + p["speed"] * self.now(x)
+
+
+def disturbance(robot: Robot, run: Run, rng: np.random.Generator) -> Term:
+    """The noise of the drives in the episodes of `run`, which has a period."""
+    noise = rng.standard_normal((run.episodes, run.steps, len(robot.actions)))
+    kind = Unsteadiness if robot.planar else Disturbance
+    return Term(kind(noise, int(robot.substeps(run.period))))
+
+
+def finer(robot: Robot) -> Robot:
+    """The robot with a physics time step `FINER` times finer."""
+    table = robot.file.robot.model_copy(update={"timestep": robot.file.robot.timestep / FINER})
+    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
+
+
+def sensed(robot: Robot, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """States (..., S) as the robot's sensors say them: noise, then quantisation."""
+    noise = np.array([c.noise for c in robot.file.channels])
+    quantum = np.array([c.quantum for c in robot.file.channels])
+    position = np.array([name.endswith("/position") for name in robot.channels])
+    noise = np.where(position, np.maximum(noise, LEAST_NOISE), noise)
+    quantum = np.where(position & (quantum == 0), 2 * np.pi / COUNTS, quantum)
+    states = states + noise * rng.standard_normal(states.shape)
+    grid = np.where(quantum > 0, quantum, 1.0)
+    return np.where(quantum > 0, np.round(states / grid) * grid, states)
+
+
+@dataclass
+class SimulatedRobot:
+    """A robot with a secret: true parameters (P,) and effects, each term with its values; see `RealRobot`.
+
+    Every trial has disturbances and sensor noise of its own, drawn from `seed` and the number of the trial.
+    slope : angle [rad] of the ground.
+    """
+
+    robot: Robot
+    parameters: np.ndarray
+    terms: tuple[Term, ...] = ()
+    values: tuple[np.ndarray, ...] = ()
+    seed: int = 0
+    budget: Budget = Budget()
+    slope: float = 0.0
+    threads: int = 1
+    spent: Spent = field(default_factory=Spent)
+
+    def run(self, actions: np.ndarray, rate: float, name: str = "trial") -> RealTrial:
+        """Play commands (T, A), `rate` a second, from rest until their end or a fall.
+
+        Raises BudgetError before anything moves where the budget is spent or would be, UsageError for commands
+        that are not the robot's.
+        """
+        from dynreg.sim.engines.mujoco_engine import Arena
+
+        if actions.ndim != 2 or actions.shape[1] != len(self.robot.actions):
+            raise UsageError(
+                f"commands of shape {actions.shape}",
+                expected=f"(steps, {len(self.robot.actions)})",
+                do="give one column for each action",
+            )
+        self._afford(len(actions) / rate)
+        number = self.spent.trials
+        truth = finer(self.robot)
+        rng = stream(self.seed, "real robot", self.robot.name, number)
+        noise = rng.standard_normal((1, 1, *actions.shape))
+        run = Run(actions[None], period=1.0 / rate, noise=noise)
+        limit = nominal_ports(self.robot, 1).drive["torque_limit"].mean()
+        active = Terms(
+            (*self.terms, disturbance(truth, run, rng)),
+            (*(v[None] for v in self.values), np.array([[DISTURBANCE * limit]])),
+        )
+        arena = Arena(truth, self.parameters[None], run, terms=active, threads=self.threads, slope=self.slope)
+        walk = arena.walk(run)
+        ends = int(min(walk.fell[0, 0], len(actions)))
+        self.spent = Spent(
+            number + 1,
+            self.spent.seconds + ends / rate,
+            self.spent.falls + int(walk.fell[0, 0] <= len(actions)),
+        )
+        states = arena.rollout(run).states[0, 0, : ends + 1]
+        return RealTrial(self._log(sensed(self.robot, states, rng), actions, rate, name), walk)
+
+    def _afford(self, seconds: float) -> None:
+        left = (
+            ("trials", self.budget.trials, self.spent.trials, 1),
+            ("seconds", self.budget.seconds, self.spent.seconds, seconds),
+            ("falls", self.budget.falls, self.spent.falls, 1),  # it may fall
+        )
+        for what, most, spent, price in left:
+            if most is not None and spent + price > most + 1e-9:
+                raise BudgetError(
+                    f"the budget of {most:g} {what} on robot {self.robot.name!r} is spent ({spent:g} used)",
+                    expected=f"room for {price:g} more",
+                    do="work with the logs that there are, or grant a larger budget",
+                )
+
+    def _log(self, states: np.ndarray, actions: np.ndarray, rate: float, name: str) -> Recording:
+        told = np.concatenate([actions, actions[-1:]])[: len(states)]
+        channels = [Channel(c.name, c.unit) for c in self.robot.file.channels]
+        channels += [Channel(a.name, a.unit) for a in self.robot.file.actions]
+        known = ~np.isnan(states).any(axis=1)
+        time = np.arange(len(states))[known] / rate
+        values = np.concatenate([states, told], axis=1)[known]
+        return Recording(tuple(channels), (Episode(name, time, values),), measured=False)
