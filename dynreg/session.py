@@ -127,10 +127,12 @@ class Session:
         *,
         log_map: str | Path | None = None,
         name: str | None = None,
+        gait: str | None = None,
     ) -> results.RecordingSummary:
         """Read logs of a robot, check them and register them as one recording.
 
         log_map : a map file; without one the log's own names are tried, then the robot's packaged maps.
+        gait : a stored gait that was played, by id or `@last`; its id goes into the recording's provenance.
         Raises LogError, MapError with what is wrong and where; nothing is registered then.
         """
         from dynreg.data.recording import Recording
@@ -138,6 +140,10 @@ class Session:
 
         loaded = loaded_robot(robot)
         recording = logs if isinstance(logs, Recording) else read_log(logs, loaded, log_map)
+        if gait is not None:
+            from dynreg.walks import of_gait
+
+            recording = of_gait(self.registry, recording, gait, loaded)
         self.registry.put_robot(loaded.folder, loaded.hash, loaded.name)
         identity = self.registry.put_recording(recording, loaded.hash, name)
         return recording_summary(identity, recording, loaded.name, name or name_of(self.registry, identity))
@@ -247,6 +253,45 @@ class Session:
         self.registry.put_result("diagnosis", loaded.id, found.to_dict())
         return found
 
+    def gait(
+        self,
+        recording: "str | Path | results.RecordingSummary",
+        *,
+        on: str = "neighbours",
+        k: int = 5,
+        task: str | None = None,
+        method: str = "cma",
+        accept: str = "min",
+        rollouts: int = 750,
+        patience: int | None = None,
+        seed: int = 0,
+        resume: bool = False,
+        population: str | None = None,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> results.Gait:
+        """Joint commands that walk in the simulators that stand for the recording's robot; see `walks.walk`.
+
+        on : neighbours, synthesised, diagnosed, nominal, random, population, or ids of simulators. The gait is stored.
+        """
+        from dynreg.gait.seek import SearchSettings
+        from dynreg.walks import Asked, WalkSettings, walk
+
+        search = SearchSettings(method, accept, rollouts, seed, patience)
+        settings = WalkSettings(on, k, task, search, resume, threads)
+        identity, loaded = self._recording(recording, robot, log_map)
+        asked = Asked(
+            self.registry,
+            self._robot_of_recording(identity),
+            loaded,
+            self._name(identity),
+            lambda: self.query(identity, k=k, population=population, threads=threads, progress=progress),
+            lambda: self._population(population, identity, states=False).record.id,
+        )
+        return walk(asked, settings, progress)
+
     def trial(
         self,
         robot: "str | Path | Robot",
@@ -351,6 +396,15 @@ class Session:
         from dynreg.diagnose.extend import export_simulator
 
         return export_simulator(self.registry, ref, Path(destination))
+
+    def export_gait(self, ref: str | Path, destination: str | Path, form: str = "csv") -> results.Gait:
+        """Write a gait, by its id, `@last` or the path of its JSON, as csv, mcap or python; see `gait.play`."""
+        from dynreg.gait.play import write
+        from dynreg.walks import gait_of
+
+        gait = gait_of(self.registry, ref)
+        write(gait, Path(destination), form)
+        return gait
 
     def info(self) -> dict[str, Any]:
         """Versions, device, threads and what the registry holds."""

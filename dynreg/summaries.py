@@ -18,6 +18,7 @@ _RESULTS = {
     "calibration": results.Calibration,
     "diagnosis": results.Diagnosis,
     "trials": results.TrialTable,
+    "gait": results.Gait,
 }
 
 
@@ -36,6 +37,7 @@ def recording_summary(identity: str, recording: Recording, robot: str, name: str
         rate=float(1.0 / np.median(np.concatenate(gaps))) if gaps else None,
         channels=recording.names,
         settings=tuple(sorted({k for e in recording.episodes for k in e.settings})),
+        gait=recording.provenance.get("gait"),
         findings=tuple(f"{f['severity']}: {f['where']}: {f['message']}" for f in findings),
     )
 

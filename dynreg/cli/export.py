@@ -1,4 +1,4 @@
-"""`dynreg export`: a part of the registry as a registry of its own, or a simulator as a robot folder."""
+"""`dynreg export`: a part of the registry as its own, a simulator as a robot folder, a gait as commands."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -19,6 +19,12 @@ class Form(StrEnum):
 
     registry = "registry"
     robot = "robot"
+    csv = "csv"
+    mcap = "mcap"
+    python = "python"
+
+
+_PLAYED = "play it, then `dynreg ingest LOG --robot ROBOT --gait @last`"
 
 
 def register(app: typer.Typer) -> None:
@@ -36,9 +42,9 @@ def export(
             autocompletion=stored_names,
         ),
     ],
-    to: Annotated[Path, typer.Option(help="New directory.")],
+    to: Annotated[Path, typer.Option(help="New directory; new file for a gait.")],
     form: Annotated[
-        Form, typer.Option("--as", help="A registry, or one simulator as a robot folder.")
+        Form, typer.Option("--as", help="A registry; a simulator as a robot folder; a gait as commands.")
     ] = Form.registry,
 ) -> None:
     """Copy stored things to a new registry, or write a simulator as a robot folder.
@@ -46,14 +52,20 @@ def export(
     All that they need comes with them: a population its robot and entries, a result its recording and the
     simulators that it names. @last is the last recording; `dynreg list --kind result` has the ids of results.
     As a robot, a simulator is a robot.toml with its parameters and effects and one MJCF file for MuJoCo alone.
+    As csv, mcap or python, a gait (its id, its JSON file or @last, here the last gait) is a table, a log of joint
+    commands, or a Python module that needs nothing else.
 
     Example: dynreg export monday --to monday-registry
     """
-    if form is Form.robot and len(refs) != 1:
+    if form is not Form.registry and len(refs) != 1:
+        what = "simulator" if form is Form.robot else "gait"
         raise UsageError(
-            f"--as robot with {len(refs)} things", expected="one simulator", do="export them one by one"
+            f"--as {form} with {len(refs)} things", expected=f"one {what}", do="export them one by one"
         )
     with call.open() as session:
+        if form not in (Form.registry, Form.robot):
+            call.emit(session.export_gait(refs[0], to, form.value), f"{to}: written", hint=_PLAYED)
+            return
         if form is Form.robot:
             folder = session.export_robot(refs[0], to)
             call.emit(folder, _shown(folder), hint=f"dynreg robots check {to}")

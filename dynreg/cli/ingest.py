@@ -22,6 +22,9 @@ def ingest(
         Path | None, typer.Option("--map", help="TOML map from the log to the robot's channels.")
     ] = None,
     name: Annotated[str | None, typer.Option(help="Name for the recording.")] = None,
+    gait: Annotated[
+        str | None, typer.Option(help="Stored gait that was played: its id, or @last (the last gait).")
+    ] = None,
 ) -> None:
     """Bring logs in as one recording.
 
@@ -37,5 +40,5 @@ def ingest(
     loaded = load_robot(robot)
     recording = read_log(logs, loaded, log_map)  # before a registry is made for it
     with call.open(create=True) as session:
-        result = session.ingest(recording, loaded, name=name)
+        result = session.ingest(recording, loaded, name=name, gait=gait)
     call.emit(result, hint=f"dynreg query {result.name or result.recording[:12]} -k 5")

@@ -18,6 +18,7 @@ from dynreg.errors import CorruptError, RegistryError
 FOLDERS = ("shards", "populations", "recordings", "robots", "simulators", "results", "index")
 ROBOTS = "robots"
 LOCKS = "locks"
+SEARCHES = "searches"  # journals of searches that have not ended
 LOST_AND_FOUND = "lost+found"
 _TEMPORARY = ".tmp-"
 

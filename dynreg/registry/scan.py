@@ -18,6 +18,7 @@ from dynreg.registry.files import (
     LOCKS,
     LOST_AND_FOUND,
     ROBOTS,
+    SEARCHES,
     StoredFile,
     decode_arrays,
     is_temporary,
@@ -34,6 +35,7 @@ _KNOWN_AT_TOP = {
     f"{FILE}-journal",
     LOCKS,
     LOST_AND_FOUND,
+    SEARCHES,
     *FOLDERS,
 }
 

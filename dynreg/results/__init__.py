@@ -20,6 +20,7 @@ from dynreg.results.diagnosis import (
     cause_key,
 )
 from dynreg.results.experiment import Experiment, LimitKept
+from dynreg.results.gait import Fitness, Gait, GaitGene, GaitJoint, GaitStep, GaitTrial
 from dynreg.results.library import EffectRow, EffectSize, EffectsList
 from dynreg.results.neighbours import (
     ChannelError,
@@ -50,6 +51,7 @@ RESULTS: tuple[type[Result], ...] = (
     TrialTable,
     Experiment,
     RobotFolder,
+    Gait,
 )
 
 __all__ = [
@@ -70,7 +72,13 @@ __all__ = [
     "EntrySummary",
     "Estimate",
     "Experiment",
+    "Fitness",
     "Gain",
+    "Gait",
+    "GaitGene",
+    "GaitJoint",
+    "GaitStep",
+    "GaitTrial",
     "Inseparable",
     "LimitKept",
     "Listing",

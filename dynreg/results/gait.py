@@ -16,6 +16,22 @@ class GaitGene(Result):
     unit: str
 
 
+class GaitJoint(Result):
+    """What one joint is told [rad]: offset + amplitude sin(2 pi frequency t + phase), faded in from `rest`.
+
+    low, high [rad], speed [rad/s] : the robot's limits, null where it states none.
+    """
+
+    action: str
+    rest: float
+    offset: float
+    amplitude: float
+    phase: float
+    low: float | None
+    high: float | None
+    speed: float | None
+
+
 class GaitTrial(Result):
     """The gait in one simulator: its fitness (0 for a fall), and the body's way over the ground [m, rad].
 
@@ -51,12 +67,12 @@ class Fitness(Result):
 class Gait(Result):
     """Sinusoidal joint commands found by a search in k simulators.
 
-    In leg l joint j is told sign (offset_j + amplitude_j sin(2 pi frequency t + phase_l + phase_j)), for `seconds`,
-    `rate` times a second, faded in from the rest pose over `ramp` seconds.
+    genes : as the search saw them, by role and leg. joints : what they mean for every joint, `rate` times a second
+    for `seconds`, faded in from rest over `ramp` seconds; all that is needed to play the gait.
 
     recording : that the simulators were chosen for; on : how; source : the stored result that they came from.
     succeeded : it fell in no simulator and reached `success` in all. value : what the search raised, by `accept`.
-    rest : the pose [rad] of the `actions` before it begins. ended : why the search ended.
+    ended : why the search ended.
     """
 
     schema_: Literal["dynreg/gait/1"] = Field(default="dynreg/gait/1", alias="schema")
@@ -73,9 +89,9 @@ class Gait(Result):
     seconds: float
     rate: float
     ramp: float
+    frequency: float
     genes: dict[str, GaitGene]
-    actions: tuple[str, ...]
-    rest: tuple[float, ...]
+    joints: tuple[GaitJoint, ...]
     accept: Literal["min", "mean", "quantile"]
     value: float
     fitness: Fitness

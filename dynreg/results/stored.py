@@ -26,7 +26,7 @@ class PopulationSummary(Result):
 
 
 class RecordingSummary(Result):
-    """A registered recording."""
+    """A registered recording. gait : id of the gait that was played, where the log is of its trial."""
 
     schema_: Literal["dynreg/recording/1"] = Field(default="dynreg/recording/1", alias="schema")
     recording: str
@@ -40,6 +40,7 @@ class RecordingSummary(Result):
     channels: tuple[str, ...]
     settings: tuple[str, ...]
     findings: tuple[str, ...]
+    gait: str | None = None
 
 
 class EntrySummary(Result):

@@ -64,7 +64,7 @@ def drive(
     grades : (n, k) of candidates (n, P). judge : values (n,) of grades (n, k), and the losses (n,) to tell.
     journal : what an interrupted run of the same search left; its candidates are not evaluated again.
     """
-    best, spent, resumed, last, history = None, 0, 0, 0, []
+    best, top, spent, resumed, last, history = None, None, 0, 0, 0, []
     while True:
         asked = search.ask()
         known = journal.next(asked) if journal else None
@@ -75,10 +75,13 @@ def drive(
             journal.add(asked, found)
         values, losses = judge(found)
         search.tell(losses)
-        at = int(values.argmax())
-        if best is None or values[at] > best[2]:
-            best, last = (asked[at], found[at], float(values[at])), spent + at + 1
-            history.append((last, best[2]))
+        at = int(np.lexsort((losses, -values))[0])  # of equals the one that the search likes best
+        rank = (float(values[at]), -float(losses[at]))
+        if best is None or rank > top:
+            if best is None or rank[0] > top[0]:
+                last = spent + at + 1
+                history.append((last, rank[0]))
+            best, top = (asked[at], found[at], rank[0]), rank
         spent += len(asked)
         if progress:
             progress(spent, limits.evaluations)

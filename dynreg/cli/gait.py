@@ -1,0 +1,83 @@
+"""`dynreg gait`: joint commands that walk, sought in the simulators that stand for a recording's robot."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.completion import recording_names
+from dynreg.errors import UsageError
+from dynreg.gait.methods import ACCEPT, METHODS, SOURCES
+
+
+def register(app: typer.Typer) -> None:
+    """Add `gait` to the program."""
+    verb(app, "gait")(gait)
+
+
+def gait(
+    call: Call,
+    recording: Annotated[
+        str,
+        typer.Argument(
+            metavar="RECORDING",
+            help="Name, hash, @last (the last recording), or a log (then with --robot).",
+            autocompletion=recording_names,
+        ),
+    ],
+    k: Annotated[int | None, typer.Option("-k", help="Simulators that the gait must walk in [5].")] = None,
+    on: Annotated[
+        str,
+        typer.Option(help=f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them."),
+    ] = SOURCES[0],
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = METHODS[0],
+    accept: Annotated[
+        str, typer.Option(help=f"What the search raises over the simulators: {', '.join(ACCEPT)}.")
+    ] = ACCEPT[0],
+    task: Annotated[str | None, typer.Option(help="One of the robot's [[tasks]] [its first].")] = None,
+    rollouts: Annotated[int, typer.Option(help="Runs of one simulator that the search may cost.")] = 750,
+    patience: Annotated[
+        int | None, typer.Option(help="Give up after so many gaits without a better one [never].")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted search.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
+    robot: Annotated[str | None, typer.Option(help="Robot of the log, where RECORDING is a path.")] = None,
+    log_map: Annotated[Path | None, typer.Option("--map", help="TOML map of the log.")] = None,
+    population: Annotated[str | None, typer.Option(help="Population to choose from [the only one].")] = None,
+    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+) -> None:
+    """Seek a gait that walks in the simulators nearest to a recording.
+
+    The gait is stored; a search that was interrupted goes on where it was with --resume.
+
+    Example: dynreg gait monday -k 5 --rollouts 2500
+    """
+    for flag, value, choices in (("--method", method, METHODS), ("--accept", accept, ACCEPT)):
+        if value not in choices:
+            raise UsageError(
+                f"{flag} {value!r}", expected=f"one of {', '.join(choices)}", do="choose one of these"
+            )
+    for flag, value in (("-k", k), ("--rollouts", rollouts), ("--patience", patience)):
+        at_least(flag, value, 1)
+    at_least("--seed", seed, 0)
+    at_least("--threads", threads, 0)
+    with call.open(create=robot is not None) as session, call.progress() as progress:
+        found = session.gait(
+            recording,
+            k=call.pick("k", k, 5),
+            on=on,
+            method=method,
+            accept=accept,
+            task=task,
+            rollouts=rollouts,
+            patience=patience,
+            resume=resume,
+            seed=call.pick("seed", seed, 0),
+            robot=robot,
+            log_map=log_map,
+            population=population,
+            threads=call.pick("threads", threads, 0),
+            progress=progress,
+        )
+    call.emit(found, hint="dynreg export @last --as python --to gait.py")

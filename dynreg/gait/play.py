@@ -1,0 +1,170 @@
+"""Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.gait.space import SLACK, GaitSpace
+from dynreg.results import Gait, GaitJoint
+
+FORMS = ("csv", "mcap", "python")
+START = 1_700_000_000_000_000_000  # [ns] first stamp of an MCAP file: the same gait gives the same bytes
+
+
+def joints(space: GaitSpace, genes: np.ndarray) -> tuple[GaitJoint, ...]:
+    """What a gait (G,) means for every joint, in the order of the actions; those of no leg stay at rest."""
+    by_name = space.as_dict(genes)
+    offset, amplitude, phase = space.pose.copy(), np.zeros(len(space.pose)), np.zeros(len(space.pose))
+    for (leg, role), at in np.ndenumerate(space.columns):
+        sign, name = space.signs[leg, role], space.roles[role]
+        offset[at] = sign * by_name[f"offset_{name}"]
+        amplitude[at] = sign * by_name[f"amplitude_{name}"]
+        phase[at] = by_name[f"phase_{name}"] + by_name.get(f"phase_{space.legs[leg]}", 0.0)
+    limit = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+    return tuple(
+        GaitJoint(
+            action=action,
+            rest=float(space.pose[i]),
+            offset=float(offset[i]),
+            amplitude=float(amplitude[i]),
+            phase=float(phase[i]),
+            low=limit(space.low[i]),
+            high=limit(space.high[i]),
+            speed=limit(space.speed[i]),
+        )
+        for i, action in enumerate(space.actions)
+    )
+
+
+def require_playable(gait: Gait) -> None:
+    """UsageError where a gait's joints would pass their limits, as after a change by hand."""
+    for j in gait.joints:
+        size = abs(j.amplitude)
+        fastest = size * (2 * np.pi * gait.frequency + 1 / gait.ramp) + abs(j.offset - j.rest) / gait.ramp
+        past = (j.low is not None and j.offset - size < j.low - SLACK) or (
+            j.high is not None and j.offset + size > j.high + SLACK
+        )
+        fast = j.speed is not None and fastest > j.speed + SLACK
+        if past or fast:
+            what = (
+                f"go from {j.offset - size:.3f} to {j.offset + size:.3f} rad"
+                if past
+                else f"turn at {fastest:.2f} rad/s"
+            )
+            limits = f"{j.low} to {j.high} rad" if past else f"at most {j.speed} rad/s"
+            raise UsageError(
+                f"this gait cannot be run on robot {gait.robot!r}: {j.action} would {what}",
+                expected=limits,
+                do="use the gait as `dynreg gait` found it",
+            )
+
+
+def commands(gait: Gait) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,) [s] and what the joints are told then (T, A) [rad]."""
+    times = np.arange(max(round(gait.seconds * gait.rate), 1)) / gait.rate
+    rest, offset, amplitude, phase = np.array(
+        [(j.rest, j.offset, j.amplitude, j.phase) for j in gait.joints]
+    ).T
+    told = offset + amplitude * np.sin(2 * np.pi * gait.frequency * times[:, None] + phase)
+    begun = np.clip(times / gait.ramp, 0.0, 1.0)[:, None]
+    return times, rest + begun * (told - rest)
+
+
+def write(gait: Gait, path: Path, form: str) -> None:
+    """Write a gait as one of FORMS; UsageError where it cannot be played or the file cannot be written."""
+    require_playable(gait)
+    data = {"csv": _csv, "mcap": _mcap, "python": _module}[form](gait)
+    try:
+        with open(path, "xb") as file:
+            file.write(data)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write {str(path)!r}: {error.strerror}",
+            expected="a new file in an existing folder that may be written",
+            do="name another file",
+        ) from error
+
+
+def _csv(gait: Gait) -> bytes:
+    times, told = commands(gait)
+    lines = [",".join(["time", *(j.action for j in gait.joints)])]
+    lines += [",".join([f"{t:.6f}", *(f"{q:.6f}" for q in row)]) for t, row in zip(times, told, strict=True)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _mcap(gait: Gait) -> bytes:
+    """JSON messages in the form of sensor_msgs/JointState on /joint_commands."""
+    from io import BytesIO
+
+    from mcap.writer import Writer
+
+    file = BytesIO()
+    writer = Writer(file)
+    writer.start(profile="", library="dynreg")
+    schema = writer.register_schema("sensor_msgs/JointState", "jsonschema", b'{"type":"object"}')
+    channel = writer.register_channel("/joint_commands", "json", schema)
+    names = [j.action.split("/")[0] for j in gait.joints]
+    for time, row in zip(*commands(gait), strict=True):
+        stamp = START + round(time * 1e9)
+        message = json.dumps({"name": names, "position": row.tolist()}).encode()
+        writer.add_message(channel, stamp, message, stamp)
+    writer.finish()
+    return file.getvalue()
+
+
+def _module(gait: Gait) -> bytes:
+    rows = "".join(
+        f"    {j.action.split('/')[0]!r}: {(j.rest, j.offset, j.amplitude, j.phase, j.low, j.high)!r},\n"
+        for j in gait.joints
+    )
+    return _MODULE.format(gait=gait, rows=rows).encode()
+
+
+_MODULE = '''\
+"""A gait of robot {gait.robot}, task {gait.task}: {gait.fitness.min:.3g} {gait.unit} at worst in {gait.k} simulators.
+
+Needs nothing but Python 3. On the robot, give `play` what moves a joint:
+
+    play(lambda joint, angle: servos[joint].write(angle))
+"""
+
+import math
+import time
+
+FREQUENCY = {gait.frequency!r}  # Hz
+RATE = {gait.rate!r}  # commands a second
+SECONDS = {gait.seconds!r}
+RAMP = {gait.ramp!r}  # seconds from rest into the gait
+# joint: (rest, offset, amplitude, phase, lowest, highest), all rad
+JOINTS = {{
+{rows}}}
+
+
+def targets(t):
+    """{{joint: angle [rad]}} that the joints are told t seconds after the start, inside their limits."""
+    begun = min(max(t / RAMP, 0.0), 1.0)
+    told = {{}}
+    for joint, (rest, offset, amplitude, phase, low, high) in JOINTS.items():
+        angle = offset + amplitude * math.sin(2.0 * math.pi * FREQUENCY * t + phase)
+        angle = rest + begun * (angle - rest)
+        angle = angle if low is None else max(angle, low)
+        told[joint] = angle if high is None else min(angle, high)
+    return told
+
+
+def play(move, seconds=SECONDS, clock=time.monotonic, sleep=time.sleep):
+    """Call move(joint, angle) for every joint, RATE times a second, then go back to rest over RAMP seconds."""
+    began, steps = clock(), round(seconds * RATE)
+    for step in range(steps + round(RAMP * RATE)):
+        t = step / RATE
+        sleep(max(0.0, began + t - clock()))
+        back = max(0.0, t - seconds) / RAMP
+        for joint, angle in targets(min(t, seconds)).items():
+            move(joint, angle + back * (JOINTS[joint][0] - angle))
+
+
+if __name__ == "__main__":
+    play(lambda joint, angle: print(f"{{joint}} {{angle:.4f}}"))
+'''
