@@ -1,0 +1,45 @@
+"""The quadruped with short trials."""
+
+from pathlib import Path
+
+import pytest
+
+from dynreg.gait.tasks import task_of
+from dynreg.gait.trials import Simulators, Trials
+from dynreg.sim.robot import Robot, load_robot, packaged_robots
+
+SECONDS = 1.0
+
+
+@pytest.fixture(scope="session")
+def quadruped() -> Robot:
+    return load_robot("quadruped")
+
+
+@pytest.fixture(scope="session")
+def brief_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the quadruped's folder in which every task lasts a second."""
+    import re
+    import shutil
+
+    folder = tmp_path_factory.mktemp("brief") / "quadruped"
+    shutil.copytree(packaged_robots()["quadruped"], folder)
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    head, mark, tasks = text.partition("[[tasks]]")
+    tasks = re.sub(r"^seconds = .*\n", "", tasks, flags=re.MULTILINE)
+    tasks = re.sub(r"^(kind = .*)$", rf"\1\nseconds = {SECONDS}", tasks, flags=re.MULTILINE)
+    (folder / "robot.toml").write_text(head + mark + tasks, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def brief(brief_folder: Path) -> Robot:
+    return load_robot(brief_folder)
+
+
+@pytest.fixture
+def trials(brief: Robot) -> Trials:
+    """Two simulators: the nominal one, and one with other masses and friction."""
+    values = brief.space.sample(0, 2, 1)
+    values[0] = brief.space.nominal
+    return Trials(brief, task_of(brief), Simulators(values), rate=brief.rate, threads=1)

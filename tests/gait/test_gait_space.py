@@ -1,0 +1,118 @@
+"""The gait of the paper: its genes, its joint commands, and what is feasible before anything moves."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dynreg.errors import RobotError, UsageError
+from dynreg.gait.space import gait_space
+from dynreg.rng import stream
+from dynreg.sim.robot import load_robot
+
+FINE = np.linspace(0.0, 4.0, 2001)
+
+
+def drawn(space, count: int, seed: int = 0) -> np.ndarray:
+    return space.from_unit(stream(seed, "gaits").uniform(size=(count, len(space))))
+
+
+def test_a_quadruped_of_three_joints_a_leg_has_the_papers_thirteen_genes(quadruped) -> None:
+    space = gait_space(quadruped)
+    assert len(space) == 13 and len(set(space.names)) == 13
+    assert space.names[0] == "frequency" and sum(space.periodic) == 6
+    assert {g.unit for g in space.genes} == {"Hz", "rad"}
+
+
+def test_the_targets_are_the_formula_of_the_paper(quadruped) -> None:
+    """After the ramp, joint by joint; the hips of the right legs are mirrored."""
+    space = gait_space(quadruped)
+    genes = drawn(space, 1)
+    g = space.as_dict(genes[0])
+    t = 2.345
+    told = dict(zip(space.actions, space.targets(genes, np.array([t]))[0, 0], strict=True))
+    for leg in ("fl", "fr", "rl", "rr"):
+        for role in ("hip", "shoulder", "elbow"):
+            phase = g.get(f"phase_{leg}", 0.0) + g[f"phase_{role}"]
+            wanted = g[f"offset_{role}"] + g[f"amplitude_{role}"] * np.sin(
+                2 * np.pi * g["frequency"] * t + phase
+            )
+            sign = -1 if role == "hip" and leg in ("fr", "rr") else 1
+            assert told[f"{leg}_{role}/target"] == pytest.approx(sign * wanted)
+
+
+def test_a_gait_begins_at_rest_and_fades_in(quadruped) -> None:
+    space = gait_space(quadruped)
+    told = space.targets(drawn(space, 4), FINE)
+    assert np.allclose(told[:, 0], space.pose)
+    assert np.abs(np.diff(told, axis=1)).max() < 0.1  # 2 ms apart
+
+
+def test_units_and_names_come_back(quadruped) -> None:
+    space = gait_space(quadruped)
+    genes = drawn(space, 5)
+    assert np.allclose(space.from_unit(space.to_unit(genes)), genes)
+    assert np.array_equal(space.from_dict(space.as_dict(genes[0])), genes[0])
+    with pytest.raises(UsageError, match="phase_tail"):
+        space.from_dict({**space.as_dict(genes[0]), "phase_tail": 1.0})
+
+
+def test_phases_run_round_and_the_others_end_at_their_bounds(quadruped) -> None:
+    space = gait_space(quadruped)
+    out = space.from_unit(np.full(13, 1.25))
+    assert np.allclose(out[space.periodic], -np.pi / 2)
+    assert np.allclose(out[~space.periodic], space.bounds[~space.periodic, 1])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000))
+def test_what_is_made_feasible_keeps_every_limit_at_every_time(seed: int) -> None:
+    space = gait_space(load_robot("quadruped"))
+    genes = space.feasible(drawn(space, 3, seed))
+    assert all(space.problems(g) == () for g in genes)
+    told = space.targets(genes, FINE)
+    assert (told >= space.low - 1e-9).all() and (told <= space.high + 1e-9).all()
+    assert (np.abs(np.diff(told, axis=1)) / FINE[1] <= space.speed + 1e-6).all()
+    assert np.allclose(space.feasible(genes), genes)  # what is feasible stays as it is
+
+
+def test_a_gait_past_its_limits_is_refused_with_the_joint_and_the_limit(quadruped) -> None:
+    space = gait_space(quadruped)
+    good = space.from_dict({**space.as_dict(space.bounds.mean(axis=1)), **space.first})
+    space.require(good)
+    fast = good.copy()
+    fast[[0, 2]] = 2.5, 0.6
+    with pytest.raises(UsageError, match=r"fl_shoulder/target would turn at .* past its limit 6.50"):
+        space.require(fast)
+    outside = good.copy()
+    outside[0] = 9.0
+    with pytest.raises(UsageError, match=r"frequency = 9 Hz lies outside \[0.5, 2.5\]"):
+        space.require(outside)
+
+
+def test_a_robot_without_legs_has_no_gait() -> None:
+    with pytest.raises(RobotError, match="no walking task"):
+        gait_space(load_robot("servo_pendulum"))
+
+
+BAD = {
+    'elbow = "fl_elbow"': ('elbow = "fl_knee"', "no action drives joint 'fl_knee'"),
+    'mirrored = ["hip"]': ('mirrored = ["wing"]', "mirrors"),
+    "frequency = [0.5, 2.5]": ("frequency = [2.5, 0.5]", "low 2.5 is not below high 0.5"),
+    'name = "turn"': ('name = "forward"', "named twice"),
+}
+
+
+@pytest.mark.parametrize("old", BAD)
+def test_a_wrong_gait_table_is_an_error_with_its_line(old: str, brief_folder, tmp_path) -> None:
+    import shutil
+
+    new, says = BAD[old]
+    shutil.copytree(brief_folder, tmp_path / "bad")
+    path = tmp_path / "bad" / "robot.toml"
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(RobotError, match=says) as caught:
+        load_robot(tmp_path / "bad")
+    assert "line" in str(caught.value)

@@ -1,0 +1,114 @@
+"""Gaits in several simulators, and the search for them: alone as together, the same again, resumed to the bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynreg.errors import RobotError, UsageError
+from dynreg.gait.methods import METHODS
+from dynreg.gait.seek import SearchSettings, accepted, seek
+from dynreg.gait.tasks import fitness, task_of
+from dynreg.gait.trials import Simulators, Trials, simulators_of
+from dynreg.sim.config import SimConfig
+
+BUDGET = {"cma": 44, "hill": 30, "random": 40}  # two or three batches in two simulators
+
+
+def first_gaits(trials: Trials, count: int = 3) -> np.ndarray:
+    space = trials.space
+    unit = np.tile(space.start, (count, 1))
+    unit[:, 3] += 0.1 * np.arange(count)
+    return space.feasible(space.from_unit(unit))
+
+
+def test_gaits_run_together_do_what_each_does_alone(trials) -> None:
+    genes = first_gaits(trials)
+    together = trials.grades(genes)
+    assert together.shape == (3, 2) and trials.rollouts == 6
+    alone = np.concatenate([trials.grades(g[None]) for g in genes])
+    assert np.array_equal(together, alone)
+    assert np.array_equal(trials.grades(genes), together)  # and again from the same start
+
+
+def test_simulators_with_effects_and_known_parameters(brief) -> None:
+    nominal = SimConfig(brief.hash, brief.name, {})
+    heavy = SimConfig(brief.hash, brief.name, {}, {"payload": {"share": 0.4}})
+    rubbing = SimConfig(brief.hash, brief.name, {}, {"coulomb_friction": {"torque": 0.1}})
+    known = np.full(len(brief.space), np.nan)
+    known[0] = 36.0
+    three = simulators_of(brief, [nominal, heavy, rubbing], known)
+    assert (three.values[:, 0] == 36.0).all() and len(three.terms.terms) == 2
+    trials = Trials(brief, task_of(brief), three, rate=36.0, threads=1)
+    genes = first_gaits(trials, 2)
+    found = trials.grades(genes)
+    assert len({*found[0]}) == 3
+    assert np.array_equal(trials.grades(genes), found)  # effects forget what they remember
+    alone = Trials(brief, task_of(brief), simulators_of(brief, [rubbing], known), rate=36.0, threads=1)
+    alone._noise = trials._noise[2:]
+    assert np.array_equal(alone.grades(genes)[:, 0], found[:, 2])
+
+
+def test_commands_too_rare_for_a_sine_are_refused(brief) -> None:
+    simulators = Simulators(brief.space.nominal[None])
+    with pytest.raises(RobotError, match="5 commands a second"):
+        Trials(brief, task_of(brief), simulators, rate=5.0)
+
+
+def test_what_is_accepted() -> None:
+    values = np.array([[1.0, 2.0, 3.0, 4.0, 5.0]])
+    assert [accepted(values, how)[0] for how in ("min", "mean", "quantile")] == [1.0, 3.0, 2.0]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_search_is_the_same_again_and_keeps_its_budget(method: str, trials) -> None:
+    settings = SearchSettings(method, rollouts=BUDGET[method], seed=3)
+    first = seek(trials, settings)
+    assert trials.rollouts <= BUDGET[method] + 2  # the best gait is run once more, for its way
+    again = seek(trials, settings)
+    assert np.array_equal(first.genes, again.genes) and first.found.history == again.found.history
+    assert not np.array_equal(
+        seek(trials, SearchSettings(method, rollouts=BUDGET[method], seed=4)).genes, first.genes
+    )
+    assert first.found.value == fitness(first.found.grades[None]).min()
+    assert trials.space.problems(first.genes) == ()
+    values = [value for _, value in first.found.history]
+    assert values == sorted(values)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_interrupted_search_goes_on_to_the_same_end(method: str, trials, tmp_path: Path) -> None:
+    settings = SearchSettings(method, rollouts=BUDGET[method], seed=3)
+    whole = seek(trials, settings)
+    path = tmp_path / "searches" / "one.jsonl"
+    batches = []
+
+    def interrupt(stage: str, done: int, total: int) -> None:
+        batches.append(done)
+        if len(batches) == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        seek(trials, settings, journal=path, key={"a": 1}, progress=interrupt)
+    np.random.default_rng().random()
+    np.random.seed(7)  # noqa: NPY002  what others draw must not matter
+    before = trials.rollouts
+    gone_on = seek(trials, settings, journal=path, key={"a": 1}, resume=True)
+    assert np.array_equal(gone_on.genes, whole.genes) and gone_on.found.history == whole.found.history
+    assert gone_on.found.resumed == batches[0]
+    assert trials.rollouts - before == 2 * (whole.found.evaluations - batches[0] + 1)
+    assert not path.exists()  # its result is the caller's to keep
+
+
+def test_too_few_rollouts_and_unknown_methods_are_refused(trials) -> None:
+    with pytest.raises(UsageError, match="5 rollouts in 2 simulators"):
+        seek(trials, SearchSettings(rollouts=5))
+    with pytest.raises(UsageError, match="method 'ants'"):
+        SearchSettings("ants")
+
+
+def test_the_hand_written_start_is_among_what_is_tried_first(trials) -> None:
+    for method in ("hill", "random"):
+        found = seek(trials, SearchSettings(method, rollouts=20, seed=1)).found
+        start = trials.grades(trials.space.feasible(trials.space.from_unit(trials.space.start[None])))
+        assert found.value >= fitness(start).min() - 1e-12

@@ -1,0 +1,76 @@
+"""Simulators set up once for many runs: every run is the first one, and walks end at a fall."""
+
+import numpy as np
+import pytest
+
+from dynreg.errors import SimulationError
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.engines import rollout
+from dynreg.sim.engines.mujoco_engine import Arena
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Run, motor_noise
+
+EFFECTS = {
+    "plain": {},
+    "one that remembers": {"backlash": {"gap": 0.03}},
+    "one that rubs": {"load_friction": {"coefficient": 0.1}},
+}
+
+
+def runs(robot, steps: int = 30) -> tuple[Run, Run]:
+    """The same noise, other commands."""
+    noise = motor_noise(np.array([1, 2]), 3, steps, len(robot.actions))
+    banks = (excitation(robot, seed=s, episodes=3, steps=steps) for s in (1, 2))
+    first, second = (Run(b.actions, period=1 / robot.rate, noise=noise) for b in banks)
+    return first, second
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_run_is_as_if_it_were_the_first(name: str) -> None:
+    robot = load_robot("quadruped")
+    values = robot.space.sample(0, 2, 0)
+    config = SimConfig(robot.hash, robot.name, {}, EFFECTS[name])
+    terms = terms_of(config) if EFFECTS[name] else None
+    if terms is not None:
+        terms = type(terms)(terms.terms, tuple(np.repeat(v, 2, axis=0) for v in terms.values))
+    first, second = runs(robot)
+    arena = Arena(robot, values, first, threads=1, terms=terms)
+    a, b, again = (arena.rollout(run).states for run in (first, second, first))
+    assert np.array_equal(a, again) and not np.array_equal(a, b)
+    assert np.array_equal(b, rollout(robot, values, second, threads=1, terms=terms).states)
+
+
+def test_a_walk_is_the_same_motion_and_ends_at_the_fall() -> None:
+    robot = load_robot("quadruped")
+    values = robot.space.sample(0, 2, 0)
+    run, _ = runs(robot, steps=60)
+    arena = Arena(robot, values, run, threads=1)
+    whole, walk = arena.rollout(run), arena.walk(run)
+    assert np.array_equal(walk.fell, whole.fell)
+    assert (walk.fell <= 60).any() and walk.physics_steps < whole.physics_steps
+    assert np.array_equal(arena.walk(run).base, walk.base)
+    roll = robot.channels.index("base/roll")
+    for b, e in np.ndindex(*walk.fell.shape):
+        end = min(walk.fell[b, e], 61)
+        assert np.array_equal(walk.base[b, e, :end, 3:], whole.states[b, e, :end, roll : roll + 9])
+        assert (walk.base[b, e, end - 1 :] == walk.base[b, e, end - 1]).all()
+
+
+def test_on_a_slope_a_standing_robot_is_pulled_back() -> None:
+    """Uphill is ahead: gravity pulls backwards with its size unchanged."""
+    robot = load_robot("quadruped")
+    pose = robot.model.keyframe("stance").ctrl
+    run = Run(np.tile(pose, (1, 10, 1)), period=1 / robot.rate)
+    values = robot.space.from_dict({"friction": 0.3})[None]
+    moved = [
+        Arena(robot, values, run, threads=1, slope=angle).walk(run).base[0, 0, -1, 0] for angle in (0.0, 0.5)
+    ]
+    assert moved[1] < moved[0] - 0.05
+
+
+def test_what_stands_on_a_bench_does_not_walk() -> None:
+    robot = load_robot("leg")
+    run = Run(np.zeros((1, 3, len(robot.actions))))
+    with pytest.raises(SimulationError, match="no floating base"):
+        Arena(robot, robot.space.nominal[None], run, threads=1).walk(run)

@@ -1,0 +1,73 @@
+"""The door to a hidden robot: what trials cost is counted, the budget is kept, and the truth is no model's."""
+
+import numpy as np
+import pytest
+
+from dynreg.errors import BudgetError, UsageError
+from dynreg.sim.effects import term
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.real import Budget, SimulatedRobot, Spent
+from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Run
+
+ROBOT = load_robot("quadruped")
+POSE = ROBOT.model.keyframe("stance").ctrl
+STAND = np.tile(POSE, (18, 1))  # half a second
+TUMBLE = excitation(ROBOT, seed=3, episodes=1, steps=50).actions[0]
+
+
+def hidden(**budget) -> SimulatedRobot:
+    return SimulatedRobot(
+        ROBOT,
+        ROBOT.space.nominal,
+        (term("coulomb_friction"),),
+        (np.array([0.1]),),
+        seed=5,
+        budget=Budget(**budget),
+    )
+
+
+def test_trials_seconds_and_falls_are_counted() -> None:
+    real = hidden()
+    stood, fallen = real.run(STAND, 36.0), real.run(TUMBLE, 36.0)
+    assert not stood.fell and fallen.fell
+    assert real.spent.trials == 2 and real.spent.falls == 1
+    ended = fallen.walk.fell[0, 0] / 36.0
+    assert ended < 50 / 36.0  # it was not let lie there
+    assert real.spent.seconds == pytest.approx(0.5 + ended)
+    assert len(fallen.recording.episodes[0].time) == fallen.walk.fell[0, 0] + 1
+
+
+@pytest.mark.parametrize(
+    "budget, says",
+    [({"trials": 1}, "1 trials"), ({"seconds": 0.9}, "0.9 seconds"), ({"falls": 0}, "0 falls")],
+)
+def test_a_spent_budget_is_refused_before_anything_moves(budget: dict, says: str) -> None:
+    real = hidden(**budget)
+    if "falls" not in budget:
+        real.run(STAND, 36.0)
+    before = real.spent
+    with pytest.raises(BudgetError, match=says):
+        real.run(STAND, 36.0)
+    assert real.spent == before
+
+
+def test_commands_of_another_shape_cost_nothing() -> None:
+    real = hidden()
+    with pytest.raises(UsageError, match="commands of shape"):
+        real.run(STAND[:, :5], 36.0)
+    assert real.spent == Spent()
+
+
+def test_the_truth_is_repeatable_noisy_and_no_simulator_of_the_family() -> None:
+    logs = [hidden().run(STAND, 36.0).recording for _ in range(2)]
+    assert logs[0].id == logs[1].id
+    real = hidden()
+    assert real.run(STAND, 36.0).recording.id != real.run(STAND, 36.0).recording.id  # noise of its own
+    run = Run(STAND[None], period=1 / 36.0)
+    model = rollout(ROBOT, ROBOT.space.nominal[None], run, threads=1).states[0, 0]
+    seen = logs[0].episodes[0].values[:, : len(ROBOT.channels)]
+    assert np.abs(seen - model).max() > 0.01
+    counts = seen[:, :12] * 4096 / (2 * np.pi)
+    assert np.allclose(counts, np.round(counts), atol=1e-6)
