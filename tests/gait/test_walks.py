@@ -1,0 +1,234 @@
+"""From a recording to a stored gait: which simulators it is sought in, what is kept, and what is refused."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import made_up_results
+import numpy as np
+import pytest
+
+from dynreg import session
+from dynreg.errors import NoMatchError, UsageError
+from dynreg.gait.play import commands
+from dynreg.gait.space import gait_space
+from dynreg.results import Gait, Neighbour
+from dynreg.session import Session
+from dynreg.sim.config import SimConfig
+from dynreg.sim.excitation import excitation
+from dynreg.sim.real import SimulatedRobot
+from dynreg.sim.robot import load_robot
+
+ROLLOUTS = 22  # two batches of CMA-ES in one simulator
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory: pytest.TempPathFactory, brief) -> Iterator[Session]:
+    """A registry with a short log of a quadruped, "log", and two simulators."""
+    with session.open(tmp_path_factory.mktemp("gaits") / "registry") as made:
+        real = SimulatedRobot(brief, brief.space.nominal, seed=1)
+        log = real.run(excitation(brief, seed=1, episodes=1, steps=30).actions[0], brief.rate).recording
+        made.ingest(log, brief, name="log")
+        for torque in (1.3, 1.5):
+            values = brief.space.as_dict(brief.space.nominal) | {"torque": torque}
+            made.registry.put_simulator(SimConfig(brief.hash, brief.name, values).as_dict())
+        yield made
+
+
+@pytest.fixture(scope="module")
+def found(opened: Session) -> Gait:
+    return opened.gait("log", on="nominal", rollouts=ROLLOUTS, threads=1)
+
+
+def neighbours(opened: Session, fits: bool = True):
+    """What a query would answer: the stored simulators."""
+    ids = opened.registry.ids("simulator")[:2]
+    configs = [opened.registry.simulator(i) for i in ids]
+    listed = tuple(
+        Neighbour(entry=i, name="n", index=0, distance=1.0, parameters=c["values"])
+        for i, c in zip(ids, configs, strict=True)
+    )
+    made = made_up_results.neighbours(fits=fits)
+    told = made.synthesised.model_copy(update={"simulator": ids[1]})
+    return made.model_copy(update={"neighbours": listed, "synthesised": told})
+
+
+def answering(opened: Session, monkeypatch: pytest.MonkeyPatch, fits: bool = True) -> None:
+    def query(self, recording, **given):
+        answer = neighbours(opened, fits)
+        self.registry.put_result("neighbours", recording, answer.to_dict())
+        return answer
+
+    monkeypatch.setattr(Session, "query", query)
+
+
+def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
+    assert opened.result("@last") == found
+    assert found.k == 1 and found.seconds == 1.0 and found.ended == "budget"
+    assert found.rate == pytest.approx(36.0) and found.recording_name == "log"
+    assert found.fitness.min == found.trials[0].fitness == found.value
+    assert found.succeeded == (not found.trials[0].fell and found.value >= found.success)
+    assert opened.registry.simulator(found.trials[0].simulator)["lineage"] == {
+        "made_by": "gait",
+        "kind": "nominal",
+    }
+    assert not list((opened.path / "searches").glob("*"))
+    assert opened.verify().clean
+
+
+def test_the_joints_of_the_document_are_the_targets_of_the_genes(found: Gait, brief) -> None:
+    space = gait_space(brief)
+    genes = space.from_dict({name: g.value for name, g in found.genes.items()})
+    times, told = commands(found)
+    assert np.allclose(told, space.targets(genes[None], times)[0])
+
+
+def test_in_the_neighbours_and_in_the_synthesised_one(opened: Session, monkeypatch) -> None:
+    answering(opened, monkeypatch)
+    both = opened.gait("log", k=2, rollouts=44, threads=1)
+    assert [t.kind for t in both.trials] == ["neighbour"] * 2
+    assert {t.simulator for t in both.trials} == set(opened.registry.ids("simulator")[:2])
+    assert both.source == opened.registry.latest("neighbours").id
+    one = opened.gait("log", on="synthesised", rollouts=ROLLOUTS, threads=1)
+    assert [t.kind for t in one.trials] == ["synthesised"]
+
+
+def test_where_no_simulator_is_close_the_diagnosis_is_advised(opened: Session, monkeypatch) -> None:
+    answering(opened, monkeypatch, fits=False)
+    with pytest.raises(NoMatchError, match="close enough.*dynreg diagnose log.*--on diagnosed") as caught:
+        opened.gait("log")
+    assert caught.value.exit_status == 4
+
+
+def test_in_what_a_diagnosis_left(opened: Session) -> None:
+    with pytest.raises(NoMatchError, match="no diagnosis"):
+        opened.gait("log", on="diagnosed")
+    (recording,) = opened.registry.recordings()
+    robot = opened.registry.simulator(opened.registry.ids("simulator")[0])["robot"]
+    rubbing = SimConfig(robot, "quadruped", {}, {"coulomb_friction": {"torque": 0.1}})
+    simulator = opened.registry.put_simulator(rubbing.as_dict())
+    opened.registry.put_result("diagnosis", recording.id, {"extended_simulator": simulator})
+    found = opened.gait("log", on="diagnosed", rollouts=ROLLOUTS, threads=1)
+    assert [(t.simulator, t.kind) for t in found.trials] == [(simulator, "diagnosed")]
+    plain = opened.gait("log", on="nominal", rollouts=ROLLOUTS, threads=1)
+    assert found.history != plain.history  # the effect is at work
+
+
+def test_in_draws_of_the_ranges_and_in_named_simulators(opened: Session) -> None:
+    drawn = opened.gait("log", on="population", k=2, rollouts=44, threads=1)
+    assert len({t.parameters["torque"] for t in drawn.trials}) == 2
+    assert {t.parameters["action_rate"] for t in drawn.trials} == {drawn.rate}  # known from the log
+    refs = ",".join(t.simulator[:16] for t in drawn.trials)
+    named = opened.gait("log", on=refs, rollouts=44, threads=1)
+    assert named.genes == drawn.genes
+
+
+def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session) -> None:
+    other = load_robot("leg")
+    stranger = opened.registry.put_simulator(SimConfig(other.hash, other.name, {}).as_dict())
+    with pytest.raises(UsageError, match="is of robot 'leg'"):
+        opened.gait("log", on=stranger)
+    with pytest.raises(NoMatchError, match="nowhere"):
+        opened.gait("log", on="nowhere")
+    with pytest.raises(NoMatchError, match="no simulators of robot"):
+        opened.gait("log", on="random")
+    with pytest.raises(UsageError, match="k = 0"):
+        opened.gait("log", on="nominal", k=0)
+
+
+def test_an_interrupted_gait_goes_on(opened: Session) -> None:
+    def interrupt(*told: object) -> None:
+        raise KeyboardInterrupt
+
+    settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 9, "threads": 1}
+    with pytest.raises(KeyboardInterrupt):
+        opened.gait("log", **settings, progress=interrupt)
+    assert len(list((opened.path / "searches").glob("*.jsonl"))) == 1 and opened.verify().clean
+    resumed = opened.gait("log", **settings, resume=True)
+    assert resumed.resumed == 11
+    assert resumed.genes == opened.gait("log", **settings).genes
+
+
+@pytest.fixture
+def written(found: Gait, opened: Session, tmp_path: Path) -> Path:
+    for form in ("csv", "mcap", "python"):
+        opened.export_gait("log", tmp_path / f"gait.{form}", form)
+    return tmp_path
+
+
+def test_a_table_holds_the_commands_and_can_be_read_as_a_log(written: Path, opened: Session) -> None:
+    gait = opened.result("@last")
+    table = np.genfromtxt(written / "gait.csv", delimiter=",", names=True, deletechars="")
+    times, told = commands(gait)
+    assert table.dtype.names == ("time", *(j.action for j in gait.joints))
+    assert np.allclose(np.array(table.tolist())[:, 1:], told, atol=1e-6)
+    with pytest.raises(UsageError, match="cannot write"):
+        opened.export_gait("log", written / "gait.csv", "csv")
+
+
+def test_an_mcap_holds_joint_states(written: Path, opened: Session) -> None:
+    from mcap.reader import make_reader
+
+    times, told = commands(opened.result("@last"))
+    with open(written / "gait.mcap", "rb") as file:
+        messages = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages()]
+    assert np.allclose([m["position"] for m in messages], told)
+    assert messages[0]["name"][:3] == ["fl_hip", "fl_shoulder", "fl_elbow"]
+    again = written / "again.mcap"
+    opened.export_gait("log", again, "mcap")
+    assert again.read_bytes() == (written / "gait.mcap").read_bytes()
+
+
+def test_the_python_module_needs_nothing_and_says_the_same(written: Path, opened: Session) -> None:
+    """Isolated from every installed package; play goes back to rest at its end."""
+    gait = opened.result("@last")
+    script = (
+        "import runpy, json, sys; m = runpy.run_path(sys.argv[1]); told = []; now = [0.0]\n"
+        "m['play'](lambda j, a: told.append(a), clock=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))\n"
+        "print(json.dumps([told, now[0], sorted(sys.modules)]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", script, str(written / "gait.python")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    angles, lasted, modules = json.loads(done.stdout)
+    angles = np.array(angles).reshape(-1, len(gait.joints))
+    times, told = commands(gait)
+    assert np.allclose(angles[: len(times)], told)
+    assert np.abs(angles[-1] - [j.rest for j in gait.joints]).max() < 0.1
+    assert lasted == pytest.approx(gait.seconds + gait.ramp, abs=0.1)
+    assert "numpy" not in modules
+
+
+def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, tmp_path: Path) -> None:
+    gait = opened.result("@last")
+    wild = [j.model_copy(update={"amplitude": 3.0}) for j in gait.joints]
+    path = tmp_path / "wild.json"
+    path.write_text(gait.model_copy(update={"joints": tuple(wild)}).to_json())
+    with pytest.raises(UsageError, match="fl_hip/target would go from"):
+        opened.export_gait(path, tmp_path / "wild.csv")
+    path.write_text('{"schema": "dynreg/gait/1"}')
+    with pytest.raises(UsageError, match="is no gait"):
+        opened.export_gait(path, tmp_path / "wild.csv")
+    assert not (tmp_path / "wild.csv").exists()
+
+
+def test_the_log_of_a_trial_is_linked_to_its_gait(opened: Session, brief, tmp_path: Path) -> None:
+    gait = opened.registry.latest("gait")
+    _, told = commands(opened.result("@last"))
+    real = SimulatedRobot(brief, brief.space.nominal, seed=2)
+    log = real.run(told, brief.rate).recording
+    kept = opened.ingest(log, brief, name="trial", gait="@last")
+    assert kept.gait == gait.id
+    assert opened.recording("trial").provenance["gait"] == gait.id
+    assert opened.recording("trial").id == log.id  # the link does not change the data
+    with pytest.raises(UsageError, match="is of robot 'quadruped'"):
+        opened.ingest(log, "leg", gait=gait.id)
+    query = opened.registry.put_result("neighbours", None, {})
+    with pytest.raises(UsageError, match="of kind 'neighbours'"):
+        opened.ingest(log, brief, gait=query)
