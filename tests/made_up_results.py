@@ -3,6 +3,7 @@
 import math
 
 import made_up_diagnosis
+import made_up_gait
 
 from dynreg.cli.documents import Info, LogFinding, LogFindings, ReportFile, RobotCheck, RobotLine, RobotList
 from dynreg.results import (
@@ -279,6 +280,7 @@ def every_kind() -> tuple[Result, ...]:
         made_up_diagnosis.trials(),
         made_up_diagnosis.experiment(),
         robot_folder(),
+        made_up_gait.gait(),
         RobotList(
             robots=(
                 RobotLine(

@@ -26,7 +26,7 @@ def report(
 ) -> None:
     """Write a stored result as one HTML page.
 
-    Queries, diagnoses, trials and calibrations have a page; it needs no other file and no network. @last is
+    Queries, diagnoses, trials, calibrations and gaits have a page; it needs no other file and no network. @last is
     the last result here, and the last recording in the other verbs.
 
     Example: dynreg report @last --out monday.html

@@ -9,9 +9,10 @@ from typing import Any
 from dynreg.errors import UsageError
 from dynreg.report.diagnosis_page import diagnosis_page
 from dynreg.report.drawing import Chart, Track, chart, track
+from dynreg.report.gait_page import gait_page
 from dynreg.report.trials_page import trials_page
 from dynreg.report.words import STAGES, count, next_steps, number, verdict
-from dynreg.results import Calibration, Diagnosis, Estimate, Neighbours, Result, TrialTable
+from dynreg.results import Calibration, Diagnosis, Estimate, Gait, Neighbours, Result, TrialTable
 
 
 def write_report(result: Result, path: str | Path) -> Path:
@@ -37,7 +38,7 @@ def page(result: Result) -> str:
     if type(result) not in _PAGES:
         raise UsageError(
             f"a {type(result).__name__} has no report",
-            expected="a stored query or calibration, a diagnosis or trials",
+            expected="a stored query or calibration, a diagnosis, trials or a gait",
             do="see `dynreg list --kind result`",
         )
     template, variables = _PAGES[type(result)]
@@ -155,4 +156,5 @@ _PAGES: dict[type[Result], tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Calibration: ("calibration.html", _calibration),
     Diagnosis: ("diagnosis.html", diagnosis_page),
     TrialTable: ("trials.html", trials_page),
+    Gait: ("gait.html", gait_page),
 }

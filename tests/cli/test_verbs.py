@@ -58,7 +58,7 @@ def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> Non
     assert not session.created and session.asked == []
     assert dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday").status == 0
     ((verb, (recording, robot), named),) = session.asked
-    assert session.created and verb == "ingest" and named == {"name": "monday"}
+    assert session.created and verb == "ingest" and named == {"name": "monday", "gait": None}
     assert robot.name == "servo_pendulum" and len(recording.episodes) == 5
 
 

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import made_up_diagnosis
+import made_up_gait
 import made_up_results
 import pytest
 
@@ -36,6 +37,8 @@ RESULTS = {
         update={"ranking": (), "parameters": {}, "where": (), "finding": "", "noise": None, "errors": ()}
     ),
     "trials": made_up_diagnosis.trials(),
+    "gait": made_up_gait.gait(),
+    "gait that falls": made_up_gait.gait(fell=True),
     "no trials": TrialTable.of("leg", []),
 }
 VOID = {"meta", "br", "link", "img", "hr"}

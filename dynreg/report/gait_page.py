@@ -1,0 +1,43 @@
+"""What the page of a gait draws."""
+
+from typing import Any
+
+from dynreg.gait.play import commands
+from dynreg.report.drawing import Chart, chart
+from dynreg.results import Gait
+
+PERIODS = 2  # of the joints' traces, after the ramp
+
+
+def gait_page(result: Gait) -> dict[str, Any]:
+    """The template's variables."""
+    steps = [0, *(s.evaluations for s in result.history), result.evaluations]
+    best = [0.0, *(s.value for s in result.history)]
+    rising = chart(f"best value so far [{result.unit}]", "gaits tried", steps, {"answer": [*best, best[-1]]})
+    return {
+        "result": result,
+        "title": f"{result.recording_name} · gait of {result.robot}",
+        "verdict": str(result),
+        "search": rising,
+        "ways": [c for c in map(_way, result.trials) if c is not None],
+        "joints": _traces(result),
+    }
+
+
+def _way(trial: Any) -> Chart | None:
+    end = ", fell" if trial.fell else ""
+    title = f"{trial.kind} {trial.simulator[:12]}: {trial.fitness:.3g}{end}; metres to the left"
+    if len({*trial.x}) < 2:
+        return None
+    return chart(title, "metres ahead", trial.x, {"answer": trial.y})
+
+
+def _traces(result: Gait) -> list[Chart]:
+    """Every joint over two periods of the gait, after it has faded in."""
+    times, told = commands(result)
+    at = (times >= result.ramp) & (times <= result.ramp + PERIODS / result.frequency)
+    drawn = (
+        chart(f"{joint.action} [rad]", "time [s]", times[at].tolist(), {"answer": told[at, i].tolist()})
+        for i, joint in enumerate(result.joints)
+    )
+    return [c for c in drawn if c is not None]

@@ -1,0 +1,105 @@
+"""`dynreg gait`, and what is done with a gait: exported, ingested back, shown as a page."""
+
+import json
+from pathlib import Path
+
+import made_up_gait
+import pytest
+
+from dynreg.cli.schemas import model_of
+from dynreg.errors import NoMatchError
+
+
+@pytest.fixture
+def asked(session):
+    session.answers |= {"gait": made_up_gait.gait(), "export_gait": made_up_gait.gait()}
+    return session
+
+
+def test_gait_passes_its_options_on(dynreg, asked) -> None:
+    line = (
+        "gait yard -k 3 --on synthesised --method hill --accept mean --task turn --rollouts 90 --patience 20"
+    )
+    more = "--resume --seed 4 --robot quadruped --map m.toml --population p --threads 2"
+    assert dynreg(*line.split(), *more.split()).status == 0
+    ((verb, given, named),) = asked.asked
+    assert (verb, given) == ("gait", ("yard",))
+    assert named == {
+        "k": 3,
+        "on": "synthesised",
+        "method": "hill",
+        "accept": "mean",
+        "task": "turn",
+        "rollouts": 90,
+        "patience": 20,
+        "resume": True,
+        "seed": 4,
+        "robot": "quadruped",
+        "log_map": Path("m.toml"),
+        "population": "p",
+        "threads": 2,
+        "progress": None,
+    }
+
+
+def test_gait_answers_in_json_and_in_tables(dynreg, asked) -> None:
+    document = json.loads(dynreg("gait", "yard", "--json").out)
+    assert model_of(document["schema"]).model_validate(document) == asked.answers["gait"]
+    ended = dynreg("gait", "yard")
+    assert ended.status == 0 and max(map(len, ended.out.splitlines())) <= 100
+    for words in ("yard_monday: forward 0.9 m at worst", "succeeded", "amplitude_shoulder", "242 gaits"):
+        assert words in ended.out
+    asked.answers["gait"] = made_up_gait.gait(fell=True)
+    assert "fell in 1 of 3" in dynreg("gait", "yard").out
+
+
+def test_where_nothing_is_close_the_status_is_4(dynreg, asked) -> None:
+    asked.answers["gait"] = NoMatchError("nothing close", expected="a", do="run `dynreg diagnose yard`")
+    ended = dynreg("gait", "yard")
+    assert ended.status == 4 and "dynreg diagnose yard" in ended.err
+
+
+def test_an_interrupted_search_exits_130(dynreg, asked) -> None:
+    asked.answers["gait"] = KeyboardInterrupt()
+    assert dynreg("gait", "yard").status == 130
+
+
+@pytest.mark.parametrize(
+    "line, says",
+    [
+        ("gait yard --method ants", "one of cma, hill, random"),
+        ("gait yard --accept max", "one of min, mean, quantile"),
+        ("gait yard -k 0", "-k 0"),
+        ("gait yard --rollouts 0", "--rollouts 0"),
+        ("export a b --as csv --to c", "one gait"),
+        ("export a --as svg --to c", "svg"),
+    ],
+)
+def test_misuse_is_refused_before_a_registry_is_opened(line: str, says: str, dynreg, asked) -> None:
+    ended = dynreg(*line.split())
+    assert ended.status == 2 and says in ended.err and asked.asked == []
+
+
+@pytest.mark.parametrize("form", ["csv", "mcap", "python"])
+def test_export_as_commands(form: str, dynreg, asked) -> None:
+    assert dynreg("export", "@last", "--as", form, "--to", "gait.out").status == 0
+    assert asked.asked == [("export_gait", ("@last", Path("gait.out"), form), {})]
+
+
+def test_ingest_names_the_gait_that_was_played(dynreg, asked) -> None:
+    assert dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--gait", "@last").status == 0
+    assert asked.asked[0][2] == {"name": None, "gait": "@last"}
+
+
+def test_the_page_of_a_gait(dynreg, asked, tmp_path: Path) -> None:
+    asked.answers["result"] = made_up_gait.gait()
+    assert dynreg("report", "@last", "--out", tmp_path / "page.html").status == 0
+    assert "yard_monday" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_the_real_thing_from_a_log_to_a_module(dynreg, tmp_path: Path, monkeypatch, registry_folder) -> None:
+    """On the servo bench, which does not walk: one line, nothing stored."""
+    before = sorted(p.name for p in (registry_folder / "results").glob("*"))
+    ended = dynreg("gait", "bench", "--on", "nominal", "--registry", registry_folder)
+    assert ended.status == 1 and "robot 'servo_pendulum' has no walking task" in ended.err
+    assert sorted(p.name for p in (registry_folder / "results").glob("*")) == before

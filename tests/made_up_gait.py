@@ -1,0 +1,74 @@
+"""A plausible gait document."""
+
+import math
+
+from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitJoint, GaitStep, GaitTrial
+
+TORQUES = (1.31, 1.44, 1.58)
+
+
+def gait(fell: bool = False) -> Gait:
+    """Three neighbours; in the last one it falls, or not."""
+    trials = tuple(_trial(i, torque, fell and i == 2) for i, torque in enumerate(TORQUES))
+    least = min(t.fitness for t in trials)
+    return Gait(
+        robot="quadruped",
+        robot_hash="ab" * 32,
+        recording="cd" * 32,
+        recording_name="yard_monday",
+        on="neighbours",
+        k=3,
+        source="ef" * 32,
+        task="forward",
+        unit="m",
+        success=0.3,
+        seconds=10.0,
+        rate=36.0,
+        ramp=1.0,
+        frequency=1.5,
+        genes={
+            "frequency": GaitGene(value=1.5, low=0.5, high=2.5, unit="Hz"),
+            "amplitude_shoulder": GaitGene(value=0.1, low=0.0, high=0.6, unit="rad"),
+            "phase_fr": GaitGene(value=3.1, low=-math.pi, high=math.pi, unit="rad"),
+        },
+        joints=tuple(
+            GaitJoint(
+                action=f"{leg}_shoulder/target",
+                rest=0.75,
+                offset=0.4,
+                amplitude=0.1,
+                phase=phase,
+                low=-1.527,
+                high=None,
+                speed=6.5,
+            )
+            for leg, phase in (("fl", 0.0), ("fr", 3.1))
+        ),
+        accept="min",
+        value=least,
+        fitness=Fitness(min=least, mean=sum(t.fitness for t in trials) / 3, quantile=trials[1].fitness),
+        succeeded=not fell,
+        trials=trials,
+        method="cma",
+        seed=0,
+        ended="budget",
+        history=(GaitStep(evaluations=3, value=0.0), GaitStep(evaluations=120, value=least)),
+        evaluations=242,
+        resumed=11,
+        cost=Cost(evaluations=0, rollouts=729, seconds=31.5),
+    )
+
+
+def _trial(i: int, torque: float, fell: bool) -> GaitTrial:
+    time = [0.1 * t for t in range(100)]
+    return GaitTrial(
+        simulator=f"{i}" * 64,
+        kind="neighbour",
+        fitness=0.0 if fell else 0.9 + 0.1 * i,
+        fell=fell,
+        parameters={"torque": torque},
+        time=time,
+        x=[0.1 * t for t in time],
+        y=[0.01 * math.sin(t) for t in time],
+        yaw=[0.02 * t for t in time],
+    )
