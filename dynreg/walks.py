@@ -76,45 +76,58 @@ def walk(asked: Asked, settings: WalkSettings, progress: Progress | None = None)
     """
     began = time.perf_counter()
     robot = asked.robot
-    task, space = task_of(robot, settings.task), gait_space(robot)
+    task = task_of(robot, settings.task)
+    gait_space(robot)  # before anything is asked of the registry
     if settings.k < 1:
         raise UsageError(f"k = {settings.k}", expected="1 or more", do="ask for at least one simulator")
     chosen = choose(asked, settings)
-    rates = [
-        value
-        for value, setters in zip(asked.known, robot.setters, strict=True)
-        if any(s.root == "control" and s.path == "rate" for s in setters) and not np.isnan(value)
-    ]
-    simulators = simulators_of(robot, chosen.configs, asked.known)
-    seed, threads = settings.search.seed, settings.threads
-    rate = float(rates[0]) if rates else robot.rate
-    trials = Trials(robot, task, simulators, rate=rate, seed=seed, threads=threads)
-    key = {"robot": robot.hash, "recording": asked.recording.id, "task": task.name, "simulators": chosen.ids}
-    key |= {"values": simulators.values.tolist(), **asdict(settings.search)}
-    name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
-    sought = seek(
-        trials,
-        settings.search,
-        journal=asked.registry.path / SEARCHES / f"{name}.jsonl",
-        resume=settings.resume,
-        key=key,
-        progress=progress,
+    trials = Trials(
+        robot,
+        task,
+        simulators_of(robot, chosen.configs, asked.known),
+        rate=_rate(asked),
+        seed=settings.search.seed,
+        threads=settings.threads,
     )
-    values = sought.fitness[None]
-    found = sought.found
-    gait = Gait(
+    key = {"robot": robot.hash, "recording": asked.recording.id, "task": task.name, "simulators": chosen.ids}
+    key |= {"values": trials.simulators.values.tolist(), **asdict(settings.search)}
+    name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
+    journal = asked.registry.path / SEARCHES / f"{name}.jsonl"
+    sought = seek(
+        trials, settings.search, journal=journal, resume=settings.resume, key=key, progress=progress
+    )
+    gait = _document(asked, settings, chosen, trials, sought, time.perf_counter() - began)
+    asked.registry.put_result("gait", asked.recording.id, gait.to_dict())
+    journal.unlink(missing_ok=True)  # not before the gait is stored
+    return gait
+
+
+def _rate(asked: Asked) -> float:
+    """Commands a second [Hz]: what the recording tells, else the robot's own."""
+    for value, setters in zip(asked.known, asked.robot.setters, strict=True):
+        if not np.isnan(value) and any(s.root == "control" and s.path == "rate" for s in setters):
+            return float(value)
+    return asked.robot.rate
+
+
+def _document(
+    asked: Asked, settings: WalkSettings, chosen: Chosen, trials: Trials, sought: Sought, seconds: float
+) -> Gait:
+    robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
+    values, how = sought.fitness, settings.search.accept
+    return Gait(
         robot=robot.name,
         robot_hash=robot.hash,
         recording=asked.recording.id,
         recording_name=asked.name,
         on=settings.on,
-        k=len(simulators),
+        k=len(trials.simulators),
         source=chosen.source,
         task=task.name,
         unit=task.unit,
         success=task.success,
         seconds=task.seconds,
-        rate=rate,
+        rate=trials.rate,
         ramp=space.ramp,
         frequency=float(sought.genes[0]),
         genes={
@@ -122,25 +135,21 @@ def walk(asked: Asked, settings: WalkSettings, progress: Progress | None = None)
             for g, v in zip(space.genes, sought.genes, strict=True)
         },
         joints=joints(space, sought.genes),
-        accept=settings.search.accept,
-        value=float(accepted(values, settings.search.accept)[0]),
+        accept=how,
+        value=float(accepted(values[None], how)[0]),
         fitness=Fitness(
-            min=float(values.min()),
-            mean=float(values.mean()),
-            quantile=float(np.quantile(values, QUARTILE)),
+            min=float(values.min()), mean=float(values.mean()), quantile=float(np.quantile(values, QUARTILE))
         ),
         succeeded=bool(not sought.fell.any() and values.min() >= task.success),
-        trials=_trials(asked.robot, chosen, simulators.values, sought, rate),
+        trials=_trials(robot, chosen, trials.simulators.values, sought, trials.rate),
         method=settings.search.method,
         seed=settings.search.seed,
         ended=found.ended,
         history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
         resumed=found.resumed,
-        cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=time.perf_counter() - began),
+        cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
     )
-    asked.registry.put_result("gait", asked.recording.id, gait.to_dict())
-    return gait
 
 
 def gait_of(registry: Registry, ref: str | Path) -> Gait:

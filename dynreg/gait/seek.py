@@ -64,6 +64,7 @@ def seek(
     """The gait with the highest accepted fitness; the same settings give the same gait.
 
     journal : a file to go on from when the search was interrupted (`resume`); `key` is what makes it this search.
+    It is the caller's to remove, when the result is safe.
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
     space = trials.space
@@ -88,8 +89,6 @@ def seek(
     genes = gaits(found.best[None])
     walk = trials.walk(genes)
     fell = walk.fell[:, 0] < walk.base.shape[2]
-    if kept:
-        kept.done()
     return Sought(found, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, walk)
 
 

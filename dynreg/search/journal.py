@@ -58,10 +58,6 @@ class Journal:
             file.flush()
             os.fsync(file.fileno())
 
-    def done(self) -> None:
-        """The search has ended, and its result is kept elsewhere."""
-        self.path.unlink(missing_ok=True)
-
     def _read(self) -> list[dict[str, Any]]:
         whole, _, _ = self.path.read_text(encoding="utf-8").rpartition("\n")
         try:

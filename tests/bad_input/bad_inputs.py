@@ -572,4 +572,31 @@ REGISTRIES = [
     ),
 ]
 
-ALL = (*LOGS, *MAPS, *ROBOTS, *ARGUMENTS, *DIAGNOSES, *SETTINGS, *REGISTRIES)
+GAITS = [
+    Bad("a gait for a robot that does not walk", "gait bench --on nominal", "has no walking task"),
+    Bad("a gait for an unknown recording", "gait nobody", "nobody", 4),
+    Bad("a gait by an unknown method", "gait bench --method ants", "--method 'ants'", 2),
+    Bad("an export of a gait that is none", "export bench --as csv --to g.csv", "gait", 4),
+    Bad(
+        "a gait file that is none",
+        "export {tmp}/g.json --as csv --to g.csv",
+        "is no gait",
+        2,
+        files={"g.json": "{}"},
+    ),
+    Bad(
+        "a log of a gait that is not there",
+        INGEST + " --gait 0123abcd",
+        "0123abcd",
+        4,
+        files={"run.csv": bench_csv()},
+    ),
+    Bad(
+        "tasks without legs",
+        CHECK,
+        "there are tasks, but no [gait]",
+        robot=(("[[actions]]", '[[tasks]]\nname = "forward"\n\n[[actions]]'),),
+    ),
+]
+
+ALL = (*GAITS, *LOGS, *MAPS, *ROBOTS, *ARGUMENTS, *DIAGNOSES, *SETTINGS, *REGISTRIES)

@@ -97,7 +97,8 @@ def test_an_interrupted_search_goes_on_to_the_same_end(method: str, trials, tmp_
     assert np.array_equal(gone_on.genes, whole.genes) and gone_on.found.history == whole.found.history
     assert gone_on.found.resumed == batches[0]
     assert trials.rollouts - before == 2 * (whole.found.evaluations - batches[0] + 1)
-    assert not path.exists()  # its result is the caller's to keep
+    ended = seek(trials, settings, journal=path, key={"a": 1}, resume=True)  # and from its end
+    assert ended.found.resumed == ended.found.evaluations
 
 
 def test_too_few_rollouts_and_unknown_methods_are_refused(trials) -> None:

@@ -232,3 +232,18 @@ def test_the_log_of_a_trial_is_linked_to_its_gait(opened: Session, brief, tmp_pa
     query = opened.registry.put_result("neighbours", None, {})
     with pytest.raises(UsageError, match="of kind 'neighbours'"):
         opened.ingest(log, brief, gait=query)
+
+
+def test_the_training_script(opened: Session, brief_folder: Path, tmp_path: Path, capsys) -> None:
+    """From a table of a log to a Python module."""
+    import importlib.util
+
+    opened.recording("log").to_frame().drop(columns="episode").to_csv(tmp_path / "run.csv", index=False)
+    source = Path(__file__).parents[2] / "examples" / "train_gait.py"
+    spec = importlib.util.spec_from_file_location("train_gait", source)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    options = f"--robot {brief_folder} --registry {tmp_path / 'reg'} --on nominal --rollouts {ROLLOUTS}"
+    script.main([str(tmp_path / "run.csv"), *options.split(), "--to", str(tmp_path / "gait.py")])
+    assert "forward" in capsys.readouterr().out
+    assert "def targets(t)" in (tmp_path / "gait.py").read_text()

@@ -1,0 +1,33 @@
+"""A gait for the robot of a log: nearest simulators, search, export.
+
+python examples/train_gait.py LOG... [--registry FOLDER] [--n 1000] [--rollouts 2500] [--to gait.py]
+"""
+
+import argparse
+
+import dynreg
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Populate, ingest, seek a gait that walks in the five nearest simulators, and write what a robot can run."""
+    parser = argparse.ArgumentParser(description="Seek a gait for the quadruped of some logs.")
+    parser.add_argument("logs", nargs="+")
+    parser.add_argument("--robot", default="quadruped")
+    parser.add_argument("--registry", default="dynreg-registry")
+    parser.add_argument("--on", default="neighbours")
+    parser.add_argument("--n", type=int, default=1000)
+    parser.add_argument("--rollouts", type=int, default=2500)
+    parser.add_argument("--to", default="gait.py")
+    given = parser.parse_args(arguments)
+    with dynreg.open(given.registry) as registry:
+        if given.on in ("neighbours", "synthesised", "random"):
+            registry.populate(given.robot, given.n)
+        recording = registry.ingest(given.logs, given.robot)
+        gait = registry.gait(recording, on=given.on, k=5, rollouts=given.rollouts)
+        print(gait)
+        print(gait.to_frame().to_string(index=False))
+        registry.export_gait("@last", given.to, "python")
+
+
+if __name__ == "__main__":
+    main()
