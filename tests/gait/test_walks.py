@@ -247,3 +247,24 @@ def test_the_training_script(opened: Session, brief_folder: Path, tmp_path: Path
     script.main([str(tmp_path / "run.csv"), *options.split(), "--to", str(tmp_path / "gait.py")])
     assert "forward" in capsys.readouterr().out
     assert "def targets(t)" in (tmp_path / "gait.py").read_text()
+
+
+def test_in_registered_simulators_at_random_and_more_than_there_are(brief, tmp_path: Path) -> None:
+    """On a real population of three."""
+    from tiny_registry import QUICK
+
+    with session.open(tmp_path / "registry") as opened:
+        real = SimulatedRobot(brief, brief.space.nominal, seed=1)
+        commands = excitation(brief, seed=1, episodes=4, steps=40).actions
+        logs = [real.run(c, brief.rate, f"e{i}").recording for i, c in enumerate(commands)]
+        log = type(logs[0])(logs[0].channels, tuple(r.episodes[0] for r in logs), measured=False)
+        opened.ingest(log, brief, name="log")
+        opened.populate(brief, 3, training=QUICK, link=False, threads=1)
+        found = opened.gait("log", on="random", k=2, rollouts=44, threads=1)
+        assert [t.kind for t in found.trials] == ["random"] * 2
+        assert len({opened.registry.resolve(t.simulator, ("entry",)) for t in found.trials}) == 2
+        assert found != opened.gait("log", on="random", k=2, rollouts=44, seed=5, threads=1)
+        for on in ("random", "neighbours"):
+            with pytest.raises(UsageError, match="k = 4.*1 to 3") as caught:
+                opened.gait("log", on=on, k=4, threads=1)
+            assert caught.value.exit_status == 2
