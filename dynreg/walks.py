@@ -334,6 +334,16 @@ def _trials(
                 parameters=robot.space.as_dict(values[i]),
                 time=(at / rate).tolist(),
                 **way,
+                contacts={
+                    foot: _spans(touching[i, 0, : last + 1], rate)
+                    for foot, touching in sought.walk.contact.items()
+                },
             )
         )
     return tuple(out)
+
+
+def _spans(touching: np.ndarray, rate: float) -> list[tuple[float, float]]:
+    """Times [s] between which (T,) flags are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], touching.astype(int), [0]])))
+    return [(float(a / rate), float(b / rate)) for a, b in edges.reshape(-1, 2)]

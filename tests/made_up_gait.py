@@ -71,4 +71,5 @@ def _trial(i: int, torque: float, fell: bool) -> GaitTrial:
         x=[0.1 * t for t in time],
         y=[0.01 * math.sin(t) for t in time],
         yaw=[0.02 * t for t in time],
+        contacts={"fl_foot": [(0.0, 1.5), (1.8, 2.1)], "fr_foot": [(1.4, 1.9)], "rl_foot": []},
     )

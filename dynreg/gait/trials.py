@@ -89,12 +89,12 @@ class Trials:
         self._noise = motor_noise(seeds, 1, len(self.times), len(robot.actions))
         self._arenas: dict[int, Arena] = {}
 
-    def walk(self, genes: np.ndarray) -> Walk:
-        """What gaits (n, G) do in every simulator: (k, n)."""
+    def walk(self, genes: np.ndarray, *, feet: bool = False) -> Walk:
+        """What gaits (n, G) do in every simulator: (k, n); with `feet`, which of them touch the ground when."""
         run = self._run(genes)
         if len(genes) not in self._arenas:
             self._arenas = {len(genes): self._arena(run)}
-        walk = self._arenas[len(genes)].walk(run)
+        walk = self._arenas[len(genes)].walk(run, feet=feet)
         self.rollouts += len(genes) * len(self.simulators)
         self.physics_steps += walk.physics_steps
         return walk

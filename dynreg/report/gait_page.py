@@ -6,6 +6,7 @@ from dynreg.gait.play import commands
 from dynreg.report.drawing import Chart, chart
 from dynreg.results import Gait
 
+SHOWN = 3.0  # s of the feet on the ground
 PERIODS = 2  # of the joints' traces, after the ramp
 
 
@@ -21,6 +22,8 @@ def gait_page(result: Gait) -> dict[str, Any]:
         "search": rising,
         "ways": [c for c in map(_way, result.trials) if c is not None],
         "joints": _traces(result),
+        "steps": _steps(result),
+        "shown": SHOWN,
     }
 
 
@@ -41,3 +44,16 @@ def _traces(result: Gait) -> list[Chart]:
         for i, joint in enumerate(result.joints)
     )
     return [c for c in drawn if c is not None]
+
+
+def _steps(result: Gait) -> list[tuple[str, list[tuple[float, float]]]]:
+    """(foot, spans on the ground as percent of the time shown) in the first simulator in which it did not fall."""
+    stood = [t for t in result.trials if not t.fell]
+    if not stood:
+        return []
+    begin = max(0.0, min(result.ramp, result.seconds - SHOWN))
+    out = []
+    for foot, spans in stood[0].contacts.items():
+        cut = [(max(a, begin), min(b, begin + SHOWN)) for a, b in spans]
+        out.append((foot, [(100 * (a - begin) / SHOWN, 100 * (b - a) / SHOWN) for a, b in cut if b > a]))
+    return out

@@ -36,6 +36,7 @@ class GaitTrial(Result):
     """The gait in one simulator: its fitness (0 for a fall), and the body's way over the ground [m, rad].
 
     simulator : id of a registered simulator or entry. time [s] of the points of the way, before a fall.
+    contacts : {foot: times [s] between which it is on the ground}.
     """
 
     simulator: str
@@ -47,6 +48,7 @@ class GaitTrial(Result):
     x: list[float]
     y: list[float]
     yaw: list[float]
+    contacts: dict[str, list[tuple[float, float]]] = {}
 
 
 class GaitStep(Result):

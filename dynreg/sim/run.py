@@ -1,6 +1,6 @@
 """What is asked of an engine, and what it gives back."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -86,11 +86,13 @@ class Walk:
         frame, in the order of `layout.BASE`; it stays where it was before a fall.
     fell : (B, E) the first step at which the robot had fallen or diverged, T+1 where it had not.
     physics_steps : time steps taken, over all simulators.
+    contact : {foot: (B, E, T+1)} whether it touches the ground, where that was asked for.
     """
 
     base: np.ndarray
     fell: np.ndarray
     physics_steps: int
+    contact: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def motor_noise(seeds: np.ndarray, episodes: int, steps: int, actions: int) -> np.ndarray:

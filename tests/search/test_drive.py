@@ -12,10 +12,12 @@ from dynreg.search.cmaes import CmaEs
 from dynreg.search.drive import Limits, drive
 from dynreg.search.hill import HillClimber
 from dynreg.search.journal import Journal
+from dynreg.search.screened import ScreenedCmaEs
 
 MAKE = {
     "hill": lambda rng: HillClimber(3, rng=rng, restarts=4),
     "cma": lambda rng: CmaEs(np.full(3, 0.5), rng=rng),
+    "screened": lambda rng: ScreenedCmaEs(np.full(3, 0.5), rng=rng, screen=40),
     "random": lambda rng: AtRandom(3, rng=rng, batch=8),
 }
 
@@ -36,7 +38,7 @@ def test_every_search_climbs_and_keeps_its_budget(name: str) -> None:
     assert np.allclose(found.grades, hump(found.best[None])[0])
 
 
-@pytest.mark.parametrize("name", ["hill", "cma"])
+@pytest.mark.parametrize("name", ["hill", "cma", "screened"])
 def test_searches_beat_chance_at_an_equal_budget(name: str) -> None:
     mean = {
         n: np.mean([drive(MAKE[n](stream(s, n)), hump, judge, Limits(200)).value for s in range(10)])
@@ -119,3 +121,16 @@ def test_a_journal_of_another_search_or_of_none_is_refused(tmp_path: Path) -> No
     with pytest.raises(CorruptError, match="no journal"):
         Journal(path, {"seed": 1}, resume=True)
     assert path.read_text() == "not json\n"
+
+
+def test_a_screened_search_sets_out_from_the_best_that_it_saw() -> None:
+    """Nothing but a narrow hump, which the middle does not see."""
+    search = ScreenedCmaEs(np.full(3, 0.5), rng=stream(3, "narrow"), screen=60, batch=10, sigma=0.02)
+    assert np.array_equal(search.ask()[0], np.full(3, 0.5))
+    search.tell(np.arange(10.0))
+    best = None
+    for _ in range(5):
+        asked = search.ask()
+        search.tell(np.arange(10.0) - 1.0)
+        best = asked[0] if best is None else best
+    assert np.abs(search.ask() - best).max() < 0.2

@@ -74,3 +74,16 @@ def test_what_stands_on_a_bench_does_not_walk() -> None:
     run = Run(np.zeros((1, 3, len(robot.actions))))
     with pytest.raises(SimulationError, match="no floating base"):
         Arena(robot, robot.space.nominal[None], run, threads=1).walk(run)
+
+
+def test_feet_of_a_standing_robot_touch_the_ground_and_of_a_falling_one_leave_it() -> None:
+    robot = load_robot("quadruped")
+    pose = np.tile(robot.model.keyframe("stance").ctrl, (2, 20, 1))
+    pose[1, 5:, 1] += 0.6  # one leg is lifted
+    run = Run(pose, period=1 / robot.rate)
+    arena = Arena(robot, robot.space.nominal[None], run, threads=1)
+    feet = arena.walk(run, feet=True).contact
+    assert sorted(feet) == ["fl_foot", "fr_foot", "rl_foot", "rr_foot"]
+    assert all(touching[0, 0, 1:].all() for touching in feet.values())
+    assert not feet["fl_foot"][0, 1, 15:].all()
+    assert arena.walk(run).contact == {}

@@ -12,7 +12,7 @@ from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Moment, Terms
 from dynreg.sim.engines.acting import Acting, Clock, acting, configure_terms, observed
-from dynreg.sim.engines.mujoco_reset import reset
+from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.fields import modify, set_field
@@ -22,6 +22,7 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run, Walk
 
 DIVERGED = 1e4  # rad/s or m/s
+TOUCHING = 1e-3  # m above the ground
 _KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
 
 
@@ -89,9 +90,10 @@ class Arena:
         return Rollout(states, fell.reshape(self._shape), taken)
 
     @quiet()
-    def walk(self, run: Run) -> Walk:
+    def walk(self, run: Run, *, feet: bool = False) -> Walk:
         """How the base moves under the commands and motor noise of `run`; a simulation ends where it falls.
 
+        feet : look at which feet (spheres that can touch the ground) touch it, too: that is slower.
         Raises SimulationError for a robot without a floating base.
         """
         if self.layout.base_qpos < 0:
@@ -101,9 +103,19 @@ class Arena:
                 do="name another robot",
             )
         steps = self._steps(run)
-        base, fell, taken = _walk(self.robot, self._batch, self.layout, steps)
-        shape = (*self._shape, run.steps + 1, -1)
-        return Walk(base.reshape(shape), fell.reshape(self._shape), taken)
+        model = compiled(self.robot)[0]
+        spheres = foot_spheres(model) if feet else np.zeros(0, dtype=int)
+        heights = np.full((run.steps + 1, self._batch.nsim, len(spheres)), np.inf)
+        base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights)
+        touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
+        names = [model.geom(int(g)).name for g in spheres]
+        shape = (*self._shape, run.steps + 1)
+        return Walk(
+            base.reshape(*shape, -1),
+            fell.reshape(self._shape),
+            taken,
+            {name: touching[:, i].reshape(shape) for i, name in enumerate(names)},
+        )
 
     def _steps(self, run: Run) -> Steps:
         """Every simulation at its start, with the commands of `run` before it."""
@@ -220,12 +232,16 @@ def _advance(
     return states, _fell(robot, layout, trace_q)
 
 
-def _walk(robot: Robot, batch: Batch, layout: Layout, steps: Steps) -> tuple[np.ndarray, np.ndarray, int]:
+def _walk(
+    robot: Robot, batch: Batch, layout: Layout, steps: Steps, feet: np.ndarray, heights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
     """(n, T+1, 12) the base, (n,) the step at which each simulation fell or diverged, time steps taken.
 
-    Simulations that fell stand still from then on, and are not advanced.
+    Simulations that fell stand still from then on, and are not advanced. The heights (T+1, n, F) [m] of the centres
+    of the `feet` (geoms) are written from the first command on, where there are any.
     """
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+    centres = batch.bind("geom_xpos") if len(feet) else None
     commands = steps.clock.commands.shape[1]
     at, dof = layout.base_qpos, layout.base_dof
     trace_q, trace_v = np.empty((commands + 1, batch.nsim, 7)), np.empty((commands + 1, batch.nsim, 6))
@@ -237,6 +253,8 @@ def _walk(robot: Robot, batch: Batch, layout: Layout, steps: Steps) -> tuple[np.
             trace_q[t + 1 :], trace_v[t + 1 :] = trace_q[t], trace_v[t]
             break
         steps.hold(t)
+        if centres is not None:
+            heights[t + 1] = np.where(standing[:, None], centres[:, feet, 2], np.inf)
         taken += int(steps.clock.substeps[standing].sum())
         trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
         down = standing & (_down(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))

@@ -60,11 +60,16 @@ def _rail(model: mujoco.MjModel, layout: Layout) -> int:
     return -1
 
 
+def foot_spheres(model: mujoco.MjModel) -> np.ndarray:
+    """Numbers of the spheres that can touch the ground."""
+    return np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (model.geom_contype > 0))
+
+
 def _clearance(batch: Batch, model: mujoco.MjModel) -> np.ndarray:
     """(n,) height [m] of the lowest sphere or capsule end that can touch the ground, at the reset pose."""
     centres = batch.bind("geom_xpos")  # outputs are filled by calls made after they are bound
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-    spheres = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (model.geom_contype > 0))
+    spheres = foot_spheres(model)
     if not len(spheres):
         return np.zeros(batch.nsim)
     return (centres[:, spheres, 2] - model.geom_size[spheres, 0]).min(axis=1)
