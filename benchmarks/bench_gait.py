@@ -95,8 +95,9 @@ def _hidden(number: int, gaits: int) -> dict:
 
 
 def _near(robot, count: int) -> np.ndarray:
-    """(count, P) the nominal simulator, and others halfway between it and draws of the population."""
-    values = 0.5 * (robot.space.nominal + robot.space.sample(0, count, stream_seed(SEED, "near") % 2**31))
+    """(count, P) the nominal simulator, and others a quarter of the way from it to draws of the population."""
+    draws = robot.space.sample(0, count, stream_seed(SEED, "near") % 2**31)
+    values = 0.75 * robot.space.nominal + 0.25 * draws
     values[0] = robot.space.nominal
     values[:, robot.space.names.index("action_rate")] = RATE
     return values
