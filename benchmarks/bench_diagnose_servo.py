@@ -19,6 +19,7 @@ import dynreg
 from dynreg.data.recording import Episode, Recording
 from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.settings import Settings
+from dynreg.lookups import robot_of
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
@@ -49,7 +50,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         measured = reg.ingest(logs, "servo_pendulum", name="measured").recording
         loaded = reg.registry.recording(measured)
-        robot = reg._robot_of_recording(measured)
+        robot = robot_of(reg.registry, measured)
         plain = without(loaded, "supply")
         reg.registry.put_recording(plain, robot.hash, "nominal")
         for supply in given.supply:

@@ -21,6 +21,7 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
+from dynreg.lookups import robot_of
 from dynreg.replay.parts import Parts
 from dynreg.search.cmaes import CmaEs
 from dynreg.sim.config import SimConfig, terms_of
@@ -259,7 +260,7 @@ def main() -> None:
     rows = json.loads(RESULTS.read_text())["joints"] if RESULTS.exists() else {}
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         recording = reg.ingest(logs, "so101", name="arm").recording
-        robot = reg._robot_of_recording(recording)
+        robot = robot_of(reg.registry, recording)
         for joint in given.joints:
             rows[joint] = one_joint(
                 reg, robot, recording, joint, given.max_causes, given.budget, given.windows

@@ -202,7 +202,7 @@ class Session:
         identity, loaded = self._recording(recording, robot, log_map)
         result = calibrate(
             self.registry,
-            self._robot_of_recording(identity),
+            robot_of(self.registry, identity),
             loaded,
             method=method,
             seed=seed,
@@ -284,9 +284,9 @@ class Session:
         identity, loaded = self._recording(recording, robot, log_map)
         asked = Asked(
             self.registry,
-            self._robot_of_recording(identity),
+            robot_of(self.registry, identity),
             loaded,
-            self._name(identity),
+            name_of(self.registry, identity),
             lambda: self.query(identity, k=k, population=population, threads=threads, progress=progress),
             lambda: self._population(population, identity, states=False).record.id,
         )
@@ -436,11 +436,8 @@ class Session:
             owner = loaded_robot(robot)
             loaded = read_log(recording, owner, log_map)
             return loaded, owner, loaded.id[:12]
-        owner = self._robot_of_recording(identity)
+        owner = robot_of(self.registry, identity)
         return self.registry.recording(identity), owner, name_of(self.registry, identity)
-
-    def _robot_of_recording(self, identity: str) -> "Robot":
-        return robot_of(self.registry, identity)
 
     def _population(self, ref: str | None, recording: str, *, states: bool) -> "Population":
         """The population to ask about a recording; the last one stays loaded."""
