@@ -116,6 +116,11 @@ class Coordinates:
             "command": reach,
         }
 
+    @property
+    def drive_limit(self) -> float:
+        """What a disturbance is a share of: the drives' torque limit, of a planar base their largest speed."""
+        return float(self.scales["command" if self.robot.planar else "torque"].mean())
+
     def scale(self, term: Term, parameter: EffectParameter) -> float:
         """What one medium size of this parameter is, in its unit; the mean over the term's joints."""
         owners = [name.split("/")[0] for name in self.robot.actions]

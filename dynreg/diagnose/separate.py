@@ -16,7 +16,7 @@ from dynreg.diagnose.problem import effective_samples
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, Disturbance
+from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, noise_term
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -73,7 +73,7 @@ class Pair:
         return np.concatenate([self.coordinates.nominal_bounds, effect_bounds(self.hypotheses[number])])
 
     def simulate(self, rows: list[tuple[int, np.ndarray]], run: Run, disturbed: bool = False) -> Rollout:
-        """Rollouts of rows (hypothesis, coordinates (D,)); `disturbed` with torque noise as hidden robots have."""
+        """Rollouts of rows (hypothesis, coordinates (D,)); `disturbed` with noise of the drives as hidden robots have."""
         c = self.coordinates
         free = len(c)
         terms, values = [], []
@@ -86,17 +86,16 @@ class Pair:
                 terms.append(one)
                 values.append(c.effect_values(hypothesis, z)[0])
         if disturbed:
-            terms.append(Term(self._disturbance(run)))
-            values.append(np.full((len(rows), 1), DISTURBANCE * c.scales["torque"].mean()))
+            terms.append(self._disturbance(run))
+            values.append(np.full((len(rows), 1), DISTURBANCE * c.drive_limit))
         nominal = c.values(np.array([at[:free] for _, at in rows]))
         acting = Terms(tuple(terms), tuple(values))
         return rollout(self.robot, nominal, run, engine=self.engine, threads=self.threads, terms=acting)
 
-    def _disturbance(self, run: Run) -> Disturbance:
+    def _disturbance(self, run: Run) -> Term:
         draw = stream(self.seed, "excite", self.robot.name, "disturbance")
         noise = draw.standard_normal((run.steps, len(self.robot.actions)))
-        substeps = int(self.robot.substeps(run.period))
-        return Disturbance(np.broadcast_to(noise, (run.episodes, *noise.shape)), substeps)
+        return noise_term(self.robot, run, np.broadcast_to(noise, (run.episodes, *noise.shape)))
 
 
 @dataclass(frozen=True)

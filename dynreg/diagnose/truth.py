@@ -141,7 +141,10 @@ def measured_states(
     truth = finer(robot)
     active = Terms(
         (*hidden.terms, disturbance(truth, run, stream(hidden.seed, "disturbance", robot.name))),
-        (*(v[None] for v in hidden.values), np.array([[DISTURBANCE * _limit(robot)]])),
+        (
+            *(v[None] for v in hidden.values),
+            np.array([[DISTURBANCE * Coordinates(robot, _known(robot)).drive_limit]]),
+        ),
     )
     whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
     states = rollout(
@@ -166,12 +169,6 @@ def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
         settings = {} if run.settings is None else dict(zip(robot.settings, run.settings[e], strict=True))
         episodes.append(Episode(name, time, values[e], settings))
     return Recording(tuple(channels), tuple(episodes), measured=False)
-
-
-def _limit(robot: Robot) -> float:
-    """What a disturbance is a share of: the drives' torque limit, of a planar base their largest speed."""
-    scales = Coordinates(robot, _known(robot)).scales
-    return float(scales["command" if robot.planar else "torque"].mean())
 
 
 def _known(robot: Robot) -> np.ndarray:

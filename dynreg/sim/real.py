@@ -103,7 +103,11 @@ class Unsteadiness(_Noise):
 
 def disturbance(robot: Robot, run: Run, rng: np.random.Generator) -> Term:
     """The noise of the drives in the episodes of `run`, which has a period."""
-    noise = rng.standard_normal((run.episodes, run.steps, len(robot.actions)))
+    return noise_term(robot, run, rng.standard_normal((run.episodes, run.steps, len(robot.actions))))
+
+
+def noise_term(robot: Robot, run: Run, noise: np.ndarray) -> Term:
+    """Noise (E, T, A), in standard deviations, on what the robot's drives give: torques, of a planar base speeds."""
     kind = Unsteadiness if robot.planar else Disturbance
     return Term(kind(noise, int(robot.substeps(run.period))))
 

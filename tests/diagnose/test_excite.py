@@ -119,6 +119,17 @@ def test_an_effect_that_another_contains_is_not_counted(servo: Robot, monkeypatc
     assert "where coulomb_friction is true" in experiment.note
 
 
+def test_effects_of_a_base_on_wheels_are_driven_apart(monkeypatch) -> None:
+    """Its disturbance is one of the speeds that it is told: it has no torques."""
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    recording, experiment = excite(load_robot("diffdrive"), ("wheel_slip", "rate_limit"), seconds=2.0, seed=0)
+    assert experiment.separation > 8.0
+    assert recording.names[:2] == ("left_wheel/velocity_command", "right_wheel/velocity_command")
+    told = {limit.name: limit for limit in experiment.limits}
+    for name in recording.names[:2]:
+        assert told[name].low <= told[name].least < 0 < told[name].most <= told[name].high
+
+
 @pytest.mark.parametrize(
     "robot, pair, seconds, says",
     [
