@@ -59,11 +59,12 @@ def estimates(
 def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
     """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles.
 
-    A drive that is told a speed has commands in the unit of its action.
+    A drive that is told a speed has commands in the unit of its action; where those of a base differ (speed and yaw
+    rate), one number is of each in its own: "m/s or rad/s".
     """
     if robot.planar and parameter.per == "command":
-        told = robot.file.actions[0].unit
-        return told if parameter.unit == "rad" else told.replace("/s", "/s^2")
+        told = dict.fromkeys(action.unit for action in robot.file.actions)
+        return " or ".join(unit if parameter.unit == "rad" else unit.replace("/s", "/s^2") for unit in told)
     if robot.planar:
         return parameter.unit
     owners = dict.fromkeys(name.split("/")[0] for name in robot.actions)

@@ -56,14 +56,15 @@ def repeatability(
         column = recording.names.index(channel.name) if channel.name in recording.names else None
         for a, b in pairs if column is not None else ():
             difference = a[:, column] - b[:, column]
-            difference = difference[np.isfinite(difference)]
-            if len(difference) < 2:
+            known = np.flatnonzero(np.isfinite(difference))
+            if len(known) < 2:
                 continue
             # what a base did wrong it never makes good: there runs part from where they stood at first
             still = _standing(robot, recording, a) if robot.planar else len(difference)
-            apart = difference - difference[:still].mean()
+            first = known[known < still] if known[0] < still else known[:1]
+            apart = difference[known] - difference[first].mean()
             squares += float(np.sum(apart**2))
-            freedom, used, samples = freedom + len(difference) - 1, used + 1, samples + len(difference)
+            freedom, used, samples = freedom + len(known) - 1, used + 1, samples + len(known)
         spread = float(np.sqrt(squares / freedom / 2)) if freedom else None
         out.append(Repeatability(channel.name, channel.unit, spread, float(stated[c]), used, samples))
     return tuple(out)

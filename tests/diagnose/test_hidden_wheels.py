@@ -1,8 +1,11 @@
 """Hidden causes of a base on two wheels: found by name, none where none is; and what a start that is measured says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dynreg.diagnose.estimate import _unit
 from dynreg.diagnose.repeatability import repeatability
 from dynreg.diagnose.settings import TrialSettings
 from dynreg.diagnose.threshold import USUAL
@@ -66,3 +69,31 @@ def test_runs_of_a_base_part_from_their_common_start(robot: Robot):
     apart = [a - b for a, b in zip(episodes[:4], episodes[4:], strict=True)]
     expected = np.sqrt(np.mean([np.mean((d - d[:26].mean()) ** 2) for d in apart]) / 2)
     assert wheel.spread == pytest.approx(expected, rel=0.01)
+
+
+def test_numbers_that_are_missing_at_first_do_not_stretch_the_rest(robot: Robot):
+    """A base that moves after 26 rows still parts from where it stood, if the first numbers of a channel are lost."""
+    plan = protocol(robot, seed=0, seconds=25.0)
+    whole = log_of(robot, hide(robot, (), None, 3), plan)
+    column = whole.names.index("left_wheel/position")
+    episodes = []
+    for e in whole.episodes:
+        values = e.values.copy()
+        values[:16, column] = np.nan
+        episodes.append(replace(e, values=values))
+    cut = replace(whole, episodes=tuple(episodes))
+    spread = next(r for r in repeatability(robot, cut) if r.channel == "left_wheel/position").spread
+    runs = [e.values[16:, column] for e in whole.episodes[:8]]
+    apart = [a - b for a, b in zip(runs[:4], runs[4:], strict=True)]
+    expected = np.sqrt(np.mean([np.mean((d - d[:10].mean()) ** 2) for d in apart]) / 2)
+    assert spread == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "units"), [("husky", ("m/s^2 or rad/s^2", "m/s or rad/s")), ("diffdrive", ("rad/s^2", "rad/s"))]
+)
+def test_sizes_of_commands_have_the_units_of_what_a_base_is_told(name: str, units: tuple[str, str]):
+    base = load_robot(name)
+    for key, unit in zip(("rate_limit", "command_deadband"), units, strict=True):
+        one = term(key)
+        assert [_unit(base, one, p) for p in one.effect.parameters] == [unit]
