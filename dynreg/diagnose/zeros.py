@@ -68,8 +68,14 @@ def _moved(raw: Windows, columns: np.ndarray, by: np.ndarray) -> Windows:
 def _measure(
     problem: Problem, windows: Windows, point: Point, chosen: np.ndarray, effective: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (W, T, C) of `point` in other windows than the problem's, and its cost (W,) in each [nats]."""
-    residual = replace(problem, windows=windows).residuals([point], chosen)[0]
+    """Residual (W, T, C) of `point` in other windows than the problem's, and its cost (W,) in each [nats].
+
+    The cost is 0 without `effective` (W, C), the independent samples of each channel. The rollout counts as one of the
+    problem's own.
+    """
+    moved = replace(problem, windows=windows)
+    residual = moved.residuals([point], chosen)[0]
+    problem.candidates = moved.candidates
     if effective is None:
         return residual, np.zeros(len(chosen))
     squares = mean_squares(residual[None], problem.floor)[0]
