@@ -74,8 +74,8 @@ def protocol(
     first = excitation(robot, seed=seed, name="diagnose", episodes=fits, steps=steps, **bank)
     last = excitation(robot, seed=seed, name="diagnose test", episodes=tests, steps=steps, **bank)
     if robot.planar:
-        for bank_of in (first, last):
-            bank_of.actions[:, : round(REST * rate)] = 0.0
+        moves = (np.arange(steps) >= round(REST * rate))[:, None]
+        first, last = (replace(run, actions=np.where(moves, run.actions, 0.0)) for run in (first, last))
     join = lambda a: (  # noqa: E731
         None if getattr(first, a) is None else np.concatenate([getattr(first, a)] * 2 + [getattr(last, a)])
     )
