@@ -1,12 +1,11 @@
 """`dynreg gait`: joint commands that walk, sought in the simulators that stand for a recording's robot."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dynreg.cli.call import Call, at_least, verb
-from dynreg.cli.completion import recording_names
+from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog, Threads
 from dynreg.errors import UsageError
 from dynreg.gait.methods import ACCEPT, METHODS, SOURCES
 
@@ -18,14 +17,7 @@ def register(app: typer.Typer) -> None:
 
 def gait(
     call: Call,
-    recording: Annotated[
-        str,
-        typer.Argument(
-            metavar="RECORDING",
-            help="Name, hash, @last (the last recording), or a log (then with --robot).",
-            autocompletion=recording_names,
-        ),
-    ],
+    recording: AnyRecording,
     k: Annotated[int | None, typer.Option("-k", help="Simulators that the gait must walk in [5].")] = None,
     on: Annotated[
         str,
@@ -42,10 +34,10 @@ def gait(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted search.")] = False,
     seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
-    robot: Annotated[str | None, typer.Option(help="Robot of the log, where RECORDING is a path.")] = None,
-    log_map: Annotated[Path | None, typer.Option("--map", help="TOML map of the log.")] = None,
+    robot: RobotOfLog = None,
+    log_map: MapOfLog = None,
     population: Annotated[str | None, typer.Option(help="Population to choose from [the only one].")] = None,
-    threads: Annotated[int | None, typer.Option(help="Simulation threads [all cores].")] = None,
+    threads: Threads = None,
 ) -> None:
     """Seek a gait that walks in the simulators nearest to a recording.
 
