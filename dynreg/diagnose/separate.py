@@ -73,7 +73,7 @@ class Pair:
         return np.concatenate([self.coordinates.nominal_bounds, effect_bounds(self.hypotheses[number])])
 
     def simulate(self, rows: list[tuple[int, np.ndarray]], run: Run, disturbed: bool = False) -> Rollout:
-        """Rollouts of rows (hypothesis, coordinates (D,)); `disturbed` with noise of the drives as hidden robots have."""
+        """Rollouts of rows (hypothesis, coordinates (D,)); `disturbed` by noise of the drives, as hidden ones."""
         c = self.coordinates
         free = len(c)
         terms, values = [], []

@@ -91,7 +91,7 @@ class CommandLag(_OnCommands):
 
 
 class CommandDeadband(_OnTargets):
-    """The servo ignores errors of its position within +-width; a drive that is told a speed has no lower ones."""
+    """The servo ignores errors of its position within +-width; a drive gives `width` less speed than it is told."""
 
     id, title = "command_deadband", "the servo ignores small position errors, the wheel small speeds"
     parameters = (
