@@ -137,8 +137,10 @@ def _one_round(
 def _finished(
     problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray
 ) -> tuple[Point, list[Point]]:
-    """The model without the term and those with it, refitted with the finer time step; the first from where the best of
-    the others ended, too."""
+    """The model without the term and those with it, refitted with the finer time step.
+
+    The first is refitted from where the best of the others ended, too.
+    """
     start, *fitted = polish(problem, [start, *fitted], fit_on, iterations=4)
     residuals = problem.residuals([start, *fitted], fit_on, finely=True)
     effective = problem.effective(residuals[0])

@@ -18,7 +18,7 @@ PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
 REFINED = (
-    0.2  # of the medium size: probes of what acts on joints already: with more dry friction they would stick
+    0.2  # of the medium size, for probes of what acts on joints already: with more friction they would stick
 )
 PULL = 3.0  # largest first change of a nominal coordinate
 
@@ -31,8 +31,7 @@ def shortlisted(
     effective: np.ndarray,
     iterations: int,
 ) -> list[Point]:
-    """`base` with one of `terms`, refitted: the best of them, best first, one point for
-    each term.
+    """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
     are tried start from the nameplate.
