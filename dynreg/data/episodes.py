@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.data.gaps import silent
 from dynreg.data.maps import LogMap, SettingMap, factors
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog, Series
@@ -225,17 +226,23 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     """Rate of change of a signal: zero-phase Butterworth low-pass, then central differences.
 
     The filter (order 2, run forwards and backwards: order 4 and no lag) acts on a uniform grid at the median
-    period, so irregular stamps are first interpolated. Rows without a finite value are left out. Raises
-    LogError where `filter_hz` is not below half the sampling rate.
+    period, so irregular stamps are first interpolated. Rows without a finite value are left out, but where they are
+    too many to be filled in (`gaps.silences`) there is no rate either: NaN. Raises LogError where `filter_hz` is not
+    below half the sampling rate.
     """
     from scipy.signal import butter, sosfiltfilt
 
     good = np.isfinite(series.values) & np.concatenate([[True], np.diff(series.time) > 0])
     time, values = series.time[good], series.values[good]
+    nothing = np.unique(series.time[~np.isfinite(series.values)])
     if len(time) < 3:
         return Series(time, np.full(len(time), np.nan), series.unit)
     if filter_hz is None:
-        return Series(time, np.gradient(values, time), series.unit)
+        empty = nothing[silent(time, nothing, nothing)]
+        slope = np.concatenate([np.gradient(values, time), np.full(len(empty), np.nan)])
+        every = np.concatenate([time, empty])
+        order = np.argsort(every, kind="stable")
+        return Series(every[order], slope[order], series.unit)
     period = float(np.median(np.diff(time)))
     if filter_hz >= 0.5 / period:
         raise LogError(
@@ -249,4 +256,5 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
         np.interp(grid, time, values),
         padlen=min(3 * (FILTER_ORDER + 1), len(grid) - 1),
     )
-    return Series(grid, np.gradient(smooth, period), series.unit)
+    slope = np.where(silent(time, nothing, grid), np.nan, np.gradient(smooth, period))
+    return Series(grid, slope, series.unit)

@@ -17,3 +17,15 @@ def silences(time: np.ndarray) -> np.ndarray:
         return np.empty((0, 2))
     long = np.flatnonzero(steps > max(BRIDGED, USUAL * float(np.median(steps))))
     return np.stack([time[long], time[long + 1]], axis=1)
+
+
+def silent(known: np.ndarray, nothing: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """(T,) whether `time` [s] lies within a silence of the stamps `known` that has some of `nothing` in it.
+
+    nothing : stamps at which the signal was logged, but held no number.
+    """
+    out = np.zeros(len(time), dtype=bool)
+    for begin, end in silences(known) if len(nothing) else ():
+        if ((nothing > begin) & (nothing < end)).any():
+            out |= (time > begin) & (time < end)
+    return out

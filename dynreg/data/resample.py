@@ -3,7 +3,7 @@
 import numpy as np
 
 from dynreg.data.episodes import RawEpisode
-from dynreg.data.gaps import silences
+from dynreg.data.gaps import silent
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Series
 from dynreg.errors import LogError
@@ -62,14 +62,10 @@ def _lost(raw: Series, kept: Series, time: np.ndarray, hold: bool) -> np.ndarray
 
     A command or a flag that mostly has no number is one that is logged when it changes, and holds.
     """
-    out = np.zeros(len(time), dtype=bool)
     nothing = raw.time[~np.isfinite(raw.values)]
-    if not len(nothing) or (hold and 2 * len(nothing) > len(raw)):
-        return out
-    for begin, end in silences(kept.time):
-        if ((nothing > begin) & (nothing < end)).any():
-            out |= (time > begin) & (time < end)
-    return out
+    if hold and 2 * len(nothing) > len(raw):
+        return np.zeros(len(time), dtype=bool)
+    return silent(kept.time, nothing, time)
 
 
 def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:

@@ -252,6 +252,19 @@ def test_long_stretches_without_numbers_stay_empty(write_table, swing, servo_spe
     assert target.tolist() == list(range(250, 300))
 
 
+@pytest.mark.parametrize("filter_hz", [None, 20.0])
+def test_where_a_signal_is_silent_for_long_it_has_no_rate(filter_hz: float | None):
+    t = np.arange(801) / 200
+    values = np.sin(3 * t)
+    values[200:300] = np.nan  # 1.0 to 1.5 s
+    values[400:410] = np.nan  # 0.05 s
+    slope = derivative(Series(t, values), filter_hz)
+    assert (np.diff(slope.time) > 0).all()
+    lost = slope.time[np.isnan(slope.values)]
+    assert lost[0] == pytest.approx(1.0) and lost[-1] == pytest.approx(1.495, abs=0.006)
+    assert np.diff(lost) == pytest.approx(0.005)
+
+
 def test_slow_signals_and_commands_logged_on_change_are_filled_in(write_table, swing, servo_spec):
     rows = np.arange(len(swing["time"]))
     swing["arm__velocity"][rows % 100 != 0] = np.nan  # a sensor of 2 Hz in a table of 200 Hz
