@@ -18,7 +18,7 @@ def loose_ends(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, .
     free = [coordinates.robot.space.parameters[i] for i in coordinates.free]
     block = covariance[: len(free), : len(free)]
     alone = np.sqrt(np.maximum(np.diag(block), 0.0)) >= ALONE
-    out = []
+    out, more = [], "" if coordinates.robot.planar else ", or add a known mass in some runs"
     if alone.any():
         names = ", ".join(p.name for p, wide in zip(free, alone, strict=True) if wide)
         out.append(f"the recording does not tell {names}: what robot.toml states stands")
@@ -36,7 +36,7 @@ def loose_ends(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, .
         )
         out.append(
             f"the recording hardly tells the scale of {up}{' against ' + down if down else ''}: they can change "
-            "together with the motion nearly the same; measure one of them, or add a known mass in some runs"
+            f"together with the motion nearly the same; measure one of them{more}"
         )
     return tuple(out)
 

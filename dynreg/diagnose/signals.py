@@ -67,10 +67,12 @@ def joint_signals(robot: Robot, windows: Windows) -> dict[str, JointSignals]:
 
 
 def joints_of_actions(robot: Robot) -> list[str]:
-    """(A,) what each action drives: its joint, or the velocity of a planar base that it commands."""
+    """(A,) what each action drives: its joint (a wheel is one), or the velocity of a planar base that it commands."""
     types = nominal_ports(robot, 1).types
     return [
-        name.removesuffix("_command") if kind == "velocity" else name.split("/")[0]
+        name.removesuffix("/velocity_command").removesuffix("_command")
+        if kind == "velocity"
+        else name.split("/")[0]
         for name, kind in zip(robot.actions, types, strict=True)
     ]
 

@@ -8,10 +8,11 @@ import pytest
 from dynreg.diagnose.estimate import _unit
 from dynreg.diagnose.repeatability import repeatability
 from dynreg.diagnose.settings import TrialSettings
+from dynreg.diagnose.signals import joint_signals, joints_of_actions
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.trial import one_trial
 from dynreg.diagnose.truth import hide, log_of, protocol
-from dynreg.replay.windows import STILL, standing, starts
+from dynreg.replay.windows import STILL, standing, starts, windows
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 
@@ -97,3 +98,14 @@ def test_sizes_of_commands_have_the_units_of_what_a_base_is_told(name: str, unit
     for key, unit in zip(("rate_limit", "command_deadband"), units, strict=True):
         one = term(key)
         assert [_unit(base, one, p) for p in one.effect.parameters] == [unit]
+
+
+def test_wheels_are_joints_with_a_position_and_a_velocity(robot: Robot):
+    recording = log_of(robot, hide(robot, (), None, 3), protocol(robot, seed=1, seconds=12.5))
+    cut = windows(robot, recording)
+    found = joint_signals(robot, cut)
+    assert list(found) == ["left_wheel", "right_wheel"]
+    for i, signals in enumerate(found.values()):
+        np.testing.assert_array_equal(signals.position, cut.measured[:, :-1, i])
+        np.testing.assert_array_equal(signals.velocity, cut.measured[:, :-1, 2 + i])
+    assert list(joints_of_actions(load_robot("husky"))) == ["base/speed", "base/yaw_rate"]

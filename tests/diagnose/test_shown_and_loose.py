@@ -51,5 +51,14 @@ def test_parameters_that_scale_together_are_told_with_their_signs(coordinates: C
     assert "the scale of tip_mass, coulomb_friction against resistance" in said
 
 
+def test_a_known_mass_is_advised_to_robots_that_have_masses(coordinates: Coordinates):
+    base = load_robot("diffdrive")
+    wheels = Coordinates(base, np.full(len(base.space), np.nan))
+    (said,) = loose_ends(wheels, covariance_of(wheels, {"wheel_radius": 1.0, "speed_drag": 1.0}, 0.85))
+    assert said.endswith("measure one of them")
+    (said,) = loose_ends(coordinates, covariance_of(coordinates, {"tip_mass": 1.0, "resistance": 1.0}, 0.85))
+    assert said.endswith("or add a known mass in some runs")
+
+
 def test_nothing_is_said_where_everything_is_told(coordinates: Coordinates):
     assert loose_ends(coordinates, covariance_of(coordinates, {"tip_mass": 1.0}, 0.3)) == ()
