@@ -86,7 +86,8 @@ def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace
     if given.threshold_runs == 0:
         needed = USUAL
     else:
-        chunks = [(robot, plan, range(i, given.threshold_runs, PARTS)) for i in range(PARTS)]
+        parts = min(PARTS, given.threshold_runs)
+        chunks = [(robot, plan, range(i, given.threshold_runs, parts)) for i in range(parts)]
         with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
             scores = [score for part in pool.map(nulls, chunks) for score in part]
         needed = level(scores)

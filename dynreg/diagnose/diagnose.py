@@ -41,13 +41,17 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Found:
-    """What the search for causes came to: points of the calibrated and the extended simulator, round by round."""
+    """What the search for causes came to: points of the calibrated and the extended simulator, round by round.
+
+    problem : the one that `extended` was fitted in, with its zeros of the episodes.
+    """
 
     base: Point
     extended: Point
     rounds: tuple[Naming, ...]
     accepted: int
     threshold: Calibrated
+    problem: Problem
 
 
 def diagnose(
@@ -86,7 +90,7 @@ def diagnose(
             do=f"see `dynreg effects {robot.name}`",
         )
     found = search(registry, problem, terms, fit_on, select_on, settings, progress)
-    evidence = Evidence.of(problem, recording, found.extended, split.chosen)
+    evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     return outcome(registry, problem, split, recording, settings, found, evidence, verdict, name, began)
 
@@ -161,59 +165,56 @@ def search(
     many = len(terms) > MANY
     base, effective = calibrate(problem, fit_on, draws=0 if many else DRAWS, seed=settings.seed)
     report("calibrate", 1, 1)
-    limit = (
-        Calibrated(needed, ())
-        if needed is not None
-        else threshold(
-            registry,
-            problem,
-            terms,
-            fit_on,
-            select_on,
-            runs=settings.threshold_runs,
-            seed=settings.seed,
-            progress=progress,
-        )
-    )
+    if needed is None:
+        of = {"runs": settings.threshold_runs, "seed": settings.seed}
+        limit = threshold(registry, problem, terms, fit_on, select_on, **of, progress=progress)
+    else:
+        limit = Calibrated(needed, ())
     rounds: list[Naming] = []
-    accepted, current, raw = 0, base, problem.windows
+    accepted, current, zeroed = 0, base, problem
     for number in range(settings.max_causes):
         report("causes", number, settings.max_causes)
         left = unlike(terms, current.hypothesis.terms)
         if not left:
             break
-        naming = name_one(problem, current, left, fit_on, select_on, effective)
+        naming = name_one(zeroed, current, left, fit_on, select_on, effective)
         rounds.append(naming)
         if number == 0:
             base = naming.start.point
         if naming.chosen is None or naming.chosen.nats < limit.nats:
             break
         accepted += 1
-        rounds = revise(problem, rounds, fit_on, select_on, effective)
-        current = rounds[-1].chosen.point
-        current = _zeroed(problem, raw, current, fit_on, select_on)
+        rounds = revise(zeroed, rounds, fit_on, select_on, effective)
+        zeroed, current = _zeroed(problem, zeroed, rounds[-1].chosen.point, fit_on, select_on)
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
-    if many:
-        (base,), _ = fit(problem, [base], both, pooled, iterations=1)
-        current = _polished(problem, current, both) if accepted else base
+    (base,), _ = fit(problem, [base], both, pooled, iterations=1 if many else 4)
+    if not accepted:
+        current = base
+    elif many:
+        current = _polished(zeroed, current, both)
     else:
-        (base,), _ = fit(problem, [base], both, pooled, iterations=4)
-        current = settle(problem, current, both, pooled, seed=settings.seed) if accepted else base
-    return Found(base, current, tuple(rounds), accepted, limit)
+        current = settle(zeroed, current, both, pooled, seed=settings.seed)
+    return Found(base, current, tuple(rounds), accepted, limit, zeroed)
 
 
-def _zeroed(problem: Problem, raw: Windows, point: Point, fit_on: np.ndarray, select_on: np.ndarray) -> Point:
-    """The point refitted in turn with the zeros of the episodes, which the problem's windows then have."""
+def _zeroed(
+    problem: Problem, zeroed: Problem, point: Point, fit_on: np.ndarray, select_on: np.ndarray
+) -> tuple[Problem, Point]:
+    """The point refitted in turn with the zeros of the episodes, and the problem whose windows have these.
+
+    zeroed : the same problem with the zeros of an earlier point.
+    """
     for _ in range(ZEROED):
-        problem.windows = rezeroed(problem, raw, point, np.concatenate([fit_on, select_on]))
-        if problem.windows is raw:  # nothing is set to zero anew
+        cut = rezeroed(zeroed, problem.windows, point, np.concatenate([fit_on, select_on]))
+        if cut is problem.windows:  # nothing is set to zero anew
             break
-        problem.refine([point], np.arange(len(problem.windows)))
-        effective = problem.effective(problem.residuals([point], fit_on)[0])
-        (point,), _ = fit(problem, [point], fit_on, effective, iterations=3)
-    return point
+        zeroed = replace(zeroed, windows=cut)
+        zeroed.refine([point], np.arange(len(cut)))
+        effective = zeroed.effective(zeroed.residuals([point], fit_on)[0])
+        (point,), _ = fit(zeroed, [point], fit_on, effective, iterations=3)
+    return zeroed, point
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:

@@ -87,10 +87,7 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
     if engine is None or engine == problem.running:
         return _posterior(problem, point, chosen, engine is not None, seed)
     # the corrections are of the other engine's time step
-    swapped = replace(problem, engine=engine, candidates=0, corrections={})
-    found = _posterior(swapped, point, chosen, True, seed)
-    problem.candidates += swapped.candidates
-    return found
+    return _posterior(replace(problem, engine=engine, corrections={}), point, chosen, True, seed)
 
 
 def _vectorised(problem: Problem) -> str | None:

@@ -79,4 +79,7 @@ def threshold_note(found: "Found") -> str:
     scores = found.threshold.scores
     if not scores:
         return "a default: this robot was not simulated without effects"
-    return f"robots without an effect reached at most {max(scores):.3g} nats under these commands"
+    return (
+        f"{len(scores)} simulated robots without an effect reached at most {max(scores):.3g} nats under these "
+        "commands; by their largest scores one in 100 would exceed the threshold, which more runs make surer"
+    )

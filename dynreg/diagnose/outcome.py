@@ -66,18 +66,18 @@ def outcome(
     errors = channel_errors(
         problem, states, judged, evidence.repeats, "test" if split.test.any() else "select"
     )
-    draws = posterior(problem, found.extended, split.chosen, seed=settings.seed)
+    draws = posterior(found.problem, found.extended, split.chosen, seed=settings.seed)
     parameters = _parameters(problem, found.extended, draws)
-    looked, pairs = tied(problem, found, draws, split.chosen, settings)
+    looked, pairs = tied(found.problem, found, draws, split.chosen, settings)
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     whole = gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     kinds = {"calibrated": found.base, "extended": found.extended}
     ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
-    covariance = _covariance(problem, found.extended, split.chosen)
+    covariance = _covariance(found.problem, found.extended, split.chosen)
     worst = worst_of(problem, errors)
     simulated = np.stack([states[0], states[1], states[-1]])
     rows = split_errors(robot, problem.windows.take(judged), simulated)
-    left, depends = rest(problem, found.extended, split.chosen, verdict, settings.seed) or (None, None)
+    left, depends = rest(found.problem, found.extended, split.chosen, verdict, settings.seed) or (None, None)
     return Diagnosis(
         robot=robot.name,
         recording=recording.id,
@@ -127,7 +127,7 @@ def outcome(
         seed=settings.seed,
         cost=Cost(
             evaluations=0,
-            rollouts=problem.candidates,
+            rollouts=problem.spent.candidates,
             test_rollouts=len(states),
             seconds=time.perf_counter() - began,
         ),

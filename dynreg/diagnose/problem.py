@@ -47,11 +47,19 @@ class Point:
 
 
 @dataclass
+class Spent:
+    """candidates : how many simulators were run through windows (window by window)."""
+
+    candidates: int = 0
+
+
+@dataclass
 class Problem:
     """A recording cut into windows and the robot that it is held against.
 
     use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
-    candidates : how many simulators were run through windows so far (window by window).
+    rough : whether rollouts are too rough for narrow differences; by default where a robot stands on its feet.
+    spent : what was simulated so far, shared with problems made from this one.
     corrections : {hypothesis: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
     """
 
@@ -60,12 +68,13 @@ class Problem:
     coordinates: Coordinates
     engine: str | None = None
     threads: int = 1
-    candidates: int = field(default=0)
     corrections: dict[str, np.ndarray] = field(default_factory=dict)
-    rough: bool = field(default=False)
+    rough: bool | None = None
+    spent: Spent = field(default_factory=Spent)
 
     def __post_init__(self):
-        self.rough = self.stands
+        if self.rough is None:
+            self.rough = self.stands
         self.use = np.flatnonzero(self.windows.weight > 0)
         noise = np.array([c.noise**2 + c.quantum**2 / 12 for c in self.robot.file.channels])
         self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
@@ -120,7 +129,7 @@ class Problem:
         return next(iter(self.corrections.values())) * 0.0
 
     def _rollouts(self, robot: Robot, points: list[Point], chosen: np.ndarray) -> np.ndarray:
-        self.candidates += len(points)
+        self.spent.candidates += len(points)
         values = self.coordinates.values(np.array([p.nominal for p in points]))
         run = self.windows.run.take(chosen)
         return rollout(

@@ -71,7 +71,9 @@ def null_scores(robot: Robot, plan: Protocol, settings: TrialSettings, numbers: 
     return [null_score(*posed, null_seed(seed, i)) for i in numbers]
 
 
-def _without_effect(robot: Robot, plan: Protocol, settings: TrialSettings):
+def _without_effect(
+    robot: Robot, plan: Protocol, settings: TrialSettings
+) -> tuple[tuple[Problem, list[Term], np.ndarray, np.ndarray], int]:
     """(problem, terms, fit windows, select windows) of a robot without an effect under the plan, and its seed."""
     seed = stream_seed(settings.seed, "threshold") % 2**31
     recording = log_of(robot, hide(robot, (), None, seed), plan, engine=_truth_engine(robot, settings))
@@ -106,13 +108,13 @@ def one_trial(
     problem, split = pose(None, robot, recording, blind)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     found = search(None, problem, single_terms(robot, (), without), fit_on, select_on, blind, needed=needed)
-    evidence = Evidence.of(problem, recording, found.extended, split.chosen)
+    evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     seconds, core = time.perf_counter() - began, time.process_time() - busy
     scored = _scored(robot, problem, hidden, found, verdict, seconds)
     result = scored.model_copy(update={"core_seconds": core})
     if interval and result.parameter_error is not None:
-        result = result.model_copy(update={"covered": _covered(problem, split, hidden, found)})
+        result = result.model_copy(update={"covered": _covered(found.problem, split, hidden, found)})
     if not share or not hidden.terms or not found.accepted:
         return result
     return result.model_copy(update={"share_of_attainable_gain": _share(problem, split, hidden, found)})

@@ -70,12 +70,9 @@ def _measure(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residual (W, T, C) of `point` in other windows than the problem's, and its cost (W,) in each [nats].
 
-    The cost is 0 without `effective` (W, C), the independent samples of each channel. The rollout counts as one of the
-    problem's own.
+    The cost is 0 without `effective` (W, C), the independent samples of each channel.
     """
-    moved = replace(problem, windows=windows)
-    residual = moved.residuals([point], chosen)[0]
-    problem.candidates = moved.candidates
+    residual = replace(problem, windows=windows).residuals([point], chosen)[0]
     if effective is None:
         return residual, np.zeros(len(chosen))
     squares = mean_squares(residual[None], problem.floor)[0]

@@ -63,8 +63,8 @@ def test_a_cause_that_the_library_lacks_is_told_by_its_signal(robot, tmp_path):
 @pytest.mark.parametrize("verdict", ["named", "ambiguous", "none"])
 def test_where_nothing_is_left_nothing_is_asked(robot, verdict):
     problem, chosen = posed(robot, recorded(robot, "cogging")[1])
-    before = problem.candidates
-    assert rest(problem, nominal(problem), chosen, verdict) is None and problem.candidates == before
+    before = problem.spent.candidates
+    assert rest(problem, nominal(problem), chosen, verdict) is None and problem.spent.candidates == before
 
 
 def test_what_a_delay_remembers_is_no_dependence(robot, monkeypatch):

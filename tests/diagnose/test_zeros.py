@@ -52,9 +52,9 @@ def posed():
 def test_zeros_of_episodes_are_found(posed):
     problem, split = posed
     point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
-    raw, before = problem.windows, problem.candidates
+    raw, before = problem.windows, problem.spent.candidates
     found = rezeroed(problem, raw, point, split.chosen)
-    assert problem.candidates > before + 10  # the rollouts count as the diagnosis's own
+    assert problem.spent.candidates > before + 10  # the rollouts count as the diagnosis's own
     moved = (found.run.initial - raw.run.initial)[:, :2]
     assert np.allclose(moved, OFF[raw.episode], atol=2e-3)
     assert np.allclose(found.measured[:, :, :2] - raw.measured[:, :, :2], moved[:, None])
