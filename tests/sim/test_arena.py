@@ -57,6 +57,18 @@ def test_a_walk_is_the_same_motion_and_ends_at_the_fall() -> None:
         assert (walk.base[b, e, end - 1 :] == walk.base[b, e, end - 1]).all()
 
 
+def test_poses_are_what_the_robot_does_in_the_model_that_it_does_it_in() -> None:
+    robot = load_robot("quadruped")
+    values = robot.space.sample(0, 2, 0)
+    run, _ = runs(robot)
+    arena = Arena(robot, values, run, threads=1)
+    poses, states = arena.poses(run), arena.rollout(run).states
+    assert poses.shape == (2, 3, 31, 19)
+    assert np.array_equal(poses[..., 7:], states[..., :12])  # the joints, in the order of the channels
+    gravity = robot.space.names.index("gravity")
+    assert [arena.model(i).opt.gravity[2] for i in (0, 1)] == pytest.approx(-values[:, gravity])
+
+
 def test_on_a_slope_a_standing_robot_is_pulled_back() -> None:
     """Uphill is ahead: gravity pulls backwards with its size unchanged."""
     robot = load_robot("quadruped")

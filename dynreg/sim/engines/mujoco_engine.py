@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import Acting, Clock, acting, configure_terms, observed
+from dynreg.sim.engines.acting import Clock, acting, configure_terms, observed
 from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.engines.quiet import quiet
@@ -82,12 +82,30 @@ class Arena:
     def rollout(self, run: Run) -> Rollout:
         """The whole episodes under the commands and motor noise of `run`, as the log would hold them."""
         steps = self._steps(run)
-        states, fell = _advance(
-            self.robot, self._batch, self.layout, steps, self._drives, self._ports, self._inputs, self._active
+        trace_q, trace_v = self._trace(steps)
+        states = observe(
+            self.layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(self.robot.channels)
         )
+        states = observed(self.robot, self._active, states, self._ports, steps.clock.period)
+        states[_diverged(trace_v)] = np.nan
         taken = int(steps.clock.substeps.sum()) * run.steps
-        states = states.reshape(*self._shape, run.steps + 1, -1)
-        return Rollout(states, fell.reshape(self._shape), taken)
+        fell = _fell(self.robot, self.layout, trace_q)
+        return Rollout(states.reshape(*self._shape, run.steps + 1, -1), fell.reshape(self._shape), taken)
+
+    @quiet()
+    def poses(self, run: Run) -> np.ndarray:
+        """(B, E, T+1, nq) where all joints of the model are at the command times, for drawing.
+
+        Falls go on to the end; a simulation that diverges holds NaN from then on.
+        """
+        trace_q, trace_v = self._trace(self._steps(run))
+        poses = np.swapaxes(trace_q, 0, 1)
+        poses[_diverged(trace_v)] = np.nan
+        return poses.reshape(*self._shape, run.steps + 1, -1)
+
+    def model(self, simulator: int) -> mujoco.MjModel:
+        """A copy of the MuJoCo model of a simulator (its number), with its parameters and effects in the fields."""
+        return self._batch.get_model(simulator * self._shape[1])
 
     @quiet()
     def walk(self, run: Run, *, feet: bool = False) -> Walk:
@@ -116,6 +134,21 @@ class Arena:
             taken,
             {name: touching[:, i].reshape(shape) for i, name in enumerate(names)},
         )
+
+    def _trace(self, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
+        """(T+1, n, nq), (T+1, n, nv) of whole episodes."""
+        qpos, qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        count = steps.clock.commands.shape[1]
+        trace_q = np.empty((count + 1, *qpos.shape))
+        trace_v = np.empty((count + 1, *qvel.shape))
+        trace_q[0], trace_v[0] = qpos, qvel
+        changing = varies(self._ports)
+        for t in range(count):
+            if changing and t > 0:
+                self._drives.apply(servo_law(self._ports, self._inputs[:, t]), self._ports)
+            steps.hold(t)
+            trace_q[t + 1], trace_v[t + 1] = qpos, qvel
+        return trace_q, trace_v
 
     def _steps(self, run: Run) -> Steps:
         """Every simulation at its start, with the commands of `run` before it."""
@@ -203,33 +236,9 @@ def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) 
     return matrix[:, diagonal[layout.action_dof]].copy()
 
 
-def _advance(
-    robot: Robot,
-    batch: Batch,
-    layout: Layout,
-    steps: Steps,
-    drives: Drives,
-    ports: Ports,
-    inputs: np.ndarray,
-    active: list[Acting],
-) -> tuple[np.ndarray, np.ndarray]:
-    """States (n, T+1, S) that the log holds and (n,) the step at which each simulation fell."""
-    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
-    count = steps.clock.commands.shape[1]
-    trace_q = np.empty((count + 1, *qpos.shape))
-    trace_v = np.empty((count + 1, *qvel.shape))
-    trace_q[0], trace_v[0] = qpos, qvel
-    changing = varies(ports)
-    for t in range(count):
-        if changing and t > 0:
-            drives.apply(servo_law(ports, inputs[:, t]), ports)
-        steps.hold(t)
-        trace_q[t + 1], trace_v[t + 1] = qpos, qvel
-    diverged = ~(np.abs(trace_v).max(axis=2) < DIVERGED)
-    states = observe(layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(robot.channels))
-    states = observed(robot, active, states, ports, steps.clock.period)
-    states[np.maximum.accumulate(diverged, axis=0).T] = np.nan
-    return states, _fell(robot, layout, trace_q)
+def _diverged(trace_v: np.ndarray) -> np.ndarray:
+    """(n, T+1) whether velocities (T+1, n, nv) have left all bounds by then."""
+    return np.maximum.accumulate(~(np.abs(trace_v).max(axis=2) < DIVERGED), axis=0).T
 
 
 def _walk(
