@@ -81,6 +81,22 @@ def test_on_a_slope_a_standing_robot_is_pulled_back() -> None:
     assert moved[1] < moved[0] - 0.05
 
 
+def test_the_slope_turns_gravity_that_an_effect_has_tilted() -> None:
+    """Both turn it about the same axis: only the sum of their angles counts."""
+    robot = load_robot("quadruped")
+    run = Run(np.tile(robot.model.keyframe("stance").ctrl, (1, 2, 1)), period=1 / robot.rate)
+
+    def gravity(tilt: float, slope: float) -> np.ndarray:
+        terms = terms_of(SimConfig(robot.hash, robot.name, {}, {"gravity_tilt": {"angle": tilt}}))
+        arena = Arena(robot, robot.space.nominal[None], run, threads=1, terms=terms, slope=slope)
+        return arena.model(0).opt.gravity
+
+    assert np.allclose(np.linalg.norm(gravity(0.1, 0.3)), 9.81)
+    assert np.allclose(gravity(0.1, 0.3), gravity(0.2, 0.2)) and not np.allclose(
+        gravity(0.1, 0.0), gravity(0.2, 0.0)
+    )
+
+
 def test_what_stands_on_a_bench_does_not_walk() -> None:
     robot = load_robot("leg")
     run = Run(np.zeros((1, 3, len(robot.actions))))

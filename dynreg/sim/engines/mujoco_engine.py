@@ -64,8 +64,9 @@ class Arena:
         configure_terms(robot, self._active, ports, batch.expand)
         if slope:
             gravity = batch.expand("opt.gravity")
-            down = -gravity[:, 2].copy()
-            gravity[:, 0], gravity[:, 2] = -np.sin(slope) * down, -np.cos(slope) * down
+            ahead, up = gravity[:, 0].copy(), gravity[:, 2].copy()  # a tilted base has some ahead already
+            gravity[:, 0] = np.cos(slope) * ahead + np.sin(slope) * up
+            gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * ahead
         self._inputs = episode_inputs(robot, n, run)
         self._drives = Drives(batch, self.layout)
         self._drives.apply(servo_law(ports, self._inputs[:, 0]), ports)
