@@ -44,6 +44,10 @@ class SimulationError(DynregError):
     """A simulation that diverged or was asked for something its engine does not offer."""
 
 
+class PictureError(DynregError):
+    """A picture that cannot be drawn on this machine."""
+
+
 class BudgetError(DynregError):
     """A robot that may not be tried any further."""
 

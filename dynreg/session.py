@@ -397,13 +397,22 @@ class Session:
 
         return export_simulator(self.registry, ref, Path(destination))
 
-    def export_gait(self, ref: str | Path, destination: str | Path, form: str = "csv") -> results.Gait:
-        """Write a gait, by its id, `@last` or the path of its JSON, as csv, mcap or python; see `gait.play`."""
-        from dynreg.gait.play import write
-        from dynreg.walks import gait_of
+    def export_gait(
+        self, ref: "str | Path | results.Gait", destination: str | Path, form: str = "csv"
+    ) -> results.Gait:
+        """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.
 
-        gait = gait_of(self.registry, ref)
-        write(gait, Path(destination), form)
+        form : csv, mcap or python for a robot, see `gait.play`; gif or png to look at, see `walks.film`.
+        """
+        from dynreg.gait.play import write
+        from dynreg.sim.film import FORMS
+        from dynreg.walks import film, gait_of
+
+        gait = ref if isinstance(ref, results.Gait) else gait_of(self.registry, ref)
+        if form in FORMS:
+            film(self.registry, gait, Path(destination), form)
+        else:
+            write(gait, Path(destination), form)
         return gait
 
     def info(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from dynreg.data.recording import Recording
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.gait.methods import SOURCES
-from dynreg.gait.play import joints
+from dynreg.gait.play import commands, joints, require_new, require_playable, write_new
 from dynreg.gait.seek import QUARTILE, SearchSettings, Sought, accepted, seek
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import YAW, X, Y, task_of
@@ -24,7 +24,8 @@ from dynreg.replay.known import known_values
 from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitStep, GaitTrial, Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
-from dynreg.sim.robot import Robot
+from dynreg.sim.film import draw, moments
+from dynreg.sim.robot import Robot, load_robot
 
 POINTS = 100  # of a way that is kept
 Progress = Callable[[str, int, int], None]
@@ -171,6 +172,35 @@ def gait_of(registry: Registry, ref: str | Path) -> Gait:
     return Gait.model_validate(_record(registry, str(ref)).document)
 
 
+def film(registry: Registry, gait: Gait, path: Path, form: str) -> None:
+    """Draw a gait in the simulator in which it walks least: a GIF of it all, or as PNG one period in four stills.
+
+    The simulation is the very one that the gait's document tells of; the ground of a slope is drawn level.
+    Raises UsageError for a gait that cannot be played and a file that cannot be written, NoMatchError where the
+    registry lacks the robot or the simulators, PictureError where this machine cannot draw.
+    """
+    require_playable(gait)
+    require_new(path)  # before time is spent on it
+    robot = load_robot(registry.robot_folder(gait.robot_hash))
+    task = task_of(robot, gait.task)
+    task.seconds = gait.seconds
+    configs = [replace(_config(registry, t.simulator)[2], values=t.parameters) for t in gait.trials]
+    trials = Trials(robot, task, simulators_of(robot, configs), rate=gait.rate, seed=gait.seed)
+    least = min(range(len(configs)), key=lambda i: gait.trials[i].fitness)
+    model, poses = trials.poses(_told(trials, gait), least)
+    times = moments(gait.seconds, form, 1.0 / gait.frequency)
+    write_new(path, draw(model, poses, gait.rate, times, form))
+
+
+def _told(trials: Trials, gait: Gait) -> np.ndarray:
+    """(T, A) joint commands: to the last bit those of the search, where nobody has changed them since."""
+    space = trials.space
+    genes = space.from_dict({name: gene.value for name, gene in gait.genes.items()})
+    if joints(space, genes) == gait.joints:
+        return space.targets(genes[None], trials.times)[0]
+    return commands(gait)[1]
+
+
 def of_gait(registry: Registry, recording: Recording, ref: str, robot: Robot) -> Recording:
     """A recording that tells in its provenance which stored gait was played.
 
@@ -297,13 +327,7 @@ def _named(asked: Asked, refs: list[str]) -> Chosen:
     """Registered simulators and entries; UsageError where one is of another robot."""
     ids, kinds, configs = [], [], []
     for ref in refs:
-        kind, identity = asked.registry.resolve(ref, ("simulator", "entry"))
-        if kind == "simulator":
-            config = SimConfig.from_dict(asked.registry.simulator(identity))
-        else:
-            entry = asked.registry.load_entry(identity)
-            record = asked.registry.population(entry.population_id)
-            config = SimConfig(record.robot_hash, record.name, entry.values)
+        kind, identity, config = _config(asked.registry, ref)
         if config.robot != asked.robot.hash:
             raise UsageError(
                 f"{kind} {ref!r} is of robot {config.robot_name!r} ({config.robot[:12]})",
@@ -314,6 +338,16 @@ def _named(asked: Asked, refs: list[str]) -> Chosen:
         kinds.append(kind)
         configs.append(config)
     return Chosen(tuple(ids), tuple(kinds), tuple(configs))
+
+
+def _config(registry: Registry, ref: str) -> tuple[str, str, SimConfig]:
+    """Of a registered simulator or entry: which of the two it is, its id and its configuration."""
+    kind, identity = registry.resolve(ref, ("simulator", "entry"))
+    if kind == "simulator":
+        return kind, identity, SimConfig.from_dict(registry.simulator(identity))
+    entry = registry.load_entry(identity)
+    record = registry.population(entry.population_id)
+    return kind, identity, SimConfig(record.robot_hash, record.name, entry.values)
 
 
 def _trials(

@@ -22,6 +22,8 @@ class Form(StrEnum):
     csv = "csv"
     mcap = "mcap"
     python = "python"
+    gif = "gif"
+    png = "png"
 
 
 _PLAYED = "play it, then `dynreg ingest LOG --robot ROBOT --gait @last`"
@@ -44,7 +46,8 @@ def export(
     ],
     to: Annotated[Path, typer.Option(help="New directory; new file for a gait.")],
     form: Annotated[
-        Form, typer.Option("--as", help="A registry; a simulator as a robot folder; a gait as commands.")
+        Form,
+        typer.Option("--as", help="A registry; a simulator as a robot folder; a gait as commands or drawn."),
     ] = Form.registry,
 ) -> None:
     """Copy stored things to a new registry, or write a simulator as a robot folder.
@@ -53,7 +56,8 @@ def export(
     simulators that it names. @last is the last recording; `dynreg list --kind result` has the ids of results.
     As a robot, a simulator is a robot.toml with its parameters and effects and one MJCF file for MuJoCo alone.
     As csv, mcap or python, a gait (its id, its JSON file or @last, here the last gait) is a table, a log of joint
-    commands, or a Python module that needs nothing else.
+    commands, or a Python module that needs nothing else; as gif or png it is drawn, in the simulator in which it
+    walks least.
 
     Example: dynreg export monday --to monday-registry
     """
@@ -64,7 +68,8 @@ def export(
         )
     with call.open() as session:
         if form not in (Form.registry, Form.robot):
-            call.emit(session.export_gait(refs[0], to, form.value), f"{to}: written", hint=_PLAYED)
+            hint = None if form in (Form.gif, Form.png) else _PLAYED
+            call.emit(session.export_gait(refs[0], to, form.value), f"{to}: written", hint=hint)
             return
         if form is Form.robot:
             folder = session.export_robot(refs[0], to)

@@ -1,13 +1,19 @@
 """`dynreg gait`: joint commands that walk, sought in the simulators that stand for a recording's robot."""
 
-from typing import Annotated
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog, Threads
-from dynreg.errors import UsageError
+from dynreg.errors import PictureError, UsageError
 from dynreg.gait.methods import ACCEPT, METHODS, SOURCES
+
+if TYPE_CHECKING:
+    from dynreg.results import Gait
+    from dynreg.session import Session
 
 
 def register(app: typer.Typer) -> None:
@@ -38,6 +44,10 @@ def gait(
     log_map: MapOfLog = None,
     population: Annotated[str | None, typer.Option(help="Population to choose from [the only one].")] = None,
     threads: Threads = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(help="Draw the gait, too, into this new file: .gif, or .png for four stills."),
+    ] = None,
 ) -> None:
     """Seek a gait that walks in the simulators nearest to a recording.
 
@@ -54,6 +64,7 @@ def gait(
         at_least(flag, value, 1)
     at_least("--seed", seed, 0)
     at_least("--threads", threads, 0)
+    _can_film(film)
     with call.open(create=robot is not None) as session, call.progress() as progress:
         found = session.gait(
             recording,
@@ -72,4 +83,29 @@ def gait(
             threads=call.pick("threads", threads, 0),
             progress=progress,
         )
+        if film is not None:
+            _film(session, found, film)
     call.emit(found, hint="dynreg export @last --as python --to gait.py")
+
+
+def _can_film(film: Path | None) -> None:
+    """UsageError before time is spent on a gait that cannot be drawn into this file."""
+    from dynreg.sim.film import FORMS
+
+    can_write(film)
+    if film is not None and (film.exists() or film.suffix.lower()[1:] not in FORMS):
+        raise UsageError(
+            f"--film {str(film)!r}",
+            expected=f"a new file whose name ends in {' or '.join('.' + form for form in FORMS)}",
+            do="name another file",
+        )
+
+
+def _film(session: "Session", found: "Gait", film: Path) -> None:
+    """Draw it; where this machine cannot, a note says so: the gait is stored all the same."""
+    try:
+        session.export_gait(found, film, film.suffix.lower()[1:])
+    except PictureError as problem:
+        print(f"note: {problem}", file=sys.stderr, flush=True)
+    else:
+        print(f"{film}: written", file=sys.stderr, flush=True)

@@ -1,6 +1,8 @@
 """Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -75,16 +77,31 @@ def commands(gait: Gait) -> tuple[np.ndarray, np.ndarray]:
 def write(gait: Gait, path: Path, form: str) -> None:
     """Write a gait as one of FORMS; UsageError where it cannot be played or the file cannot be written."""
     require_playable(gait)
-    data = {"csv": _csv, "mcap": _mcap, "python": _module}[form](gait)
+    write_new(path, {"csv": _csv, "mcap": _mcap, "python": _module}[form](gait))
+
+
+def require_new(path: Path) -> None:
+    """UsageError for a file that is there already, or whose folder is not."""
+    if path.exists() or not path.absolute().parent.is_dir():
+        why = os.strerror(errno.EEXIST if path.exists() else errno.ENOENT)
+        raise _unwritten(path, why)
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write a file that is not there yet; UsageError where it cannot be written."""
     try:
         with open(path, "xb") as file:
             file.write(data)
     except OSError as error:
-        raise UsageError(
-            f"cannot write {str(path)!r}: {error.strerror}",
-            expected="a new file in an existing folder that may be written",
-            do="name another file",
-        ) from error
+        raise _unwritten(path, error.strerror) from error
+
+
+def _unwritten(path: Path, why: str) -> UsageError:
+    return UsageError(
+        f"cannot write {str(path)!r}: {why}",
+        expected="a new file in an existing folder that may be written",
+        do="name another file",
+    )
 
 
 def _csv(gait: Gait) -> bytes:

@@ -16,6 +16,8 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk, motor_noise
 
 if TYPE_CHECKING:
+    from mujoco import MjModel
+
     from dynreg.sim.engines.mujoco_engine import Arena
 
 LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which a sine is none
@@ -102,6 +104,12 @@ class Trials:
     def grades(self, genes: np.ndarray) -> np.ndarray:
         """(n, k) of gaits (n, G); see `Task.grade`."""
         return self.task.grade(self.walk(genes)).T
+
+    def poses(self, actions: np.ndarray, simulator: int) -> "tuple[MjModel, np.ndarray]":
+        """The MuJoCo model of a simulator (its number), and its poses (T+1, nq) under joint commands (T, A)."""
+        run = Run(actions[None], period=1.0 / self.rate, noise=self._noise)
+        arena = self._arena(run)
+        return arena.model(simulator), arena.poses(run)[simulator, 0]
 
     def _run(self, genes: np.ndarray) -> Run:
         actions = self.space.targets(genes, self.times)

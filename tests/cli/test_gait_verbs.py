@@ -7,7 +7,7 @@ import made_up_gait
 import pytest
 
 from dynreg.cli.schemas import model_of
-from dynreg.errors import NoMatchError
+from dynreg.errors import NoMatchError, PictureError
 
 
 @pytest.fixture
@@ -71,6 +71,8 @@ def test_an_interrupted_search_exits_130(dynreg, asked) -> None:
         ("gait yard --accept max", "one of min, mean, quantile"),
         ("gait yard -k 0", "-k 0"),
         ("gait yard --rollouts 0", "--rollouts 0"),
+        ("gait yard --film walk.mp4", "ends in .gif or .png"),
+        ("gait yard --film nowhere/walk.gif", "cannot write 'nowhere/walk.gif'"),
         ("export a b --as csv --to c", "one gait"),
         ("export a --as svg --to c", "svg"),
     ],
@@ -80,10 +82,26 @@ def test_misuse_is_refused_before_a_registry_is_opened(line: str, says: str, dyn
     assert ended.status == 2 and says in ended.err and asked.asked == []
 
 
-@pytest.mark.parametrize("form", ["csv", "mcap", "python"])
+@pytest.mark.parametrize("form", ["csv", "mcap", "python", "gif", "png"])
 def test_export_as_commands(form: str, dynreg, asked) -> None:
     assert dynreg("export", "@last", "--as", form, "--to", "gait.out").status == 0
     assert asked.asked == [("export_gait", ("@last", Path("gait.out"), form), {})]
+
+
+def test_a_film_is_drawn_of_what_was_found(dynreg, asked) -> None:
+    ended = dynreg("gait", "yard", "--film", "walk.gif", "--json")
+    assert ended.status == 0 and "walk.gif: written" in ended.err
+    assert json.loads(ended.out)["schema"] == "dynreg/gait/1"
+    assert asked.asked[1] == ("export_gait", (asked.answers["gait"], Path("walk.gif"), "gif"), {})
+
+
+def test_where_nothing_can_be_drawn_a_note_says_so_and_the_gait_is_there(dynreg, asked) -> None:
+    asked.answers["export_gait"] = PictureError("no picture", expected="an OpenGL", do="install EGL")
+    ended = dynreg("gait", "yard", "--film", "walk.gif")
+    assert ended.status == 0 and "note: no picture; expected an OpenGL; install EGL" in ended.err
+    assert "yard_monday" in ended.out
+    ended = dynreg("export", "@last", "--as", "gif", "--to", "walk.gif")
+    assert ended.status == 1 and "install EGL" in ended.err
 
 
 def test_ingest_names_the_gait_that_was_played(dynreg, asked) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dynreg import session
-from dynreg.errors import NoMatchError, UsageError
+from dynreg.errors import NoMatchError, PictureError, UsageError
 from dynreg.gait.play import commands
 from dynreg.gait.space import gait_space
 from dynreg.results import Gait, Neighbour
@@ -206,6 +206,37 @@ def test_the_python_module_needs_nothing_and_says_the_same(written: Path, opened
     assert np.abs(angles[-1] - [j.rest for j in gait.joints]).max() < 0.1
     assert lasted == pytest.approx(gait.seconds + gait.ramp, abs=0.1)
     assert "numpy" not in modules
+
+
+def test_a_gait_is_drawn_as_it_walked(found: Gait, opened: Session, tmp_path: Path, monkeypatch) -> None:
+    """In the simulation of its document, to the last bit."""
+    seen = {}
+
+    def draw(model, poses, rate, times, form):
+        seen.update(poses=poses, rate=rate, times=times, form=form)
+        return b"drawn"
+
+    monkeypatch.setattr("dynreg.walks.draw", draw)
+    opened.export_gait(found, tmp_path / "walk.gif", "gif")
+    assert (tmp_path / "walk.gif").read_bytes() == b"drawn"
+    trial = found.trials[0]
+    steps = np.round(np.array(trial.time) * found.rate).astype(int)
+    assert np.array_equal(seen["poses"][steps, :2], np.stack([trial.x, trial.y], axis=1))
+    assert (seen["rate"], seen["form"], seen["times"][-1]) == (found.rate, "gif", pytest.approx(0.96))
+    slower = tuple(j.model_copy(update={"amplitude": 0.5 * j.amplitude}) for j in found.joints)
+    opened.export_gait(found.model_copy(update={"joints": slower}), tmp_path / "slower.gif", "gif")
+    assert abs(seen["poses"][steps[-1], 0] - trial.x[-1]) > 1e-4  # what was changed by hand is what is drawn
+    with pytest.raises(UsageError, match="cannot write.*exists"):
+        opened.export_gait(found, tmp_path / "walk.gif", "gif")
+
+
+def test_without_opengl_a_gait_is_not_drawn(
+    found: Gait, opened: Session, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    with pytest.raises(PictureError, match="no picture was drawn"):
+        opened.export_gait(found, tmp_path / "walk.png", "png")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, tmp_path: Path) -> None:
