@@ -32,8 +32,8 @@ def main(model_file: str, poses_file: str, form: str, picture: str) -> None:
 def drawn(model: mujoco.MjModel, poses: np.ndarray) -> list[np.ndarray]:
     """(height, width, 3) pictures of poses (F, nq), seen by a camera that goes along with the robot."""
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
-    camera.azimuth, camera.elevation = 125.0, -27.0
-    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.35, 0.5
+    camera.azimuth, camera.elevation = 125.0, -30.0
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.2, 0.4
     renderer = mujoco.Renderer(model, height=SIZE[1], width=SIZE[0])
     out = []
     for pose in poses:
@@ -45,6 +45,9 @@ def drawn(model: mujoco.MjModel, poses: np.ndarray) -> list[np.ndarray]:
             camera.distance = 2.5 * (high - low).max()
             height = (low[2] + high[2]) / 2
         camera.lookat[:] = *(low + high)[:2] / 2, height
+        data.light_xpos[model.light_bodyid == 0, :2] += camera.lookat[
+            :2
+        ]  # a lamp of the room goes along, too
         renderer.update_scene(data, camera)
         _mark(renderer.scene, model, camera.lookat)
         out.append(renderer.render())
