@@ -25,8 +25,8 @@ class Search(Protocol):
 class Limits:
     """When a search ends.
 
-    evaluations : candidates at most (the last batch may not begin where it would not fit). patience : candidates
-    without a better one after which to give up, None for never. target : value that is good enough.
+    evaluations : candidates at most (a batch that would not fit is not begun; the first one always is). patience :
+    candidates without a better one after which to give up, None for never. target : value that is good enough.
     """
 
     evaluations: int
@@ -67,6 +67,8 @@ def drive(
     best, top, spent, resumed, last, history = None, None, 0, 0, 0, []
     while True:
         asked = search.ask()
+        if best is not None and spent + len(asked) > limits.evaluations:
+            return Found(*best, tuple(history), spent, resumed, "budget")
         known = journal.next(asked) if journal else None
         found = grades(asked) if known is None else known
         if known is not None:
@@ -85,16 +87,15 @@ def drive(
         spent += len(asked)
         if progress:
             progress(spent, limits.evaluations)
-        ended = _ended(search, limits, best[2], spent, spent - last, len(asked))
+        ended = _ended(search, limits, best[2], spent - last)
         if ended:
             return Found(*best, tuple(history), spent, resumed, ended)
 
 
-def _ended(search: Search, limits: Limits, value: float, spent: int, since: int, batch: int) -> str:
+def _ended(search: Search, limits: Limits, value: float, since: int) -> str:
+    """Why a search is over before its budget is, "" where it is not."""
     if limits.target is not None and value >= limits.target:
         return "target"
     if limits.patience is not None and since >= limits.patience:
         return "patience"
-    if search.stopped:
-        return "converged"
-    return "budget" if spent + batch > limits.evaluations else ""
+    return "converged" if search.stopped else ""

@@ -38,6 +38,15 @@ def test_every_search_climbs_and_keeps_its_budget(name: str) -> None:
     assert np.allclose(found.grades, hump(found.best[None])[0])
 
 
+def test_no_batch_is_begun_that_the_budget_has_no_room_for() -> None:
+    """Batches of 5 while it screens, of 7 then."""
+    for budget, used in ((10, 10), (16, 10), (17, 17), (23, 17), (24, 24)):
+        search = ScreenedCmaEs(np.full(3, 0.5), rng=stream(0, "sizes"), screen=10, batch=5)
+        asked = []
+        found = drive(search, lambda x: asked.append(len(x)) or hump(x), judge, Limits(budget))  # noqa: B023
+        assert found.evaluations == sum(asked) == used and found.ended == "budget"
+
+
 @pytest.mark.parametrize("name", ["hill", "cma", "screened"])
 def test_searches_beat_chance_at_an_equal_budget(name: str) -> None:
     mean = {
