@@ -136,11 +136,12 @@ def _module(gait: Gait) -> bytes:
         f"    {j.action.split('/')[0]!r}: {(j.rest, j.offset, j.amplitude, j.phase, j.low, j.high)!r},\n"
         for j in gait.joints
     )
-    return _MODULE.format(gait=gait, rows=rows).encode()
+    # names only as literals: a document of a stranger must not become a program
+    return _MODULE.format(gait=gait, said=str(gait), rows=rows).encode()
 
 
 _MODULE = '''\
-"""A gait of robot {gait.robot}, task {gait.task}: {gait.fitness.min:.3g} {gait.unit} at worst in {gait.k} simulators.
+"""Joint commands of a gait that dynreg found.
 
 Needs nothing but Python 3. On the robot, give `play` what moves a joint:
 
@@ -150,6 +151,8 @@ Needs nothing but Python 3. On the robot, give `play` what moves a joint:
 import math
 import time
 
+ROBOT = {gait.robot!r}
+FOUND = {said!r}
 FREQUENCY = {gait.frequency!r}  # Hz
 RATE = {gait.rate!r}  # commands a second
 SECONDS = {gait.seconds!r}
@@ -173,11 +176,11 @@ def targets(t):
 
 def play(move, seconds=SECONDS, clock=time.monotonic, sleep=time.sleep):
     """Call move(joint, angle) for every joint, RATE times a second, then go back to rest over RAMP seconds."""
-    began, steps = clock(), round(seconds * RATE)
-    for step in range(steps + round(RAMP * RATE)):
+    began = clock()
+    for step in range(math.ceil((seconds + RAMP) * RATE - 1e-6) + 1):
         t = step / RATE
         sleep(max(0.0, began + t - clock()))
-        back = max(0.0, t - seconds) / RAMP
+        back = min(max(0.0, t - seconds) / RAMP, 1.0)
         for joint, angle in targets(min(t, seconds)).items():
             move(joint, angle + back * (JOINTS[joint][0] - angle))
 
