@@ -41,7 +41,23 @@ def joints(space: GaitSpace, genes: np.ndarray) -> tuple[GaitJoint, ...]:
 
 
 def require_playable(gait: Gait) -> None:
-    """UsageError where a gait's joints would pass their limits, as after a change by hand."""
+    """UsageError where a gait's joints would pass their limits, or a number is none, as after a change by hand."""
+    told = {name: getattr(gait, name) for name in ("frequency", "rate", "ramp", "seconds")}
+    wrong = [f"{name} = {value}" for name, value in told.items() if not 0.0 < value < np.inf]
+    told = {
+        (j.action, name): getattr(j, name)
+        for j in gait.joints
+        for name in ("rest", "offset", "amplitude", "phase")
+    }
+    wrong += [
+        f"{name} of {action} = {value}" for (action, name), value in told.items() if not np.isfinite(value)
+    ]
+    if wrong:
+        raise UsageError(
+            f"this gait cannot be run on robot {gait.robot!r}: {wrong[0]}",
+            expected="finite numbers, times and rates above 0",
+            do="use the gait as `dynreg gait` found it",
+        )
     for j in gait.joints:
         size = abs(j.amplitude)
         fastest = size * (2 * np.pi * gait.frequency + 1 / gait.ramp) + abs(j.offset - j.rest) / gait.ramp

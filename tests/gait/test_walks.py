@@ -258,6 +258,16 @@ def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, 
     path.write_text(gait.model_copy(update={"joints": tuple(wild)}).to_json())
     with pytest.raises(UsageError, match="fl_hip/target would go from"):
         opened.export_gait(path, tmp_path / "wild.csv")
+    text = gait.to_json()
+    phase = f'"phase": {gait.joints[0].phase}'
+    for old, new, says in (
+        ('"ramp": 1.0', '"ramp": 0.0', "ramp = 0.0"),
+        (phase, '"phase": NaN', "phase of fl_hip"),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        with pytest.raises(UsageError, match=f"cannot be run.*{says}"):
+            opened.export_gait(path, tmp_path / "wild.csv")
     path.write_text('{"schema": "dynreg/gait/1"}')
     with pytest.raises(UsageError, match="is no gait"):
         opened.export_gait(path, tmp_path / "wild.csv")
