@@ -114,6 +114,15 @@ class Speed(Task):
     kind, unit = "speed", "1"
     defaults = MappingProxyType({"speed": 0.1})
 
+    def __init__(self, table: TaskTable):
+        super().__init__(table)
+        if self.values["speed"] == 0.0:
+            raise RobotError(
+                f"task {table.name!r}: speed = 0",
+                expected="a speed ahead, or backwards below 0 [m/s]",
+                do="correct [[tasks]] in robot.toml",
+            )
+
     def score(self, base: np.ndarray) -> np.ndarray:
         ahead, left = progress(base)
         wanted = self.values["speed"] * self.seconds
@@ -133,6 +142,12 @@ def kinds() -> Mapping[str, type[Task]]:
                 expected="a class derived from dynreg.gait.tasks.Task",
                 do="mend it, or uninstall its package",
             ) from error
+        if not (isinstance(plugin, type) and issubclass(plugin, Task) and {"kind", "score"} <= {*dir(plugin)}):
+            raise RobotError(
+                f"plugin {point.value} is {plugin!r}",
+                expected="a class derived from dynreg.gait.tasks.Task, with its kind and score",
+                do="mend it, or uninstall its package",
+            )
         if plugin.kind in table:
             raise RobotError(
                 f"plugin {point.value} brings a task of kind {plugin.kind!r}",

@@ -1,5 +1,6 @@
 """What `robot.toml` may say about walking: the gait's roles and legs, and the tasks."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field, Strict, model_validator
@@ -52,8 +53,8 @@ class GaitTable(Table):
             raise ValueError("a frequency must be above 0, and an amplitude not below it")
         roles = [role.name for role in self.roles]
         names = [leg.name for leg in self.legs]
-        if len({*roles}) < len(roles) or len({*names}) < len(names):
-            raise ValueError("two roles or two legs have one name")
+        if len({*roles, *names}) < len(roles) + len(names):
+            raise ValueError("two of the roles and legs have one name")
         for leg in self.legs:
             if sorted(leg.joints) != sorted(roles):
                 raise ValueError(
@@ -61,6 +62,23 @@ class GaitTable(Table):
                 )
             if set(leg.mirrored) - set(roles):
                 raise ValueError(f"leg {leg.name!r} mirrors {leg.mirrored}, not some of {roles}")
+        joints = [joint for leg in self.legs for joint in leg.joints.values()]
+        if twice := [joint for i, joint in enumerate(joints) if joint in joints[:i]]:
+            raise ValueError(f"joint {twice[0]!r} is in two places of the legs")
+        return self
+
+    @model_validator(mode="after")
+    def _begins(self):
+        bounds = {"frequency": self.frequency}
+        for role in self.roles:
+            bounds |= {f"amplitude_{role.name}": role.amplitude, f"offset_{role.name}": role.offset}
+        phases = [*self.roles, *self.legs[1:]]
+        bounds |= {f"phase_{turning.name}": (-math.pi, math.pi) for turning in phases}
+        for name, value in self.start.items():
+            if name not in bounds:
+                raise ValueError(f"start names {name!r}, not one of {list(bounds)}")
+            if not bounds[name][0] <= value <= bounds[name][1]:
+                raise ValueError(f"start: {name} = {value} lies outside {list(bounds[name])}")
         return self
 
 

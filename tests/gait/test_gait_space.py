@@ -99,6 +99,10 @@ BAD = {
     'elbow = "fl_elbow"': ('elbow = "fl_knee"', "no action drives joint 'fl_knee'"),
     'mirrored = ["hip"]': ('mirrored = ["wing"]', "mirrors"),
     "frequency = [0.5, 2.5]": ("frequency = [2.5, 0.5]", "low 2.5 is not below high 0.5"),
+    "frequency = 2.3": ("frequency = 23.0", r"start: frequency = 23.0 lies outside \[0.5, 2.5\]"),
+    "phase_rr = 0.0": ("phase_tail = 0.0", "start names 'phase_tail', not one of"),
+    'shoulder = "fr_shoulder"': ('shoulder = "fl_shoulder"', "joint 'fl_shoulder' is in two places"),
+    'name = "fr"': ('name = "elbow"', "two of the roles and legs have one name"),
     'name = "turn"': ('name = "forward"', "named twice"),
 }
 

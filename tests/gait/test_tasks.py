@@ -1,5 +1,6 @@
 """Tasks: their scores on made-up walks, falls, and tasks of plugins."""
 
+from collections.abc import Callable, Iterator
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -58,6 +59,8 @@ def test_only_the_slope_is_not_level(quadruped) -> None:
 def test_unknown_tasks_kinds_and_values_are_refused(quadruped) -> None:
     with pytest.raises(UsageError, match="no task 'fly'.*'forward'"):
         task_of(quadruped, "fly")
+    with pytest.raises(RobotError, match="speed = 0;"):
+        tasks.Speed(TaskTable(name="a", values={"speed": 0.0}))
     with pytest.raises(RobotError, match="unknown value 'wind'"):
         tasks.Forward(TaskTable(name="a", values={"wind": 1.0}))
 
@@ -71,12 +74,29 @@ class Higher(Task):
         return base[:, :, -1, 2] - base[:, :, 0, 2]
 
 
-def test_a_plugin_brings_a_task(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def plugin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[object], None]]:
+    """Lets an installed package bring this object as a task."""
     point = EntryPoint("higher", f"{__name__}:Higher", "dynreg.tasks")
-    monkeypatch.setattr(tasks, "entry_points", lambda group: [point])
-    monkeypatch.setattr(EntryPoint, "load", lambda self: Higher)
-    kinds.cache_clear()
-    try:
-        assert kinds()["higher"] is Higher
-    finally:
+
+    def install(brought: object) -> None:
+        monkeypatch.setattr(tasks, "entry_points", lambda group: [point])
+        monkeypatch.setattr(EntryPoint, "load", lambda self: brought)
         kinds.cache_clear()
+
+    yield install
+    kinds.cache_clear()
+
+
+def test_a_plugin_brings_a_task(plugin) -> None:
+    plugin(Higher)
+    assert kinds()["higher"] is Higher
+
+
+@pytest.mark.parametrize(
+    "brought, says", [(str, "is <class 'str'>"), (Task, "is <class"), (tasks.Turn, "of kind 'turn'")]
+)
+def test_a_plugin_that_is_no_task_of_its_own_is_refused(brought: object, says: str, plugin) -> None:
+    plugin(brought)
+    with pytest.raises(RobotError, match=says):
+        kinds()
