@@ -142,7 +142,9 @@ def kinds() -> Mapping[str, type[Task]]:
                 expected="a class derived from dynreg.gait.tasks.Task",
                 do="mend it, or uninstall its package",
             ) from error
-        if not (isinstance(plugin, type) and issubclass(plugin, Task) and {"kind", "score"} <= {*dir(plugin)}):
+        if not (
+            isinstance(plugin, type) and issubclass(plugin, Task) and {"kind", "score"} <= {*dir(plugin)}
+        ):
             raise RobotError(
                 f"plugin {point.value} is {plugin!r}",
                 expected="a class derived from dynreg.gait.tasks.Task, with its kind and score",

@@ -156,12 +156,7 @@ class SimulatedRobot:
         """
         from dynreg.sim.engines.mujoco_engine import Arena
 
-        if actions.ndim != 2 or actions.shape[1] != len(self.robot.actions):
-            raise UsageError(
-                f"commands of shape {actions.shape}",
-                expected=f"(steps, {len(self.robot.actions)})",
-                do="give one column for each action",
-            )
+        self._check(actions, rate)
         self._afford(len(actions) / rate)
         number = self.spent.trials
         truth = finer(self.robot)
@@ -183,6 +178,24 @@ class SimulatedRobot:
         )
         states = arena.rollout(run).states[0, 0, : ends + 1]
         return RealTrial(self._log(sensed(self.robot, states, rng), actions, rate, name), walk)
+
+    def _check(self, actions: np.ndarray, rate: float) -> None:
+        if actions.ndim != 2 or actions.shape[1] != len(self.robot.actions) or not len(actions):
+            raise UsageError(
+                f"commands of shape {actions.shape}",
+                expected=f"(1 or more steps, {len(self.robot.actions)})",
+                do="give one column for each action",
+            )
+        lost = np.argwhere(~np.isfinite(actions))
+        if len(lost) or not 0.0 < rate < np.inf:
+            what = (
+                f"command {actions[tuple(lost[0])]} in step {lost[0, 0]}" if len(lost) else f"rate = {rate}"
+            )
+            raise UsageError(
+                f"{what} for robot {self.robot.name!r}",
+                expected="finite commands, and more than 0 of them a second",
+                do="correct them",
+            )
 
     def _afford(self, seconds: float) -> None:
         left = (

@@ -53,10 +53,19 @@ def test_a_spent_budget_is_refused_before_anything_moves(budget: dict, says: str
     assert real.spent == before
 
 
-def test_commands_of_another_shape_cost_nothing() -> None:
+def test_commands_that_are_none_cost_nothing() -> None:
     real = hidden()
     with pytest.raises(UsageError, match="commands of shape"):
         real.run(STAND[:, :5], 36.0)
+    lost = STAND.copy()
+    lost[3, 2] = np.nan
+    for actions, rate, says in (
+        (STAND[:0], 36.0, "commands of shape"),
+        (lost, 36.0, "command nan in step 3"),
+        (STAND, 0.0, "rate = 0"),
+    ):
+        with pytest.raises(UsageError, match=says):
+            real.run(actions, rate)
     assert real.spent == Spent()
 
 
