@@ -1,9 +1,11 @@
 """How well gaits walk: searches compared on the nominal quadruped, and gaits for hidden robots tried on them.
 
-1. Hill climber, CMA-ES and random search on the nominal quadruped, and in five simulators of the population about it:
-   fitness against gaits tried, seconds, and after how many gaits CMA-ES has what the hill climber ends with.
-2. Hidden quadrupeds, each with an effect that no simulator has: gaits sought in k simulators drawn about the truth's
-   nameplate are tried once on the robot, beside one sought in a simulator with its true parameters.
+1. Hill climber, CMA-ES and random search on the nominal quadruped ("nominal"), and in five simulators a quarter of
+   the way from it to draws of the population ("five"): fitness against gaits tried, and seconds.
+2. Hidden quadrupeds, each with an effect that no simulator has ("hidden"): gaits sought in the five simulators, in the
+   nominal one and in one with the true parameters are tried once on the robot.
+
+Parts that were not asked for keep the figures that they had.
 """
 
 import argparse
@@ -37,13 +39,14 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--parts", default="nominal,five,hidden")
     given = parser.parse_args()
-    figures = {}
+    kept = HERE / "results" / "gait.json"
+    figures = json.loads(kept.read_text()) if kept.is_file() else {}
     for part in given.parts.split(","):
         if part == "hidden":
             figures[part] = [_hidden(i, given.gaits // 3) for i in range(len(HIDDEN))]
         else:
             figures[part] = _searches(part, given.gaits, given.seeds)
-    (HERE / "results" / "gait.json").write_text(json.dumps(figures, indent=1) + "\n")
+    kept.write_text(json.dumps(figures, indent=1) + "\n")
 
 
 def _searches(part: str, gaits: int, seeds: int) -> list[dict]:
