@@ -136,7 +136,17 @@ def run() -> None:
         import warnings
 
         warnings.simplefilter("ignore")  # of the libraries below; an error is one line
+    _without_opengl()
     sys.exit(main(sys.argv[1:]))
+
+
+def _without_opengl() -> None:
+    """Keep MuJoCo from loading an OpenGL: one that does not work would keep MuJoCo itself from being imported.
+
+    Only a film needs one, in a process of its own, which is told what the user chose.
+    """
+    os.environ.setdefault("DYNREG_GL", os.environ.get("MUJOCO_GL", ""))
+    os.environ["MUJOCO_GL"] = "disable"
 
 
 def _fail(text: str, status: int, debug: bool) -> int:

@@ -73,7 +73,8 @@ def _drawn(model: "mujoco.MjModel", frames: np.ndarray, times: np.ndarray, form:
 
 def backends() -> tuple[str, ...]:
     """Values of MUJOCO_GL to try: what the user set, else what draws without a screen here."""
-    own = os.environ.get("MUJOCO_GL", "").strip()
+    # the program `dynreg` sets what the user chose aside before MuJoCo is imported
+    own = os.environ.get("DYNREG_GL", os.environ.get("MUJOCO_GL", "")).strip()
     if own:
         return (own,)
     return ("egl", "osmesa") if sys.platform.startswith("linux") else ("",)

@@ -173,3 +173,9 @@ def test_the_shell_completes_verbs_and_robots(shell: str) -> None:
 def test_the_completion_script_is_given(shell: str) -> None:
     ended = subprocess_of(env=os.environ | {"_DYNREG_COMPLETE": f"source_{shell}"})
     assert ended.returncode == 0 and "complete" in ended.stdout and "dynreg" in ended.stdout
+
+
+def test_an_opengl_that_does_not_work_is_no_hindrance() -> None:
+    """MuJoCo cannot be imported with it; the program needs none."""
+    ended = subprocess_of("robots", "check", "servo_pendulum", env=os.environ | {"MUJOCO_GL": "crayons"})
+    assert ended.returncode == 0, ended.stderr

@@ -77,6 +77,19 @@ def test_where_one_opengl_fails_the_next_one_draws(standing, opengl, monkeypatch
     assert draw(*standing, RATE, np.zeros(1), "png").startswith(b"\x89PNG")
 
 
+def test_what_the_user_chose_is_what_is_tried(monkeypatch) -> None:
+    """Also where the program has set it aside; and nothing chosen is a choice, too."""
+    for name in ("DYNREG_GL", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
+    usual = backends()
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    assert backends() == ("osmesa",)
+    monkeypatch.setenv("DYNREG_GL", "egl")
+    assert backends() == ("egl",)
+    monkeypatch.setenv("DYNREG_GL", "")
+    assert backends() == usual
+
+
 def test_without_opengl_the_error_says_what_failed_and_what_to_install(standing, monkeypatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
     with pytest.raises(PictureError, match="no picture was drawn .disable: .*libegl1") as caught:
