@@ -12,9 +12,8 @@ PERIODS = 2  # of the joints' traces, after the ramp
 
 def gait_page(result: Gait) -> dict[str, Any]:
     """The template's variables."""
-    steps = [0, *(s.evaluations for s in result.history), result.evaluations]
-    best = [0.0, *(s.value for s in result.history)]
-    rising = chart(f"best value so far [{result.unit}]", "gaits tried", steps, {"answer": [*best, best[-1]]})
+    tried, best = best_so_far(result)
+    rising = chart(f"best value so far [{result.unit}]", "gaits tried", tried, {"answer": best})
     return {
         "result": result,
         "title": f"{result.recording_name} · gait of {result.robot}",
@@ -25,6 +24,15 @@ def gait_page(result: Gait) -> dict[str, Any]:
         "steps": _steps(result),
         "shown": SHOWN,
     }
+
+
+def best_so_far(result: Gait) -> tuple[list[int], list[float]]:
+    """Gaits tried and the best value after them, as a line of stairs from the first gait on."""
+    tried, best = [], []
+    for step in result.history:
+        tried += [step.evaluations] * (2 if best else 1)
+        best += [*best[-1:], step.value]
+    return [*tried, result.evaluations], [*best, *best[-1:]]
 
 
 def _way(trial: Any) -> Chart | None:
