@@ -10,8 +10,8 @@ import numpy as np
 from dynreg.errors import UsageError
 from dynreg.gait.space import SLACK, GaitSpace
 from dynreg.results import Gait, GaitJoint
+from dynreg.sim.film import FORMS as PICTURES
 
-FORMS = ("csv", "mcap", "python")
 START = 1_700_000_000_000_000_000  # [ns] first stamp of an MCAP file: the same gait gives the same bytes
 
 
@@ -91,9 +91,19 @@ def commands(gait: Gait) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write(gait: Gait, path: Path, form: str) -> None:
-    """Write a gait as one of FORMS; UsageError where it cannot be played or the file cannot be written."""
+    """Write a gait as csv, mcap or python.
+
+    Raises UsageError for another form, and where the gait cannot be played or the file cannot be written.
+    """
+    forms = {"csv": _csv, "mcap": _mcap, "python": _module}
+    if form not in forms:
+        raise UsageError(
+            f"form {form!r} of a gait",
+            expected=f"one of {[*forms, *PICTURES]}",
+            do="choose one of them",
+        )
     require_playable(gait)
-    write_new(path, {"csv": _csv, "mcap": _mcap, "python": _module}[form](gait))
+    write_new(path, forms[form](gait))
 
 
 def require_new(path: Path) -> None:

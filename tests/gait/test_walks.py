@@ -170,6 +170,8 @@ def test_a_table_holds_the_commands_and_can_be_read_as_a_log(written: Path, open
     assert np.allclose(np.array(table.tolist())[:, 1:], told, atol=1e-6)
     with pytest.raises(UsageError, match="cannot write"):
         opened.export_gait("log", written / "gait.csv", "csv")
+    with pytest.raises(UsageError, match="form 'svg'.*'csv'.*'gif'"):
+        opened.export_gait("log", written / "gait.svg", "svg")
 
 
 def test_an_mcap_holds_joint_states(written: Path, opened: Session) -> None:
