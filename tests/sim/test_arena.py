@@ -5,6 +5,7 @@ import pytest
 
 from dynreg.errors import SimulationError
 from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.mujoco_engine import Arena
 from dynreg.sim.excitation import excitation
@@ -26,14 +27,17 @@ def runs(robot, steps: int = 30) -> tuple[Run, Run]:
     return first, second
 
 
+def effects(robot, name: str) -> Terms | None:
+    """The same in two simulators."""
+    terms = terms_of(SimConfig(robot.hash, robot.name, {}, EFFECTS[name]))
+    return Terms(terms.terms, tuple(np.repeat(v, 2, axis=0) for v in terms.values)) if EFFECTS[name] else None
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_run_is_as_if_it_were_the_first(name: str) -> None:
     robot = load_robot("quadruped")
     values = robot.space.sample(0, 2, 0)
-    config = SimConfig(robot.hash, robot.name, {}, EFFECTS[name])
-    terms = terms_of(config) if EFFECTS[name] else None
-    if terms is not None:
-        terms = type(terms)(terms.terms, tuple(np.repeat(v, 2, axis=0) for v in terms.values))
+    terms = effects(robot, name)
     first, second = runs(robot)
     arena = Arena(robot, values, first, threads=1, terms=terms)
     a, b, again = (arena.rollout(run).states for run in (first, second, first))
@@ -41,11 +45,12 @@ def test_every_run_is_as_if_it_were_the_first(name: str) -> None:
     assert np.array_equal(b, rollout(robot, values, second, threads=1, terms=terms).states)
 
 
-def test_a_walk_is_the_same_motion_and_ends_at_the_fall() -> None:
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_walk_is_the_same_motion_and_ends_at_the_fall(name: str) -> None:
     robot = load_robot("quadruped")
     values = robot.space.sample(0, 2, 0)
     run, _ = runs(robot, steps=60)
-    arena = Arena(robot, values, run, threads=1)
+    arena = Arena(robot, values, run, threads=1, terms=effects(robot, name))
     whole, walk = arena.rollout(run), arena.walk(run)
     assert np.array_equal(walk.fell, whole.fell)
     assert (walk.fell <= 60).any() and walk.physics_steps < whole.physics_steps
