@@ -244,6 +244,27 @@ def test_a_gait_is_drawn_as_it_walked(found: Gait, opened: Session, tmp_path: Pa
         opened.export_gait(found, tmp_path / "walk.gif", "gif")
 
 
+def test_a_gait_is_drawn_where_it_walks_least_with_the_effects_there(
+    opened: Session, brief, tmp_path: Path, monkeypatch
+) -> None:
+    seen = []
+    monkeypatch.setattr("dynreg.walks.draw", lambda model, poses, *rest: seen.append(poses) or b"drawn")
+    configs = [
+        SimConfig(brief.hash, brief.name, {}, {"coulomb_friction": {"torque": t}}) for t in (0.05, 0.2)
+    ]
+    ids = [opened.registry.put_simulator(c.as_dict()) for c in configs]
+    gait = opened.gait("log", on=",".join(ids), rollouts=44, threads=1)
+    for order in (gait.trials, gait.trials[::-1]):
+        fitness = [1.0, 0.5]  # as if the second one were the worse one, each in turn
+        trials = tuple(t.model_copy(update={"fitness": f}) for t, f in zip(order, fitness, strict=True))
+        listed = sorted(trials, key=lambda t: ids.index(t.simulator))
+        opened.export_gait(
+            gait.model_copy(update={"trials": tuple(listed)}), tmp_path / f"{len(seen)}.gif", "gif"
+        )
+        assert (seen[-1][-1, 0], seen[-1][-1, 1]) == (order[1].x[-1], order[1].y[-1])
+    assert not np.array_equal(seen[0], seen[1])
+
+
 def test_without_opengl_a_gait_is_not_drawn(
     found: Gait, opened: Session, tmp_path: Path, monkeypatch
 ) -> None:
