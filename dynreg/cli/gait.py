@@ -65,27 +65,28 @@ def gait(
     at_least("--seed", seed, 0)
     at_least("--threads", threads, 0)
     _can_film(film)
-    with call.open(create=robot is not None) as session, call.progress() as progress:
-        found = session.gait(
-            recording,
-            k=call.pick("k", k, 5),
-            on=on,
-            method=method,
-            accept=accept,
-            task=task,
-            rollouts=rollouts,
-            patience=patience,
-            resume=resume,
-            seed=call.pick("seed", seed, 0),
-            robot=robot,
-            log_map=log_map,
-            population=population,
-            threads=call.pick("threads", threads, 0),
-            progress=progress,
-        )
+    with call.open(create=robot is not None) as session:
+        with call.progress() as progress:
+            found = session.gait(
+                recording,
+                k=call.pick("k", k, 5),
+                on=on,
+                method=method,
+                accept=accept,
+                task=task,
+                rollouts=rollouts,
+                patience=patience,
+                resume=resume,
+                seed=call.pick("seed", seed, 0),
+                robot=robot,
+                log_map=log_map,
+                population=population,
+                threads=call.pick("threads", threads, 0),
+                progress=progress,
+            )
+        call.emit(found, hint="dynreg export @last --as python --to gait.py")
         if film is not None:
             _film(session, found, film)
-    call.emit(found, hint="dynreg export @last --as python --to gait.py")
 
 
 def _can_film(film: Path | None) -> None:

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 SIZE = (320, 240)  # pixels
 COLOURS = 64
 MARKS, REACH = 0.25, 2.5  # m between the lines on the ground, and how far they are drawn
-LINE = np.array([0.45, 0.5, 0.45, 1.0])
+LINE = np.array([0.45, 0.5, 0.45, 1.0], dtype=np.float32)
 
 
 def main(model_file: str, poses_file: str, form: str, picture: str) -> None:
@@ -35,7 +35,7 @@ def drawn(model: mujoco.MjModel, poses: np.ndarray) -> list[np.ndarray]:
     camera.azimuth, camera.elevation = 125.0, -30.0
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.2, 0.4
     renderer = mujoco.Renderer(model, height=SIZE[1], width=SIZE[0])
-    out = []
+    lamps, out = model.light_bodyid == 0, []  # those of the room go along, too
     for pose in poses:
         data.qpos[:] = pose
         mujoco.mj_normalizeQuat(model, data.qpos)
@@ -45,9 +45,7 @@ def drawn(model: mujoco.MjModel, poses: np.ndarray) -> list[np.ndarray]:
             camera.distance = 2.5 * (high - low).max()
             height = (low[2] + high[2]) / 2
         camera.lookat[:] = *(low + high)[:2] / 2, height
-        data.light_xpos[model.light_bodyid == 0, :2] += camera.lookat[
-            :2
-        ]  # a lamp of the room goes along, too
+        data.light_xpos[lamps, :2] += camera.lookat[:2]
         renderer.update_scene(data, camera)
         _mark(renderer.scene, model, camera.lookat)
         out.append(renderer.render())
@@ -75,9 +73,7 @@ def _mark(scene: mujoco.MjvScene, model: mujoco.MjModel, centre: np.ndarray) -> 
             at, size = np.array([centre[0], centre[1], ground]), np.full(3, REACH)
             at[axis], size[axis], size[2] = line, 0.002, 0.0005
             new = scene.geoms[scene.ngeom]
-            mujoco.mjv_initGeom(
-                new, mujoco.mjtGeom.mjGEOM_BOX, size, at, np.eye(3).ravel(), LINE.astype(np.float32)
-            )
+            mujoco.mjv_initGeom(new, mujoco.mjtGeom.mjGEOM_BOX, size, at, np.eye(3).ravel(), LINE)
             scene.ngeom += 1
 
 

@@ -52,15 +52,13 @@ def draw(model: "mujoco.MjModel", poses: np.ndarray, rate: float, times: np.ndar
 def _drawn(model: "mujoco.MjModel", frames: np.ndarray, times: np.ndarray, form: str, folder: Path) -> bytes:
     import mujoco
 
-    files = [folder / "model.mjb", folder / "poses.npz"]
-    mujoco.mj_saveModel(model, str(files[0]))
+    files = [str(folder / "model.mjb"), str(folder / "poses.npz")]
+    mujoco.mj_saveModel(model, files[0])
     np.savez(files[1], times=times, poses=frames)
-    failed = []
+    patience, failed = PATIENCE[0] + PATIENCE[1] * len(times), []
     for backend in backends():
         picture = folder / f"{backend or 'own'}.{form}"
-        problem = _run(
-            backend, [*map(str, files), form, str(picture)], PATIENCE[0] + PATIENCE[1] * len(times)
-        )
+        problem = _run(backend, [*files, form, str(picture)], patience)
         if problem is None:
             return picture.read_bytes()
         failed.append(f"{backend or 'OpenGL'}: {problem}")
