@@ -120,7 +120,8 @@ class Gait(Result):
     def __str__(self) -> str:
         falls = sum(t.fell for t in self.trials)
         how = "succeeded" if self.succeeded else f"fell in {falls} of {self.k}" if falls else "too little"
+        simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
         return (
             f"{self.recording_name}: {self.task} {self.fitness.min:.3g} {self.unit} at worst, "
-            f"{self.fitness.mean:.3g} on average in {self.k} simulators: {how}"
+            f"{self.fitness.mean:.3g} on average in {simulators}: {how}"
         )
