@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from dynreg.errors import RobotError, UsageError
+from dynreg.plugins import with_plugins
 from dynreg.sim.gait_tables import TaskTable
 from dynreg.sim.layout import BASE
 from dynreg.sim.robot import Robot
@@ -132,32 +132,14 @@ class Speed(Task):
 @cache
 def kinds() -> Mapping[str, type[Task]]:
     """{kind: class} of dynreg's tasks and those of installed plugins; RobotError where a plugin is none."""
-    table: dict[str, type[Task]] = {cls.kind: cls for cls in (Forward, Turn, Speed, Slope)}
-    for point in entry_points(group="dynreg.tasks"):
-        try:
-            plugin = point.load()
-        except Exception as error:
-            raise RobotError(
-                f"plugin {point.value} cannot be loaded: {type(error).__name__}: {error}",
-                expected="a class derived from dynreg.gait.tasks.Task",
-                do="mend it, or uninstall its package",
-            ) from error
-        if not (
-            isinstance(plugin, type) and issubclass(plugin, Task) and {"kind", "score"} <= {*dir(plugin)}
-        ):
-            raise RobotError(
-                f"plugin {point.value} is {plugin!r}",
-                expected="a class derived from dynreg.gait.tasks.Task, with its kind and score",
-                do="mend it, or uninstall its package",
-            )
-        if plugin.kind in table:
-            raise RobotError(
-                f"plugin {point.value} brings a task of kind {plugin.kind!r}",
-                expected="a kind that is not taken",
-                do="rename it",
-            )
-        table[plugin.kind] = plugin
-    return MappingProxyType(table)
+    packaged = {cls.kind: cls for cls in (Forward, Turn, Speed, Slope)}
+    expected = "a class derived from dynreg.gait.tasks.Task, with its kind and score"
+    return with_plugins(packaged, "dynreg.tasks", "kind", _made, expected)
+
+
+def _made(plugin: Any) -> type[Task] | None:
+    whole = isinstance(plugin, type) and issubclass(plugin, Task) and {"kind", "score"} <= {*dir(plugin)}
+    return plugin if whole else None
 
 
 def task_of(robot: Robot, name: str | None = None) -> Task:

@@ -80,7 +80,7 @@ def plugin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[object], None]
     point = EntryPoint("higher", f"{__name__}:Higher", "dynreg.tasks")
 
     def install(brought: object) -> None:
-        monkeypatch.setattr(tasks, "entry_points", lambda group: [point])
+        monkeypatch.setattr("dynreg.plugins.entry_points", lambda group: [point])
         monkeypatch.setattr(EntryPoint, "load", lambda self: brought)
         kinds.cache_clear()
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
-from types import MappingProxyType
+from typing import Any
 
-from dynreg.errors import RobotError, UsageError
+from dynreg.errors import UsageError
+from dynreg.plugins import with_plugins
 from dynreg.sim.effects import body, command, contact, drive, friction, sensor, transmission, wheels
 from dynreg.sim.effects.effect import SIZES, Effect, EffectParameter, Moment, Site, Term, Terms, Values
 
@@ -51,36 +51,20 @@ _PACKAGED = (
 )
 
 
-def _made(point: EntryPoint) -> Effect:
-    """The effect of an installed plugin; RobotError where it cannot be made, whatever the reason."""
-    try:
-        plugin = point.load()()
-    except Exception as error:
-        raise RobotError(
-            f"plugin {point.value} cannot be loaded: {type(error).__name__}: {error}",
-            expected="a class derived from dynreg.sim.effects.Effect",
-            do="mend it, or uninstall its package",
-        ) from error
-    return plugin
+def _made(plugin: Any) -> Effect | None:
+    made = plugin()
+    return made if isinstance(made, Effect) else None
 
 
 @cache
 def effects() -> Mapping[str, Effect]:
     """{id: effect}: those of dynreg, in the order in which they act, and those of installed plugins.
 
-    A plugin is an `Effect` subclass under the entry point group `dynreg.effects`.
+    A plugin is an `Effect` subclass under the entry point group `dynreg.effects`; RobotError where one is none.
     """
-    table = {cls.id: cls() for cls in _PACKAGED}
-    for point in entry_points(group="dynreg.effects"):
-        plugin = _made(point)
-        if plugin.id in table:
-            raise RobotError(
-                f"plugin {point.value} brings an effect {plugin.id!r}",
-                expected="an id that is not taken",
-                do="rename it",
-            )
-        table[plugin.id] = plugin
-    return MappingProxyType(table)
+    packaged = {cls.id: cls() for cls in _PACKAGED}
+    expected = "a class derived from dynreg.sim.effects.Effect"
+    return with_plugins(packaged, "dynreg.effects", "id", _made, expected)
 
 
 def effect(name: str) -> Effect:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from effect_benches import bench, plain, rms
 
-import dynreg.sim.effects as library
 from dynreg.errors import RobotError, UsageError
 from dynreg.sim.effects import Terms, applicable, effect, effects, term
 from dynreg.sim.engines import rollout
@@ -48,7 +47,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator:
     """Puts classes where entry points of installed packages would be."""
 
     def put(*plugins: type) -> None:
-        monkeypatch.setattr(library, "entry_points", lambda group: [_Point(p) for p in plugins])
+        monkeypatch.setattr("dynreg.plugins.entry_points", lambda group: [_Point(p) for p in plugins])
         effects.cache_clear()
 
     yield put
@@ -108,6 +107,12 @@ def test_a_plugin_that_cannot_be_made_is_named(install, documented):
 
     install(type("Broken", (documented,), {"__init__": broken}))
     with pytest.raises(RobotError, match="somewhere:Broken cannot be loaded: ValueError: no cable"):
+        effects()
+
+
+def test_a_plugin_that_is_no_effect_is_refused(install):
+    install(dict)
+    with pytest.raises(RobotError, match="somewhere:dict is <class 'dict'>; expected a class derived from"):
         effects()
 
 
