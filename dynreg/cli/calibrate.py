@@ -5,10 +5,9 @@ from typing import Annotated
 import typer
 
 from dynreg.adapt.methods import METHODS
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, at_least, one_of, verb
 from dynreg.cli.completion import methods, recording_names
 from dynreg.cli.options import HoldOut, Threads
-from dynreg.errors import UsageError
 
 
 def register(app: typer.Typer) -> None:
@@ -40,10 +39,7 @@ def calibrate(
 
     Example: dynreg calibrate monday --method cmaes --hold-out kp=400
     """
-    if method not in METHODS:
-        raise UsageError(
-            f"--method {method!r}", expected=f"one of {', '.join(METHODS)}", do="choose one of these"
-        )
+    one_of("--method", method, METHODS)
     at_least("--budget", budget, 1)
     at_least("--seed", seed, 0)
     at_least("--threads", threads, 0)

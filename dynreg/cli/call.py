@@ -3,7 +3,7 @@
 import functools
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -150,6 +150,14 @@ def at_least(flag: str, value: int | None, least: int) -> None:
     if value is not None and value < least:
         raise UsageError(
             f"{flag} {value}", expected=f"a whole number of {least} or more", do="give another number"
+        )
+
+
+def one_of(flag: str, value: str, choices: Collection[str]) -> None:
+    """UsageError for a value that is none of the choices."""
+    if value not in choices:
+        raise UsageError(
+            f"{flag} {value!r}", expected=f"one of {', '.join(choices)}", do="choose one of these"
         )
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog, Threads
+from dynreg.cli.call import Call, at_least, can_write, one_of, verb
+from dynreg.cli.options import AnyRecording, MapOfLog, Population, RobotOfLog, Seed, Threads
 from dynreg.errors import PictureError, UsageError
 from dynreg.gait.methods import ACCEPT, METHODS, SOURCES
 
@@ -39,10 +39,10 @@ def gait(
         int | None, typer.Option(help="Give up after so many gaits without a better one [never].")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted search.")] = False,
-    seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
+    seed: Seed = None,
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
-    population: Annotated[str | None, typer.Option(help="Population to choose from [the only one].")] = None,
+    population: Population = None,
     threads: Threads = None,
     film: Annotated[
         Path | None,
@@ -55,11 +55,8 @@ def gait(
 
     Example: dynreg gait monday -k 5 --rollouts 2500
     """
-    for flag, value, choices in (("--method", method, METHODS), ("--accept", accept, ACCEPT)):
-        if value not in choices:
-            raise UsageError(
-                f"{flag} {value!r}", expected=f"one of {', '.join(choices)}", do="choose one of these"
-            )
+    one_of("--method", method, METHODS)
+    one_of("--accept", accept, ACCEPT)
     for flag, value in (("-k", k), ("--rollouts", rollouts), ("--patience", patience)):
         at_least(flag, value, 1)
     at_least("--seed", seed, 0)

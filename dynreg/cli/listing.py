@@ -4,9 +4,8 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call, one_of, verb
 from dynreg.cli.completion import KINDS, kinds
-from dynreg.errors import UsageError
 
 
 def register(app: typer.Typer) -> None:
@@ -22,8 +21,8 @@ def list_(
 
     Example: dynreg list --kind recording
     """
-    if kind is not None and kind not in KINDS:
-        raise UsageError(f"--kind {kind!r}", expected=f"one of {', '.join(KINDS)}", do="correct the kind")
+    if kind is not None:
+        one_of("--kind", kind, KINDS)
     with call.open() as session:
         result = session.list(kind)
     call.emit(result, hint="dynreg show ID" if result.items else "dynreg populate servo_pendulum -n 1000")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.completion import recording_names, robot_names
+from dynreg.cli.completion import recording_names, robot_names, stored_names
 
 AnyRecording = Annotated[
     str,
@@ -26,6 +26,10 @@ MapOfLog = Annotated[Path | None, typer.Option("--map", help="Map of a log given
 HoldOut = Annotated[
     str | None,
     typer.Option(help="Test part: a setting (kp=400), episodes (a,b) or a share (0.25)."),
+]
+Population = Annotated[
+    str | None,
+    typer.Option(help="Population to choose from [the only one].", autocompletion=stored_names),
 ]
 Seed = Annotated[int | None, typer.Option(help="Seed [0].")]
 Threads = Annotated[int | None, typer.Option(help="Simulation threads [all cores].")]

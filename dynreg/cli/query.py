@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.completion import DISTANCES, stored_names
-from dynreg.cli.options import AnyRecording, HoldOut, MapOfLog, Page, RobotOfLog, Threads
-from dynreg.errors import NoMatchError, UsageError
+from dynreg.cli.call import Call, at_least, can_write, one_of, verb
+from dynreg.cli.completion import DISTANCES
+from dynreg.cli.options import AnyRecording, HoldOut, MapOfLog, Page, Population, RobotOfLog, Threads
+from dynreg.errors import NoMatchError
 
 if TYPE_CHECKING:
     from dynreg.results import Neighbours
@@ -23,9 +23,7 @@ def query(
     recording: AnyRecording,
     k: Annotated[int | None, typer.Option("-k", help="How many neighbours [5].")] = None,
     distance: Annotated[str | None, typer.Option(help=f"One of {', '.join(DISTANCES)} [auto].")] = None,
-    population: Annotated[
-        str | None, typer.Option(help="Population to search.", autocompletion=stored_names)
-    ] = None,
+    population: Population = None,
     replay: Annotated[bool, typer.Option(help="Replay the commands in the best and re-rank.")] = True,
     synthesise: Annotated[bool, typer.Option(help="Make a simulator from the neighbours.")] = True,
     hold_out: HoldOut = None,
@@ -48,10 +46,7 @@ def query(
     at_least("--budget", budget, 1)
     at_least("--threads", threads, 0)
     chosen = call.pick("distance", distance, "auto")
-    if chosen not in DISTANCES:
-        raise UsageError(
-            f"--distance {chosen!r}", expected=f"one of {', '.join(DISTANCES)}", do="choose one of these"
-        )
+    one_of("--distance", chosen, DISTANCES)
     with call.open() as session, call.progress() as progress:
         result = session.query(
             recording,
