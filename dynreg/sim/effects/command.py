@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Values, drives
+from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Values, drives, undriven
 from dynreg.sim.robot import Robot
 
 DEGREE = np.pi / 180
@@ -14,7 +14,7 @@ class _OnCommands(Effect):
     acts_on = "command"
 
     def why_not(self, robot: Robot) -> str | None:
-        return None if robot.actions else "no driven joint"
+        return undriven(robot)
 
 
 class _OnTargets(_OnCommands):

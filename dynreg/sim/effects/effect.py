@@ -203,6 +203,11 @@ class Terms:
         return MappingProxyType({name: values[:, i, None].copy() for i, name in enumerate(names)})
 
 
+def undriven(robot: Robot) -> str | None:
+    """Why an effect that asks for drives of whatever type cannot act; None where it can."""
+    return None if robot.actions else "no driven joint"
+
+
 def drives(robot: Robot, *types: str) -> bool:
     """Whether the robot has a drive of one of these types."""
     return bool(robot.actions) and any(t.type in types for t in robot.file.drives)

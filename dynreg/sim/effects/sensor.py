@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
+from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values, undriven
 from dynreg.sim.robot import Robot
 
 DEGREE = np.pi / 180
@@ -52,7 +52,7 @@ class _OnLogs(Effect):
     scope = "robot"
 
     def why_not(self, robot: Robot) -> str | None:
-        return None if robot.actions else "no driven joint"
+        return undriven(robot)
 
 
 class SensorDelay(_OnLogs):
