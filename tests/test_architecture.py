@@ -153,7 +153,12 @@ def test_the_search_for_unsafe_code_finds_it(code):
 
 
 def test_nothing_runs_code_out_of_a_file():
-    assert not [f"{where(path, node)} {unsafe(node)}" for path, node in nodes() if unsafe(node)]
+    every = [
+        p for folder in ("dynreg", "benchmarks", "examples", "tests") for p in (ROOT / folder).rglob("*.py")
+    ]
+    assert len(every) > len(SOURCES) > 100
+    found = [(path, node) for path in every for node in ast.walk(tree(path)) if unsafe(node)]
+    assert not [f"{where(path, node)} {unsafe(node)}" for path, node in found]
 
 
 def test_annotations_are_evaluated():

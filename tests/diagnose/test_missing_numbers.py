@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from edited_log import edited
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
@@ -27,16 +28,6 @@ def recording(robot: Robot) -> Recording:
     """The log of a robot that lacks nothing."""
     hidden = replace(hide(robot, (), None, 11), parameters=robot.space.nominal)
     return log_of(robot, hidden, protocol(robot, seed=1, reach=0.45), engine="joint")
-
-
-def edited(recording: Recording, edit) -> Recording:
-    """The recording with `edit(number, values)` done to a copy of each episode's values."""
-    episodes = []
-    for number, e in enumerate(recording.episodes):
-        values = e.values.copy()
-        edit(number, values)
-        episodes.append(Episode(e.name, e.time, values, e.settings))
-    return replace(recording, episodes=tuple(episodes))
 
 
 def lost(recording: Recording, channel: str, every: int, share: slice) -> Recording:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import secret_servo
+from edited_log import edited
 
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError
@@ -27,16 +28,6 @@ def recording() -> Recording:
 def with_horizon(robot: Robot, seconds: float) -> Robot:
     table = robot.file.replay.model_copy(update={"horizon": seconds})
     return replace(robot, file=robot.file.model_copy(update={"replay": table}))
-
-
-def edited(recording: Recording, edit) -> Recording:
-    """The recording with `edit(number, values)` done to a copy of each episode's values."""
-    episodes = []
-    for number, e in enumerate(recording.episodes):
-        values = e.values.copy()
-        edit(number, values)
-        episodes.append(Episode(e.name, e.time, values, e.settings))
-    return Recording(recording.channels, tuple(episodes), recording.measured)
 
 
 def columns(recording: Recording, *names: str) -> list[int]:
