@@ -164,12 +164,12 @@ def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
 
 
 def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
-    """Whether every term (coordinates (sum K,)) has at least half its weak size in one of its parameters."""
+    """Whether every term (coordinates (sum K,)) has at least half its weak size in a parameter of its own."""
     at = 0
     for term in hypothesis.terms:
         sized = []
         for p in term.effect.parameters:
-            if not p.shape:
+            if not (p.shape or p.shared):
                 weak = p.medium / p.weak if p.inverse else p.weak / p.medium
                 sized.append(abs(z[at]) >= 0.5 * weak)
             at += 1

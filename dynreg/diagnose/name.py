@@ -73,7 +73,8 @@ def calibrate(
         points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]
         effective = problem.effective(problem.residuals(points[:1], fit_on)[0])
         points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
-        if kept == 1 and problem.refine(points, np.arange(len(problem.windows))):
+        if kept == 1 and problem.coarse:
+            problem.refine(points, np.arange(len(problem.windows)))
             points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
     return points[0], problem.effective(problem.residuals(points[:1], fit_on)[0])
 

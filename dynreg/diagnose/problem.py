@@ -13,7 +13,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
-FINER = 8  # times finer time steps tell what those of the model get wrong
+FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
@@ -91,34 +91,35 @@ class Problem:
 
     @property
     def coarse(self) -> bool:
-        """Whether the engine's integrator is so coarse that its time step shows."""
+        """Whether the engine's integrator is so coarse that its time step misleads the search."""
         return self.running == "mujoco"
 
     @cached_property
     def _finer(self) -> Robot:
-        table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / FINER})
+        finer = FINER[self.running]
+        table = self.robot.file.robot.model_copy(update={"timestep": self.robot.file.robot.timestep / finer})
         return replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
 
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
         return self._rollouts(self.robot, points, chosen)
 
-    def refine(self, points: list[Point], chosen: np.ndarray) -> bool:
+    def refine(self, points: list[Point], chosen: np.ndarray) -> None:
         """Find what the time step does to the rollouts of these points, and take it off all of their hypotheses.
 
-        MuJoCo's integrator is of first order: half a time step late looks like a soft joint. Rollouts with a time
-        step `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). False where the
-        engine needs none of it.
+        MuJoCo's integrator is of first order: half a time step late looks like a soft joint. That of the joint engine
+        is of second order, yet delays and speed limits are found more precisely than that. Rollouts with a time step
+        `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). The engines of planar
+        bases need none of it.
         """
-        if not self.coarse:
-            return False
+        if self.running not in FINER:
+            return
         change = self._rollouts(self._finer, points, chosen) - self._rollouts(self.robot, points, chosen)
         scaled = change[..., 1:, self.use] / self.windows.spread[self.use]
         for point, own in zip(points, scaled, strict=True):
             known = np.zeros((len(self.windows), *own.shape[1:]))
             known[chosen] = np.clip(np.nan_to_num(own), -MOST, MOST)
             self.corrections[point.hypothesis.key] = known
-        return True
 
     def _correction(self, hypothesis: Hypothesis) -> np.ndarray:
         """(W, T, C) of the hypothesis, else of the one that it extends by a term."""
@@ -140,7 +141,7 @@ class Problem:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
 
         A diverged simulation counts as ten times the motion. finely : simulated with the finer time step itself,
-        which needs no correction and takes `FINER` times as long.
+        which needs no correction and takes so many times as long.
         """
         robot = self._finer if finely else self.robot
         states = self._rollouts(robot, points, chosen)[..., 1:, self.use]

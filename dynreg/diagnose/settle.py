@@ -67,14 +67,24 @@ def settle(
     """
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
     if simple:
-        (fitted,), _ = fit(problem, [point], chosen, effective, iterations=4)
-        return fitted
+        return _finely(problem, point, chosen, effective, iterations=4)
     starts = [point, *_starts(problem, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
     best = [rough[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
     effective = problem.effective(problem.residuals(best[:1], chosen)[0])
     fitted, cost = fit(problem, best, chosen, effective, iterations=FULLY, tolerance=0.05)
-    return fitted[int(cost.argmin())]
+    return _finely(problem, fitted[int(cost.argmin())], chosen, effective, iterations=2)
+
+
+def _finely(
+    problem: Problem, point: Point, chosen: np.ndarray, effective: np.ndarray, iterations: int
+) -> Point:
+    """The point refitted, then once more with what the time step does to it there taken off."""
+    for _ in range(2):
+        (point,), _ = fit(problem, [point], chosen, effective, iterations=iterations)
+        problem.refine([point], np.arange(len(problem.windows)))
+    (point,), _ = fit(problem, [point], chosen, effective, iterations=iterations)
+    return point
 
 
 def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Point]:

@@ -69,7 +69,8 @@ def _from(
         done += [(float(cost[i]), points[i]) for i in order[half:]]
         points = [points[i] for i in order[:half]]
     # the best have moved away from the calibrated model: derivatives and the time step's part anew, where they are
-    problem.refine(points, np.arange(len(problem.windows)))
+    if problem.coarse:
+        problem.refine(points, np.arange(len(problem.windows)))
     slopes = sensitivities(problem, points[:1], fit_on)[1][0][: len(base.z)]
     points, cost = fit(problem, points, fit_on, effective, iterations=iterations, leading=slopes)
     return done + [(float(c), p) for c, p in zip(cost, points, strict=True)]

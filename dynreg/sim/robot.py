@@ -111,7 +111,7 @@ class Robot:
 
     @cached_property
     def model(self):
-        """The compiled mujoco.MjModel, with the physics time step of robot.toml."""
+        """The compiled mujoco.MjModel, with the physics time step and the integrator of robot.toml."""
         import mujoco
 
         path = self.folder / self.file.robot.model
@@ -119,7 +119,10 @@ class Robot:
             model = mujoco.MjModel.from_xml_path(str(path))
         except ValueError as problem:
             raise RobotError(f"{path.name}: {problem}", expected="a valid MJCF model", do="mend it") from None
-        model.opt.timestep = self.file.robot.timestep
+        table = self.file.robot
+        model.opt.timestep = table.timestep
+        if table.integrator is not None:
+            model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{table.integrator.upper()}")
         return model
 
 

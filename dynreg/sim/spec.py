@@ -10,7 +10,10 @@ from dynreg.sim.table import Table
 
 
 class RobotTable(Table):
-    """[robot]: `control_rate` [Hz] and physics `timestep` [s], or control = "timed"."""
+    """[robot]: `control_rate` [Hz] and physics `timestep` [s], or control = "timed".
+
+    integrator : of the mujoco engine; by default the one that the MJCF model states.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
     model: str = "model.xml"
@@ -18,6 +21,7 @@ class RobotTable(Table):
     control_rate: float | None = Field(default=None, gt=0)
     control: Literal["rate", "timed"] = "rate"
     timestep: float = Field(gt=0, le=0.05)
+    integrator: Literal["euler", "implicitfast", "rk4"] | None = None
     title: str = ""
     source: str = ""
 

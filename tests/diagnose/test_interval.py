@@ -6,7 +6,8 @@ from scipy.stats import norm, truncnorm
 
 from dynreg.diagnose import interval
 from dynreg.diagnose.apart import neighbours
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.diagnose import pose, search
+from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.fit import bounds, fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import Posterior, Proposal, posterior
@@ -74,3 +75,18 @@ def test_a_posterior_in_a_corner_of_its_bounds_is_still_told(servo, monkeypatch)
     monkeypatch.setattr(interval, "bounds", lambda problem, point: cut)
     draws = posterior(problem, point, chosen)
     assert np.isfinite(draws.z).all() and (draws.z >= cut[:, 0]).all()
+
+
+@pytest.mark.parametrize("key", ["speed_limit", "command_delay"])
+def test_what_takes_times_is_found_beyond_the_models_time_step(key):
+    """The model's steps of 2.5 ms would put these off by more than their intervals are wide."""
+    robot = load_robot("servo_pendulum")
+    hidden = hide(robot, (term(key),), "strong", 11)
+    recording = log_of(robot, hidden, protocol(robot, seed=2, seconds=25.0), engine="mujoco")
+    problem, split = pose(None, robot, recording, Settings(threads=1))
+    parts = (np.flatnonzero(split.fit), np.flatnonzero(split.select))
+    found = search(None, problem, [term(key)], *parts, Settings(threads=1, max_causes=1), needed=1.0)
+    draws = posterior(found.problem, found.extended, split.chosen)
+    size = next(iter(estimates(found.problem, found.extended, 0, draws).values()))
+    assert size.low <= hidden.values[0][0] <= size.high
+    assert size.high - size.low < 0.1 * size.value

@@ -1,15 +1,18 @@
 """The door to a hidden robot: what trials cost is counted, the budget is kept, and the truth is no model's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dynreg.errors import BudgetError, UsageError
-from dynreg.sim.effects import term
+from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.real import Budget, SimulatedRobot, Spent
-from dynreg.sim.robot import load_robot
+from dynreg.sim.real import Budget, SimulatedRobot, Spent, finer
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
+from dynreg.sim.spec import RobotTable
 
 ROBOT = load_robot("quadruped")
 POSE = ROBOT.model.keyframe("stance").ctrl
@@ -80,3 +83,23 @@ def test_the_truth_is_repeatable_noisy_and_no_simulator_of_the_family() -> None:
     assert np.abs(seen - model).max() > 0.01
     counts = seen[:, :12] * 4096 / (2 * np.pi)
     assert np.allclose(counts, np.round(counts), atol=1e-6)
+
+
+def test_where_nothing_collides_the_truth_does_not_act_half_a_time_step_early() -> None:
+    robot = load_robot("servo_pendulum")
+    commands = excitation(robot, seed=0, episodes=2, steps=60)
+    late = Terms((term("command_delay"),), (np.array([[0.01]]),))
+
+    def position(truth: Robot) -> np.ndarray:
+        return rollout(truth, robot.space.nominal[None], commands, engine="mujoco", terms=late).states[
+            0, ..., 0
+        ]
+
+    def stepped(table: RobotTable, finer: int, integrator: str) -> Robot:
+        table = table.model_copy(update={"timestep": table.timestep / finer, "integrator": integrator})
+        return replace(robot, file=robot.file.model_copy(update={"robot": table}))
+
+    exact = position(stepped(robot.file.robot, 160, "implicitfast"))
+    first_order = position(stepped(robot.file.robot, 10, "implicitfast"))
+    assert np.abs(position(finer(robot)) - exact).max() < 0.4 * np.abs(first_order - exact).max()
+    assert finer(ROBOT).model.opt.integrator == ROBOT.model.opt.integrator  # feet collide

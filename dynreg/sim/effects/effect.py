@@ -28,7 +28,8 @@ class EffectParameter:
     weak, medium, strong : sizes in multiples of `per`; below weak the effect is not worth naming. A parameter
     of shape (how fast, how wide) has the same three sizes: its typical value.
     most : largest size that a fit may reach. signed : whether the size can be negative. inverse : the effect
-    grows as the value falls (a limit), so that fits work on 1 / value.
+    grows as the value falls (a limit), so that fits work on 1 / value. shared : a simpler effect has it too (the mean
+    of asymmetric friction is dry friction): it alone does not make this effect worth naming.
     """
 
     name: str
@@ -42,6 +43,7 @@ class EffectParameter:
     signed: bool = False
     inverse: bool = False
     shape: bool = False
+    shared: bool = False
 
     def size(self, name: str) -> float:
         """The size called weak, medium or strong, in multiples of `per`."""

@@ -49,7 +49,7 @@ class StribeckFriction(Effect):
     id, acts_on, title = "stribeck_friction", "friction", "dry friction, larger near standstill"
     parameters = (
         EffectParameter("extra", "N*m", "more at standstill", 0.02, 0.05, 0.10, 0.6, per="torque"),
-        EffectParameter("coulomb", "N*m", "dry friction", 0.01, 0.025, 0.05, 0.5, per="torque"),
+        EffectParameter("coulomb", "N*m", "dry friction", 0.01, 0.025, 0.05, 0.5, per="torque", shared=True),
         EffectParameter("velocity", "rad/s", "where it fades", 0.3, 0.3, 0.3, 2.0, shape=True),
     )
     near = ("coulomb_friction", "stribeck_load_friction")
@@ -86,7 +86,9 @@ class StribeckLoadFriction(Effect):
     title = "load friction, larger near standstill"
     parameters = (
         EffectParameter("extra", "1", "more at standstill", 0.05, 0.10, 0.20, 1.0),
-        EffectParameter("coefficient", "1", "friction per transmitted torque", 0.02, 0.05, 0.10, 1.0),
+        EffectParameter(
+            "coefficient", "1", "friction per transmitted torque", 0.02, 0.05, 0.10, 1.0, shared=True
+        ),
         EffectParameter("growth", "1", "more at full torque", 0.05, 0.10, 0.20, 1.0),
         EffectParameter("velocity", "rad/s", "where it fades", 0.3, 0.3, 0.3, 2.0, shape=True),
     )
@@ -111,7 +113,7 @@ class AsymmetricFriction(Effect):
         EffectParameter(
             "difference", "N*m", "half the difference", 0.007, 0.018, 0.035, 0.4, per="torque", signed=True
         ),
-        EffectParameter("mean", "N*m", "mean of both", 0.0105, 0.027, 0.0525, 0.4, per="torque"),
+        EffectParameter("mean", "N*m", "mean of both", 0.0105, 0.027, 0.0525, 0.4, per="torque", shared=True),
     )
     group = "constant torque"
     near = ("coulomb_friction",)

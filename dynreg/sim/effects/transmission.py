@@ -67,31 +67,47 @@ class JointElasticity(_Transmission):
 
 def loosened(torque: np.ndarray, x: Moment, *, gap: Any, compliance: Any) -> np.ndarray:
     """Torque that a transmission passes from a motor driven by `torque`, minus what a rigid one passes."""
-    rigid = x.h**2 / (RIGID * x.inertia)  # compliance [rad/(N m)]; it cancels to first order
-    passed = _passed(torque, x, "motor", gap, 1.0 / (rigid + compliance))
-    return passed - _passed(torque, x, "rigid", 0.0, 1.0 / rigid)
+    if "motor" not in x.memory:
+        rigid = x.h**2 / (RIGID * x.inertia)  # compliance [rad/(N m)]; it cancels to first order
+        for motor, play, stiffness in (
+            ("motor", gap, 1.0 / (rigid + compliance)),
+            ("rigid", 0.0, 1.0 / rigid),
+        ):
+            # at first the spring is at rest under the torque of the drive
+            x.memory[motor] = x.q + torque / stiffness + 0.5 * play * np.sign(torque)
+            x.memory[f"{motor} speed"] = x.v
+            x.memory[f"{motor} step"] = _motor_step(x, stiffness)
+    loose = None if np.ndim(gap) == 0 else 0.5 * gap
+    return _passed(torque, x, "motor", loose) - _passed(torque, x, "rigid", None)
 
 
-def _passed(torque: np.ndarray, x: Moment, motor: str, gap: Any, stiffness: np.ndarray) -> np.ndarray:
-    """Torque that reaches the joint; the motor's angle and speed are kept in the memory.
+def _motor_step(x: Moment, stiffness: np.ndarray) -> np.ndarray:
+    """(6, ...) factors of the motor's speed, torque, the joint's speed and the bent spring; inertia / h; h.
 
-    The motor side is implicit (it is stiff and light), the joint explicit. It starts where the spring is at rest
-    under the torque of the drive.
+    Implicit Euler (the motor side is stiff and light), the joint explicit:
+    rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v).
     """
     rotor = np.maximum(x.memory["rotor"], LIGHT * x.inertia)
-    angle = x.memory.get(f"{motor} angle")
-    if angle is None:
-        angle, speed = x.q + torque / stiffness + 0.5 * gap * np.sign(torque), x.v
-    else:
-        speed = x.memory[f"{motor} speed"]
     damping = 1.4 * np.sqrt(stiffness * rotor)
-    twist = angle - x.q
-    free = twist + x.h * (speed - x.v)
-    touching = np.abs(free) >= 0.5 * gap
-    k, c = np.where(touching, stiffness, 0.0), np.where(touching, damping, 0.0)
-    bent = twist - 0.5 * gap * np.sign(free)
-    # implicit Euler of the motor: rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v)
-    after = rotor * speed + x.h * (torque - k * (bent - x.h * x.v) + c * x.v)
-    after = after / (rotor + x.h * (c + x.h * k))
-    x.memory[f"{motor} angle"], x.memory[f"{motor} speed"] = angle + x.h * after, after
-    return k * (bent + x.h * (after - x.v)) + c * (after - x.v)
+    whole = rotor + x.h * (damping + x.h * stiffness)
+    moved = (x.h * damping + x.h**2 * stiffness) / whole
+    factors = (rotor / whole, x.h / whole, moved, x.h * stiffness / whole, rotor / x.h, x.h)
+    return np.stack(np.broadcast_arrays(*factors))
+
+
+def _passed(torque: np.ndarray, x: Moment, motor: str, half: np.ndarray | None) -> np.ndarray:
+    """Torque that reaches the joint; the motor's angle and speed are kept in the memory.
+
+    half : of the play [rad]; None where there is none.
+    """
+    angle, speed = x.memory[motor], x.memory[f"{motor} speed"]
+    of_speed, of_torque, of_joint, of_spring, momentum, h = x.memory[f"{motor} step"]
+    bent = angle - x.q
+    if half is not None:
+        free = bent + h * (speed - x.v)
+        bent = bent - np.copysign(half, free)
+    after = of_speed * speed + of_torque * torque + of_joint * x.v - of_spring * bent
+    if half is not None:
+        after = np.where(np.abs(free) >= half, after, speed + torque / momentum)
+    x.memory[motor], x.memory[f"{motor} speed"] = angle + h * after, after
+    return torque - momentum * (after - speed)  # what does not speed the motor up
