@@ -16,7 +16,7 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot, load_robot
 
-REPORT = 20261201
+REPORT = 20261208
 
 
 def group(robot: Robot, key: str) -> tuple[str, ...]:
