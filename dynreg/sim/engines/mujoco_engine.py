@@ -143,9 +143,9 @@ class Arena:
         trace_q = np.empty((count + 1, *qpos.shape))
         trace_v = np.empty((count + 1, *qvel.shape))
         trace_q[0], trace_v[0] = qpos, qvel
-        changing = varies(self._ports)
+        changing = _changes(self._inputs) if varies(self._ports) else np.zeros(count, dtype=bool)
         for t in range(count):
-            if changing and t > 0:
+            if changing[t]:
                 self._drives.apply(servo_law(self._ports, self._inputs[:, t]), self._ports)
             steps.hold(t)
             trace_q[t + 1], trace_v[t + 1] = qpos, qvel
@@ -235,6 +235,11 @@ def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) 
     batch.reset(keyframe=model.keyframe(name).id if name else -1, stage=mujoco.mjtStage.mjSTAGE_POS)
     diagonal = model.M_rowadr + model.M_rownnz - 1
     return matrix[:, diagonal[layout.action_dof]].copy()
+
+
+def _changes(inputs: np.ndarray) -> np.ndarray:
+    """(T,) whether any of the inputs (n, T, I) are others than one step before."""
+    return np.concatenate([[False], (inputs[:, 1:] != inputs[:, :-1]).any(axis=(0, 2))])
 
 
 def _diverged(trace_v: np.ndarray) -> np.ndarray:

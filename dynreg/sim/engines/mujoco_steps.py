@@ -47,7 +47,8 @@ class Drives:
     def torque(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(n, A) torque that the drives give for commands u at the state q, v, damping left out."""
         law = self.law
-        return np.clip(law.gain * u + law.bias - law.stiffness * q - law.rate * v, -law.limit, law.limit)
+        torque = law.gain * u + law.bias - law.stiffness * q - law.rate * v
+        return np.minimum(np.maximum(torque, -law.limit), law.limit)
 
 
 class Steps:
@@ -123,10 +124,11 @@ class EffectSteps(Steps):
         if self._law is not self._drives.law:
             self._law = self._drives.law
             prepare(self._active, self._law, self._inertia, self.clock.h)
+        together = int(self._counts.min())
         for substep in range(int(self._counts.max())):
             self.clock.substep = substep
             self._act(self.clock.commands[:, step])
-            self._step(self._busy[self._counts > substep], 1)
+            self._step(self._busy if substep < together else self._busy[self._counts > substep], 1)
 
     def _act(self, u: np.ndarray) -> None:
         """Let the effects act at the present state."""
@@ -154,7 +156,7 @@ class EffectSteps(Steps):
         pushed = self._constraints > self._dry
         if pushed.any():
             # the same sum holds the joint's own dry friction, which the gear's load side does not feel
-            push = np.clip(v / SLOW, -1.0, 1.0)
+            push = np.minimum(np.maximum(v / SLOW, -1.0), 1.0)
             push *= self._drives.friction
             push += constraint
             load -= push if pushed.all() else np.where(pushed[:, None], push, 0.0)
