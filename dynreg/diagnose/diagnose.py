@@ -238,10 +238,10 @@ def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
     """
     if problem.rough and problem.coarse:
         (point,) = polish(problem, [point], chosen)
-        problem.refine([point], np.arange(len(problem.windows)))
+        problem.refine([point], chosen)
         return point
     for _ in range(2):
-        problem.refine([point], np.arange(len(problem.windows)))
+        problem.refine([point], chosen)
         effective = problem.effective(problem.residuals([point], chosen)[0])
         (point,), _ = fit(problem, [point], chosen, effective, iterations=2)
     return point

@@ -115,7 +115,7 @@ def _one_round(
     many: bool,
 ) -> Naming:
     if many:
-        fitted = shortlisted(problem, base, terms, fit_on, effective, iterations)
+        fitted = shortlisted(problem, base, terms, fit_on, effective, iterations, HOPELESS)
     else:
         starts, slopes = screen(problem, base, terms, fit_on, effective)
         rough, cost = fit(problem, starts, fit_on, effective, iterations=1, leading=slopes)

@@ -30,18 +30,21 @@ def shortlisted(
     fit_on: np.ndarray,
     effective: np.ndarray,
     iterations: int,
+    hopeless: float = np.inf,
 ) -> list[Point]:
     """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
-    are tried start from the nameplate.
+    are tried start from the nameplate. hopeless : [nats] behind the best of a start, from which a term is not fitted to
+    the end.
     """
     starts = [base]
     if problem.rough:
         starts.append(Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect))
     done: list[tuple[float, Point]] = []
     for start in starts:
-        done += _from(problem, start, terms, fit_on, effective, iterations, PROBED // len(starts))
+        share = PROBED // len(starts)
+        done += _from(problem, start, terms, fit_on, effective, iterations, share, hopeless)
     best: dict[str, Point] = {}
     for _, point in sorted(done, key=lambda d: d[0]):
         best.setdefault(point.hypothesis.key, point)
@@ -56,6 +59,7 @@ def _from(
     effective: np.ndarray,
     iterations: int,
     many: int,
+    hopeless: float,
 ) -> list[tuple[float, Point]]:
     """Objective and refitted point of each of the `many` most promising terms, all from one start."""
     residual, slopes = sensitivities(problem, [base], fit_on)
@@ -72,7 +76,8 @@ def _from(
     if problem.coarse:
         problem.refine(points, np.arange(len(problem.windows)))
     slopes = sensitivities(problem, points[:1], fit_on)[1][0][: len(base.z)]
-    points, cost = fit(problem, points, fit_on, effective, iterations=iterations, leading=slopes)
+    last = {"iterations": iterations, "leading": slopes, "hopeless": hopeless}
+    points, cost = fit(problem, points, fit_on, effective, **last)
     return done + [(float(c), p) for c, p in zip(cost, points, strict=True)]
 
 

@@ -202,6 +202,8 @@ def compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     # link lengths differ between simulations: bounding volumes of the midphase would be the base model's
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+    # to look for islands in one robot costs more than it saves
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return model, layout
 
 
