@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, objective, polish, sensitivities, uneven
+from dynreg.diagnose.fit import fit, information, known_near, sensitivities, uneven
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.diagnose.shortlist import MANY, shortlisted
@@ -14,7 +14,8 @@ from dynreg.sim.effects import Term
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
-FINISHED = 3  # of a long list, where rollouts are rough: those that are refitted with the finer time step
+FINISHED = ((2, 4), (4, 3))  # iterations with a finer time step, where rollouts are rough, and how many go on
+PLAIN = 6  # such iterations of the model without the term
 FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
@@ -129,8 +130,10 @@ def _one_round(
     improved = float(price[0] - price.min()) > BETTER
     if many and problem.rough:
         improved = False  # all are refitted from where they are by now
-        start, fitted = _finished(problem, start, fitted[:FINISHED], fit_on)
-    naming = select(problem, start, fitted, fit_on, select_on)
+        start, fitted = _finished(problem, start, fitted, fit_on)
+        naming = select(problem.fine, start, fitted, fit_on, select_on)
+    else:
+        naming = select(problem, start, fitted, fit_on, select_on)
     naming.improved = improved
     return naming
 
@@ -138,20 +141,19 @@ def _one_round(
 def _finished(
     problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray
 ) -> tuple[Point, list[Point]]:
-    """The model without the term and those with it, refitted with the finer time step.
+    """The model without the term and those with it, refitted with a finer time step, best first.
 
-    The first is refitted from where the best of the others ended, too.
+    All share the derivatives by the nominal parameters of the best, which are found anew once it has moved. The first
+    starts where the best of the others ended, too.
     """
-    start, *fitted = polish(problem, [start, *fitted], fit_on, iterations=4)
-    residuals = problem.residuals([start, *fitted], fit_on, finely=True)
-    effective = problem.effective(residuals[0])
-    best = fitted[int(objective(problem, [start, *fitted], residuals, effective)[1:].argmin())]
-    rival = Point(start.hypothesis, best.nominal, best.effect[: len(start.effect)])
-    plain = polish(problem, [start, rival], fit_on, iterations=4)
-    cost = objective(problem, plain, problem.residuals(plain, fit_on, finely=True), effective)
-    start = plain[int(cost.argmin())]
-    problem.refine([start, *fitted], np.arange(len(problem.windows)))
-    return start, fitted
+    fine = problem.fine
+    for iterations, kept in FINISHED:
+        known = known_near(fine, fitted[0], len(start.nominal), fit_on)
+        fitted, cost = fit(fine, fitted, fit_on, iterations=iterations, hopeless=HOPELESS, **known)
+        fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:kept]]
+    rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
+    plain, cost = fit(fine, [start, rival], fit_on, iterations=PLAIN, **known)
+    return plain[int(cost.argmin())], fitted
 
 
 def screen(
