@@ -52,7 +52,8 @@ TORQUE = 2.0  # N m: with less the robot topples as soon as it carries more or a
 STEPS = 60  # of an episode: 1.7 s
 UP = {"_shoulder": 0.45, "_elbow": -0.8}  # rad
 RISING = 0.4  # s
-SWAY = 0.07  # rad
+SWAY = 0.07  # rad, of each joint on its own
+PUSH = {"_hip": 0.18, "_shoulder": 0.09}  # rad, of these joints of all legs together: sideways, and ahead
 
 
 def measured(robot: Robot) -> Robot:
@@ -78,9 +79,17 @@ def risen(robot: Robot) -> np.ndarray:
 
 
 def stand(robot: Robot, rng: np.random.Generator, kind: str) -> np.ndarray:
-    """(T, A) commands: the joints move a little, each on its own."""
+    """(T, A) commands: the joints move a little, each on its own, and the legs together push the body to and fro.
+
+    What joints do on their own is little, for the feet hold each other; only the whole body's mass asks drives for
+    all of their torque, the supply for current, and the ground for its friction.
+    """
     t = np.arange(STEPS)[:, None] / robot.rate
-    return risen(robot) + np.minimum(t / RISING, 1.0) * SWAY * KINDS[kind](rng, STEPS, 12, robot.rate)
+    own, pushes = (KINDS[kind](rng, STEPS, n, robot.rate) for n in (12, len(PUSH)))
+    out = SWAY * own
+    for (part, reach), push in zip(PUSH.items(), pushes.T, strict=True):
+        out[:, [part in a for a in robot.actions]] += reach * push[:, None]
+    return risen(robot) + np.minimum(t / RISING, 1.0) * out
 
 
 def trot(robot: Robot, rng: np.random.Generator, way: float) -> np.ndarray:
