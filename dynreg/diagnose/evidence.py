@@ -29,7 +29,7 @@ class Evidence:
         """Measure what `extended` leaves in the windows `chosen`; what repeats is looked for in the whole recording."""
         robot = problem.robot
         repeats = {r.channel: r for r in repeatability(robot, recording)}
-        left = problem.residuals([extended], chosen)[0]
+        left = problem.fine.residuals([extended], chosen)[0]
         rows = []
         for c, column in enumerate(problem.use):
             spread = problem.windows.spread[column]

@@ -101,7 +101,9 @@ class Problem:
 
     @cached_property
     def fine(self) -> "Problem":
-        """The same with a time step so fine that rollouts need no correction; they take `FINE` times as long."""
+        """Where rollouts are rough the same with a time step `FINE` times finer, without corrections; else itself."""
+        if not (self.rough and self.coarse):
+            return self
         return replace(self, robot=_stepped(self.robot, FINE), corrections={})
 
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:

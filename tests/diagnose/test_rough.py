@@ -41,6 +41,14 @@ def test_simulated_finely_the_true_parameters_leave_the_noise_on_the_ground_too(
     assert (left[1] < 1.6).all() and (left[0] > 1.5 * left[1]).any()
 
 
+def test_only_rough_rollouts_are_simulated_finely_and_then_leave_the_noise():
+    problem, fit_on, z = posed(0.2)
+    truth = [Point(Hypothesis(), z, np.zeros(0))]
+    assert replace(problem, rough=False).fine.robot is problem.robot
+    left = replace(problem, rough=True).fine.residuals(truth, fit_on)[0]
+    assert (np.sqrt((left**2).mean(axis=(0, 1)) / problem.floor) < 1.6).all()
+
+
 def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
     problem, fit_on, z = posed(0.2)
     problem.rough = True
