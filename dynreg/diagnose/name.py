@@ -144,15 +144,15 @@ def _finished(
     """The model without the term and those with it, refitted with a finer time step, best first.
 
     All share the derivatives by the nominal parameters of the best, which are found anew once it has moved. The first
-    starts where the best of the others ended, too.
+    starts where each of the others ended, too.
     """
     fine = problem.fine
     for iterations, kept in FINISHED:
         known = known_near(fine, fitted[0], len(start.nominal), fit_on)
         fitted, cost = fit(fine, fitted, fit_on, iterations=iterations, hopeless=HOPELESS, **known)
         fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:kept]]
-    rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
-    plain, cost = fit(fine, [start, rival], fit_on, iterations=PLAIN, **known)
+    rivals = [Point(start.hypothesis, p.nominal, p.effect[: len(start.effect)]) for p in fitted]
+    plain, cost = fit(fine, [start, *rivals], fit_on, iterations=PLAIN, **known)
     return plain[int(cost.argmin())], fitted
 
 
