@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, known_near, sensitivities, uneven
+from dynreg.diagnose.fit import fit, information, known_near, objective, sensitivities, uneven
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.diagnose.shortlist import MANY, shortlisted
@@ -14,7 +14,8 @@ from dynreg.sim.effects import Term
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
-FINISHED = ((2, 4), (4, 3))  # iterations with a finer time step, where rollouts are rough, and how many go on
+FINE = 8  # of a long list, where rollouts are rough: those that are refitted with a finer time step,
+FINISHED = ((2, 4), (4, 3))  # by so many iterations each time, and how many go on
 PLAIN = 6  # such iterations of the model without the term
 FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
@@ -130,7 +131,7 @@ def _one_round(
     improved = float(price[0] - price.min()) > BETTER
     if many and problem.rough:
         improved = False  # all are refitted from where they are by now
-        start, fitted = _finished(problem, start, fitted, fit_on)
+        start, fitted = _finished(problem, start, fitted[:FINE], fit_on, select_on)
         naming = select(problem.fine, start, fitted, fit_on, select_on)
     else:
         naming = select(problem, start, fitted, fit_on, select_on)
@@ -139,12 +140,12 @@ def _one_round(
 
 
 def _finished(
-    problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray
+    problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray, select_on: np.ndarray
 ) -> tuple[Point, list[Point]]:
     """The model without the term and those with it, refitted with a finer time step, best first.
 
     All share the derivatives by the nominal parameters of the best, which are found anew once it has moved. The first
-    starts where each of the others ended, too.
+    starts where each of the others ended, too, and is chosen as they are: by all windows.
     """
     fine = problem.fine
     for iterations, kept in FINISHED:
@@ -152,7 +153,9 @@ def _finished(
         fitted, cost = fit(fine, fitted, fit_on, iterations=iterations, hopeless=HOPELESS, **known)
         fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:kept]]
     rivals = [Point(start.hypothesis, p.nominal, p.effect[: len(start.effect)]) for p in fitted]
-    plain, cost = fit(fine, [start, *rivals], fit_on, iterations=PLAIN, **known)
+    plain, _ = fit(fine, [start, *rivals], fit_on, iterations=PLAIN, **known)
+    everything = fine.residuals(plain, np.concatenate([fit_on, select_on]))
+    cost = objective(fine, plain, everything, fine.effective(everything[0]))
     return plain[int(cost.argmin())], fitted
 
 

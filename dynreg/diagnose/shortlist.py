@@ -34,15 +34,45 @@ def shortlisted(
 ) -> list[Point]:
     """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
 
-    Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: all start from the
-    nameplate, and the best half is refitted elsewhere, with a finer time step.
-    hopeless : [nats] behind the best, from which a term is not fitted to the end.
+    Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
+    are refitted start from the nameplate.
+    hopeless : [nats] behind the best of a start, from which a term is not fitted to the end.
     """
+    starts = [base]
     if problem.rough:
-        base = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
+        starts.append(Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect))
+    done: list[tuple[float, Point]] = []
+    for start in starts:
+        share = PROBED // len(starts)
+        done += _from(problem, start, terms, fit_on, effective, iterations, share, hopeless)
+    best: dict[str, Point] = {}
+    for _, point in sorted(done, key=lambda d: d[0]):
+        best.setdefault(point.hypothesis.key, point)
+    return list(best.values())
+
+
+def _from(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    effective: np.ndarray,
+    iterations: int,
+    many: int,
+    hopeless: float,
+) -> list[tuple[float, Point]]:
+    """Objective and refitted point of each of the `many` most promising terms, all from one start.
+
+    They are the best of `PROBED` tried at several sizes: where rollouts are rough, first order ranks them badly.
+    """
     residual, slopes = sensitivities(problem, [base], fit_on)
     starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes[0])[:PROBED]
     points, cost = _sized(problem, starts, fit_on, effective)
+    points = [points[i] for i in np.argsort(cost, kind="stable")[:many]]
+    if problem.rough:  # the time step's part of the start flatters what stays near it: finer ones judge
+        points, _ = fit(problem, points, fit_on, effective, iterations=1, leading=slopes[0])
+        cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
+        return [(float(c), p) for c, p in zip(cost, points, strict=True)]
     done: list[tuple[float, Point]] = []
     for number in HALVED:
         points, cost = fit(problem, points, fit_on, effective, iterations=number, leading=slopes[0])
@@ -50,16 +80,13 @@ def shortlisted(
         half = (len(order) + 1) // 2
         done += [(float(cost[i]), points[i]) for i in order[half:]]
         points = [points[i] for i in order[:half]]
-        if problem.rough:
-            return points
     # the best have moved away from the calibrated model: derivatives and the time step's part anew, where they are
     if problem.coarse:
         problem.refine(points, np.arange(len(problem.windows)))
     slopes = sensitivities(problem, points[:1], fit_on)[1][0][: len(base.z)]
     last = {"iterations": iterations, "leading": slopes, "hopeless": hopeless}
     points, cost = fit(problem, points, fit_on, effective, **last)
-    done += [(float(c), p) for c, p in zip(cost, points, strict=True)]
-    return [p for _, p in sorted(done, key=lambda d: d[0])]
+    return done + [(float(c), p) for c, p in zip(cost, points, strict=True)]
 
 
 def _probed(
