@@ -237,7 +237,7 @@ def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
     Where rollouts are rough that part changes from step to step: it is simulated in each.
     """
     if problem.rough and problem.coarse:
-        (point,) = polish(problem, [point], chosen)
+        (point,), _ = polish(problem, [point], chosen)
         problem.refine([point], chosen)
         return point
     for _ in range(2):

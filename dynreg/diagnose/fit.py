@@ -19,7 +19,6 @@ DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
 SHARES = (2.0, 0.4, 0.15)  # of the boldest step, tried too: valleys are long, and bent
-POLISHED = 2  # times that derivatives with a finer time step are found anew
 FEWER = (0, 2, 3, 5)  # of all these steps, those tried where derivatives are only roughly known
 
 
@@ -67,14 +66,69 @@ def fit(
     return points, cost
 
 
-def polish(problem: Problem, points: list[Point], chosen: np.ndarray) -> list[Point]:
-    """Each point improved by rollouts with a finer time step, which alone says what time steps do to contacts."""
-    out = []
-    for point in points:
-        for _ in range(POLISHED):
-            known = known_near(problem.fine, point, len(point.z), chosen)
-            (point,), _ = fit(problem.fine, [point], chosen, iterations=2, **known)
-        out.append(point)
+def polish(
+    problem: Problem,
+    points: list[Point],
+    chosen: np.ndarray,
+    *,
+    iterations: int = 12,
+    tolerance: float = 3.0,
+    hopeless: float = np.inf,
+) -> tuple[list[Point], np.ndarray]:
+    """The points improved by rollouts with the finer time step, which alone says what time steps do to contacts.
+
+    Derivatives, and which of the steps is best, come from the usual time step; that step and half of it are tried with
+    the finer one. Independent samples are those of each point's own residual, anew after the second iteration.
+    Returns the points and their residuals (n, W, T, C) with the finer one. A point, other than the first, stops when
+    after an iteration it is more than `hopeless` [nats] behind the best.
+    """
+    points = list(points)
+    residuals = problem.fine.residuals(points, chosen)
+    going = np.arange(len(points))
+    for number in range(iterations):
+        if number in (0, 2):
+            effective = [problem.effective(r) for r in residuals]
+        now = [points[i] for i in going]
+        moved = _promising(problem, now, chosen, residuals[going], effective, going)
+        made = problem.fine.residuals(moved, chosen)
+        gained = np.zeros(len(going))
+        for row, i in enumerate(going):
+            of = slice(2 * row, 2 * row + 2)
+            three = np.concatenate([residuals[i : i + 1], made[of]])
+            costs = objective(problem, [points[i], *moved[of]], three, effective[i])
+            best = int(costs.argmin())
+            points[i], residuals[i] = [points[i], *moved[of]][best], three[best]
+            gained[row] = costs[0] - costs[best]
+        if number >= 2:
+            going = going[gained > tolerance]
+        cost = objective(problem, points, residuals, effective[0])
+        going = going[(cost[going] <= cost.min() + hopeless) | (going == 0)]
+        if not len(going):
+            break
+    return points, residuals
+
+
+def _promising(
+    problem: Problem,
+    points: list[Point],
+    chosen: np.ndarray,
+    residuals: np.ndarray,
+    effective: list[np.ndarray],
+    numbers: np.ndarray,
+) -> list[Point]:
+    """Of each point the best step by the usual time step, and half of it; `residuals` are of the finer one."""
+    slopes = _slopes(problem, points, chosen)
+    tries = [
+        _steps(problem, p, r, s, effective[i])
+        for p, r, s, i in zip(points, residuals, slopes, numbers, strict=True)
+    ]
+    made = problem.residuals([*points, *(t for own in tries for t in own)], chosen)
+    out, at = [], len(points)
+    for row, own in enumerate(tries):
+        likely = made[at : at + len(own)] - made[row] + residuals[row]
+        far = own[int(objective(problem, own, likely, effective[numbers[row]]).argmin())]
+        out += [far, points[row].moved(0.5 * (points[row].z + far.z))]
+        at += len(own)
     return out
 
 

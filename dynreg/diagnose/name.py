@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, known_near, objective, sensitivities, uneven
+from dynreg.diagnose.fit import fit, information, known_near, objective, polish, sensitivities, uneven
 from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds, worth_naming
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 from dynreg.diagnose.shortlist import MANY, shortlisted
@@ -15,8 +15,8 @@ SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
 FINE = 8  # of a long list, where rollouts are rough: those that are refitted with a finer time step,
-FINISHED = ((2, 4), (4, 3))  # by so many iterations each time, and how many go on
-PLAIN = 6  # such iterations of the model without the term
+SHARED = 2  # by so many iterations with shared derivatives,
+FINISHED = 3  # and those that are polished with their own
 FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
@@ -117,6 +117,8 @@ def _one_round(
     many: bool,
 ) -> Naming:
     if many:
+        if problem.rough and base.hypothesis.key not in problem.corrections:
+            problem.refine([base], np.arange(len(problem.windows)))
         fitted = shortlisted(problem, base, terms, fit_on, effective, iterations, HOPELESS)
     else:
         starts, slopes = screen(problem, base, terms, fit_on, effective)
@@ -142,21 +144,28 @@ def _one_round(
 def _finished(
     problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray, select_on: np.ndarray
 ) -> tuple[Point, list[Point]]:
-    """The model without the term and those with it, refitted with a finer time step, best first.
+    """The model without the term and those with it, refitted with finer time steps, best first.
 
-    All share the derivatives by the nominal parameters of the best, which are found anew once it has moved. The first
-    starts where each of the others ended, too, and is chosen as they are: by all windows.
+    First all share the derivatives by the nominal parameters of the best, then the best are polished with their own.
+    The model without the term starts where one of them ended, too, and is chosen as they are: by all windows.
     """
     fine = problem.fine
-    for iterations, kept in FINISHED:
-        known = known_near(fine, fitted[0], len(start.nominal), fit_on)
-        fitted, cost = fit(fine, fitted, fit_on, iterations=iterations, hopeless=HOPELESS, **known)
-        fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:kept]]
+    known = known_near(fine, fitted[0], len(start.nominal), fit_on)
+    fitted, cost = fit(fine, fitted, fit_on, iterations=SHARED, hopeless=HOPELESS, **known)
+    fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:FINISHED]]
+    (start, *fitted), residuals = polish(problem, [start, *fitted], fit_on, iterations=4, hopeless=HOPELESS)
+    cost = objective(problem, fitted, residuals[1:], problem.effective(residuals[1]))
+    fitted = [fitted[i] for i in np.argsort(cost, kind="stable")]
+    windows = np.concatenate([fit_on, select_on])
     rivals = [Point(start.hypothesis, p.nominal, p.effect[: len(start.effect)]) for p in fitted]
-    plain, _ = fit(fine, [start, *rivals], fit_on, iterations=PLAIN, **known)
-    everything = fine.residuals(plain, np.concatenate([fit_on, select_on]))
-    cost = objective(fine, plain, everything, fine.effective(everything[0]))
-    return plain[int(cost.argmin())], fitted
+    rival = _best(fine, rivals, windows)
+    return _best(fine, [start, *polish(problem, [rival], fit_on, iterations=4)[0]], windows), fitted
+
+
+def _best(problem: Problem, points: list[Point], windows: np.ndarray) -> Point:
+    """The point with the lowest objective on all these windows."""
+    residuals = problem.residuals(points, windows)
+    return points[int(objective(problem, points, residuals, problem.effective(residuals[0])).argmin())]
 
 
 def screen(

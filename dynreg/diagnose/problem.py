@@ -14,7 +14,6 @@ from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
 FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
-FINE = 4  # times finer ones do where all rollouts of a fit have them
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
@@ -97,14 +96,16 @@ class Problem:
 
     @cached_property
     def _finer(self) -> Robot:
-        return _stepped(self.robot, FINER[self.running])
+        table = self.robot.file.robot
+        table = table.model_copy(update={"timestep": table.timestep / FINER[self.running]})
+        return replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
 
     @cached_property
     def fine(self) -> "Problem":
-        """Where rollouts are rough the same with a time step `FINE` times finer, without corrections; else itself."""
+        """Where rollouts are rough the same with the finer time step, without corrections; else itself."""
         if not (self.rough and self.coarse):
             return self
-        return replace(self, robot=_stepped(self.robot, FINE), corrections={})
+        return replace(self, robot=self._finer, corrections={})
 
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
@@ -143,17 +144,15 @@ class Problem:
             robot, values, run, engine=self.engine, threads=self.threads, terms=self._terms(points)
         ).states
 
-    def residuals(self, points: list[Point], chosen: np.ndarray, *, finely: bool = False) -> np.ndarray:
+    def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
 
-        A diverged simulation counts as ten times the motion. finely : simulated with the finer time step itself,
-        which needs no correction and takes so many times as long.
+        A diverged simulation counts as ten times the motion.
         """
-        robot = self._finer if finely else self.robot
-        states = self._rollouts(robot, points, chosen)[..., 1:, self.use]
+        states = self._rollouts(self.robot, points, chosen)[..., 1:, self.use]
         measured = self.windows.measured[chosen][:, 1:, self.use]
         scaled = (states - measured) / self.windows.spread[self.use]
-        if self.corrections and not finely:
+        if self.corrections:
             scaled += np.array([self._correction(p.hypothesis)[chosen] for p in points])
         lost = ~np.isfinite(scaled) & np.isfinite(measured)
         return np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
@@ -180,12 +179,6 @@ class Problem:
         if not table:
             return None
         return Terms(tuple(t for t, _ in table.values()), tuple(v for _, v in table.values()))
-
-
-def _stepped(robot: Robot, times: int) -> Robot:
-    """The robot with a time step so many times finer."""
-    table = robot.file.robot.model_copy(update={"timestep": robot.file.robot.timestep / times})
-    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
 
 
 def mean_squares(residuals: np.ndarray, floor: np.ndarray) -> np.ndarray:

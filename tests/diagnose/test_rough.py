@@ -36,7 +36,8 @@ def test_rollouts_are_rough_where_the_foot_touches_the_ground(height, rough):
 def test_simulated_finely_the_true_parameters_leave_the_noise_on_the_ground_too():
     problem, fit_on, z = posed(0.2)
     truth = [Point(Hypothesis(), z, np.zeros(0))]
-    coarse, fine = (problem.residuals(truth, fit_on, finely=f)[0] for f in (False, True))
+    rough = replace(problem, rough=True)
+    coarse, fine = (p.residuals(truth, fit_on)[0] for p in (rough, rough.fine))
     left = [np.sqrt((r**2).mean(axis=(0, 1)) / problem.floor) for r in (coarse, fine)]
     assert (left[1] < 1.6).all() and (left[0] > 1.5 * left[1]).any()
 
@@ -54,9 +55,9 @@ def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
     problem.rough = True
     start = Point(Hypothesis(), z + np.where(np.arange(len(z)) % 2, 0.5, -0.5), np.zeros(0))
     truth = Point(Hypothesis(), z, np.zeros(0))
-    (found,) = polish(problem, [start], fit_on)
+    (found,), _ = polish(problem, [start], fit_on)
     points = [start, found, truth]
-    made = problem.residuals(points, fit_on, finely=True)
+    made = problem.fine.residuals(points, fit_on)
     cost = objective(problem, points, made, problem.effective(made[2]))
     assert cost[1] < cost[0]
     assert cost[1] - cost[2] < 0.3 * (cost[0] - cost[2])
