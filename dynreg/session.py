@@ -261,7 +261,7 @@ class Session:
         k: int = 5,
         task: str | None = None,
         method: str = "cma",
-        accept: str = "min",
+        accept: str | None = None,
         rollouts: int = 750,
         patience: int | None = None,
         seed: int = 0,
@@ -275,11 +275,13 @@ class Session:
         """Joint commands that walk in the simulators that stand for the recording's robot; see `walks.walk`.
 
         on : neighbours, synthesised, diagnosed, nominal, random, population, or ids of simulators. The gait is stored.
+        accept : what the search raises, min, mean or quantile; the minimum by default, over a population the mean.
         """
+        from dynreg.gait.methods import usual_accept
         from dynreg.gait.seek import SearchSettings
         from dynreg.walks import Asked, WalkSettings, walk
 
-        search = SearchSettings(method, accept, rollouts, seed, patience)
+        search = SearchSettings(method, accept or usual_accept(on), rollouts, seed, patience)
         settings = WalkSettings(on, k, task, search, resume, threads)
         identity, loaded = self._recording(recording, robot, log_map)
         asked = Asked(

@@ -149,18 +149,28 @@ def _document(
         history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
         resumed=found.resumed,
+        notes=_notes(sought.helpless, how),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
     )
+
+
+def _notes(helpless: np.ndarray, accept: str) -> tuple[str, ...]:
+    """What must be said where every gait that was tried fell in some of the simulators (k,)."""
+    if not helpless.any():
+        return ()
+    many = f"{helpless.sum()} of {len(helpless)} simulators"
+    return (f"in {many} every gait that was tried fell, which counts as 0 in the {accept}",)
 
 
 def gait_of(registry: Registry, ref: str | Path) -> Gait:
     """A gait by its id, a recording's (its last gait), `@last`, or the path of its JSON document.
 
-    Raises NoMatchError where there is none, UsageError where it is something else.
+    Raises NoMatchError where there is none, UsageError where it is something else, or the file's genes and limits are
+    not those of its robot, where the registry holds that.
     """
     if Path(ref).is_file():
         try:
-            return Gait.model_validate_json(Path(ref).read_bytes())
+            gait = Gait.model_validate_json(Path(ref).read_bytes())
         except ValidationError as problem:
             first = problem.errors()[0]
             where = ".".join(map(str, first["loc"]))
@@ -169,7 +179,27 @@ def gait_of(registry: Registry, ref: str | Path) -> Gait:
                 expected="the JSON document that `dynreg gait --json` prints",
                 do="name that file, or a stored gait",
             ) from None
+        if gait.robot_hash in registry.robots():
+            _require_its_own(load_robot(registry.robot_folder(gait.robot_hash)), gait)
+        return gait
     return Gait.model_validate(_record(registry, str(ref)).document)
+
+
+def _require_its_own(robot: Robot, gait: Gait) -> None:
+    """UsageError where the genes cannot be run on the gait's robot, or it states limits that are not the robot's."""
+    space = gait_space(robot)
+    genes = space.from_dict({name: gene.value for name, gene in gait.genes.items()})
+    space.require(genes)
+    stated, own = (
+        [(j.action, j.low, j.high, j.speed) for j in of] for of in (gait.joints, joints(space, genes))
+    )
+    if stated != own:
+        wrong = next((a[0] for a, b in zip(stated, own, strict=False) if a != b), "the number of joints")
+        raise UsageError(
+            f"this gait cannot be run on robot {robot.name!r}: {wrong} is not stated as the robot has it",
+            expected="the robot's own joints, with their limits of angle and rate",
+            do="use the gait as `dynreg gait` found it",
+        )
 
 
 def film(registry: Registry, gait: Gait, path: Path, form: str) -> None:

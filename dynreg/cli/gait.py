@@ -9,7 +9,7 @@ import typer
 from dynreg.cli.call import Call, at_least, can_write, one_of, verb
 from dynreg.cli.options import AnyRecording, MapOfLog, Population, RobotOfLog, Seed, Threads
 from dynreg.errors import PictureError, UsageError
-from dynreg.gait.methods import ACCEPT, METHODS, SOURCES
+from dynreg.gait.methods import ACCEPT, ACCEPT_OF_POPULATION, METHODS, SOURCES
 
 if TYPE_CHECKING:
     from dynreg.results import Gait
@@ -31,8 +31,12 @@ def gait(
     ] = SOURCES[0],
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = METHODS[0],
     accept: Annotated[
-        str, typer.Option(help=f"What the search raises over the simulators: {', '.join(ACCEPT)}.")
-    ] = ACCEPT[0],
+        str | None,
+        typer.Option(
+            help=f"What the search raises over the simulators: {', '.join(ACCEPT)}"
+            f" [{ACCEPT[0]}; of a population the {ACCEPT_OF_POPULATION}]."
+        ),
+    ] = None,
     task: Annotated[str | None, typer.Option(help="One of the robot's [[tasks]] [its first].")] = None,
     rollouts: Annotated[int, typer.Option(help="Runs of one simulator that the search may cost.")] = 750,
     patience: Annotated[
@@ -56,7 +60,8 @@ def gait(
     Example: dynreg gait monday -k 5 --rollouts 2500
     """
     one_of("--method", method, METHODS)
-    one_of("--accept", accept, ACCEPT)
+    if accept is not None:
+        one_of("--accept", accept, ACCEPT)
     for flag, value in (("-k", k), ("--rollouts", rollouts), ("--patience", patience)):
         at_least(flag, value, 1)
     at_least("--seed", seed, 0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from dynreg.errors import UsageError
 from dynreg.gait.methods import ACCEPT, METHODS
+from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness
 from dynreg.gait.trials import Trials
 from dynreg.rng import stream
@@ -45,12 +46,16 @@ class SearchSettings:
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked."""
+    """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked.
+
+    helpless : (k,) simulators in which every gait that was tried fell.
+    """
 
     found: Found
     genes: np.ndarray
     fitness: np.ndarray
     fell: np.ndarray
+    helpless: np.ndarray
     walk: Walk
 
 
@@ -80,10 +85,16 @@ def seek(
         )
     kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
+    judge, helpless = _judge(settings), np.ones(len(trials.simulators), dtype=bool)
+
+    def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        helpless[:] &= fallen(grades).all(axis=0)
+        return judge(grades)
+
     found = drive(
         search,
         lambda unit: trials.grades(gaits(unit)),
-        _judge(settings),
+        watched,
         Limits(evaluations, settings.patience, settings.target),
         journal=kept,
         progress=(lambda done, total: progress("search", done, total)) if progress else None,
@@ -91,7 +102,7 @@ def seek(
     genes = gaits(found.best[None])
     walk = trials.walk(genes, feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
-    return Sought(found, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, walk)
+    return Sought(found, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, helpless, walk)
 
 
 def accepted(values: np.ndarray, how: str) -> np.ndarray:

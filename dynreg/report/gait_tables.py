@@ -28,4 +28,5 @@ def gait_tables(result: Gait) -> RenderableType:
             f"search: {result.method}, {result.evaluations} gaits ({result.resumed} from before), ended by"
             f" {result.ended}; {result.cost.rollouts} simulations, {result.cost.seconds:.1f} s"
         ),
+        *(Text(f"note: {note}") for note in result.notes),
     )

@@ -74,7 +74,7 @@ class Gait(Result):
 
     recording : that the simulators were chosen for; on : how; source : the stored result that they came from.
     succeeded : it fell in no simulator and reached `success` in all. value : what the search raised, by `accept`.
-    ended : why the search ended.
+    ended : why the search ended. notes : what else a reader must know.
     """
 
     schema_: Literal["dynreg/gait/1"] = Field(default="dynreg/gait/1", alias="schema")
@@ -105,6 +105,7 @@ class Gait(Result):
     history: tuple[GaitStep, ...]
     evaluations: int
     resumed: int
+    notes: tuple[str, ...] = ()
     cost: Cost
 
     def rows(self) -> list[dict[str, Any]]:

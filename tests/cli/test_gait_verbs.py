@@ -51,6 +51,10 @@ def test_gait_answers_in_json_and_in_tables(dynreg, asked) -> None:
         assert words in ended.out
     asked.answers["gait"] = made_up_gait.gait(fell=True)
     assert "fell in 1 of 3" in dynreg("gait", "yard").out
+    noted = made_up_gait.gait().model_copy(update={"notes": ("in 2 of 3 simulators",)})
+    asked.answers["gait"] = noted
+    assert "note: in 2 of 3 simulators" in dynreg("gait", "yard").out
+    assert asked.asked[-1][2]["accept"] is None  # the session chooses
 
 
 def test_where_nothing_is_close_the_status_is_4(dynreg, asked) -> None:

@@ -129,6 +129,24 @@ def test_in_draws_of_the_ranges_and_in_named_simulators(opened: Session) -> None
     assert named.genes == drawn.genes
 
 
+def test_over_a_population_the_mean_counts_and_simulators_that_only_fall_are_told(
+    opened: Session, brief
+) -> None:
+    weak = brief.space.as_dict(brief.space.nominal) | {"torque": 0.6, "torso_mass": 3.5, "gravity": 11.0}
+    weak = SimConfig(brief.hash, brief.name, weak, {"torque_limit": {"loss": 0.8}})
+    fine = SimConfig(brief.hash, brief.name, {})
+    ids = [opened.registry.put_simulator(c.as_dict()) for c in (fine, weak)]
+    found = opened.gait("log", on=",".join(ids), rollouts=44, threads=1)
+    assert found.accept == "min" and found.value == 0.0
+    assert found.notes == (
+        "in 1 of 2 simulators every gait that was tried fell, which counts as 0 in the min",
+    )
+    drawn = opened.gait("log", on="population", k=2, rollouts=44, threads=1)
+    assert drawn.accept == "mean" and drawn.value == drawn.fitness.mean
+    least = opened.gait("log", on="population", k=2, accept="min", rollouts=44, threads=1)
+    assert least.accept == "min" and least.value == least.fitness.min
+
+
 def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session) -> None:
     other = load_robot("leg")
     stranger = opened.registry.put_simulator(SimConfig(other.hash, other.name, {}).as_dict())
@@ -290,6 +308,19 @@ def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, 
         assert old in text
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(UsageError, match=f"cannot be run.*{says}"):
+            opened.export_gait(path, tmp_path / "wild.csv")
+    first = gait.genes["frequency"].model_copy(update={"value": 9.0})
+    for change, says in (
+        ({"genes": {**gait.genes, "frequency": first}}, "frequency = 9 Hz lies outside"),
+        ({"genes": {"frequency": first}}, "does not fit"),
+        (
+            {"joints": (gait.joints[0].model_copy(update={"high": 9.0}), *gait.joints[1:])},
+            "fl_hip/target is not",
+        ),
+        ({"joints": gait.joints[:3]}, "number of joints is not stated"),
+    ):
+        path.write_text(gait.model_copy(update=change).to_json())
+        with pytest.raises(UsageError, match=says):
             opened.export_gait(path, tmp_path / "wild.csv")
     path.write_text('{"schema": "dynreg/gait/1"}')
     with pytest.raises(UsageError, match="is no gait"):
