@@ -404,12 +404,17 @@ class Session:
     ) -> results.Gait:
         """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.
 
-        form : csv, mcap or python for a robot, see `gait.play`; gif or png to look at, see `walks.film`.
+        form : csv, mcap or python for a robot, see `gait.play`; gif or png to look at, see `walks.film`; foxglove, a
+        log of the run, for which `ref` may be a recording of the gait's trial, see `side_by_side`.
         """
         from dynreg.gait.play import write
         from dynreg.sim.film import FORMS
         from dynreg.walks import film, gait_of
 
+        if form == "foxglove":
+            from dynreg.side_by_side import side_by_side
+
+            return side_by_side(self.registry, ref, Path(destination))
         gait = ref if isinstance(ref, results.Gait) else gait_of(self.registry, ref)
         if form in FORMS:
             film(self.registry, gait, Path(destination), form)

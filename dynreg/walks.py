@@ -211,18 +211,26 @@ def film(registry: Registry, gait: Gait, path: Path, form: str) -> None:
     """
     require_playable(gait)
     require_new(path)  # before time is spent on it
-    robot = load_robot(registry.robot_folder(gait.robot_hash))
-    task = task_of(robot, gait.task)
-    task.seconds = gait.seconds
-    configs = [replace(_config(registry, t.simulator)[2], values=t.parameters) for t in gait.trials]
-    trials = Trials(robot, task, simulators_of(robot, configs), rate=gait.rate, seed=gait.seed)
-    least = min(range(len(configs)), key=lambda i: gait.trials[i].fitness)
-    model, poses = trials.poses(_told(trials, gait), least)
+    trials, least = trials_of(registry, gait, gait.seconds, gait.rate)
+    model, poses = trials.poses(told(trials, gait), least)
     times = moments(gait.seconds, form, 1.0 / gait.frequency)
     write_new(path, draw(model, poses, gait.rate, times, form))
 
 
-def _told(trials: Trials, gait: Gait) -> np.ndarray:
+def trials_of(registry: Registry, gait: Gait, seconds: float, rate: float) -> tuple[Trials, int]:
+    """Trials of `seconds` with `rate` commands a second in a gait's simulators, and in which of them it walks least.
+
+    Raises NoMatchError where the registry lacks the robot or the simulators.
+    """
+    robot = load_robot(registry.robot_folder(gait.robot_hash))
+    task = task_of(robot, gait.task)
+    task.seconds = seconds
+    configs = [replace(_config(registry, t.simulator)[2], values=t.parameters) for t in gait.trials]
+    trials = Trials(robot, task, simulators_of(robot, configs), rate=rate, seed=gait.seed)
+    return trials, min(range(len(configs)), key=lambda i: gait.trials[i].fitness)
+
+
+def told(trials: Trials, gait: Gait) -> np.ndarray:
     """(T, A) joint commands: to the last bit those of the search, where nobody has changed them since."""
     space = trials.space
     genes = space.from_dict({name: gene.value for name, gene in gait.genes.items()})

@@ -22,6 +22,7 @@ class Form(StrEnum):
     csv = "csv"
     mcap = "mcap"
     python = "python"
+    foxglove = "foxglove"
     gif = "gif"
     png = "png"
 
@@ -47,7 +48,9 @@ def export(
     to: Annotated[Path, typer.Option(help="New directory; new file for a gait.")],
     form: Annotated[
         Form,
-        typer.Option("--as", help="A registry; a simulator as a robot folder; a gait as commands or drawn."),
+        typer.Option(
+            "--as", help="A registry; a simulator as a robot folder; a gait as commands, as a run or drawn."
+        ),
     ] = Form.registry,
 ) -> None:
     """Copy stored things to a new registry, or write a simulator as a robot folder.
@@ -57,7 +60,8 @@ def export(
     As a robot, a simulator is a robot.toml with its parameters and effects and one MJCF file for MuJoCo alone.
     As csv, mcap or python, a gait (its id, its JSON file or @last, here the last gait) is a table, a log of joint
     commands, or a Python module that needs nothing else; as gif or png it is drawn, in the simulator in which it
-    walks least.
+    walks least. As foxglove, its run there is an MCAP log of joints and pose; of a recording that was ingested with
+    --gait, what was measured and what the simulator does under the same commands.
 
     Example: dynreg export monday --to monday-registry
     """
@@ -68,7 +72,7 @@ def export(
         )
     with call.open() as session:
         if form not in (Form.registry, Form.robot):
-            hint = None if form in (Form.gif, Form.png) else _PLAYED
+            hint = None if form in (Form.gif, Form.png, Form.foxglove) else _PLAYED
             call.emit(session.export_gait(refs[0], to, form.value), f"{to}: written", hint=hint)
             return
         if form is Form.robot:

@@ -41,4 +41,6 @@ def ingest(
     recording = read_log(logs, loaded, log_map)  # before a registry is made for it
     with call.open(create=True) as session:
         result = session.ingest(recording, loaded, name=name, gait=gait)
-    call.emit(result, hint=f"dynreg query {result.name or result.recording[:12]} -k 5")
+    named = result.name or result.recording[:12]
+    beside = f"dynreg export {named} --as foxglove --to run.mcap"
+    call.emit(result, hint=beside if gait else f"dynreg query {named} -k 5")

@@ -1,18 +1,16 @@
 """Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
 
 import errno
-import json
 import os
 from pathlib import Path
 
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.gait.runs import joint_states, mcap
 from dynreg.gait.space import SLACK, GaitSpace
 from dynreg.results import Gait, GaitJoint
 from dynreg.sim.film import FORMS as PICTURES
-
-START = 1_700_000_000_000_000_000  # [ns] first stamp of an MCAP file: the same gait gives the same bytes
 
 
 def joints(space: GaitSpace, genes: np.ndarray) -> tuple[GaitJoint, ...]:
@@ -99,7 +97,7 @@ def write(gait: Gait, path: Path, form: str) -> None:
     if form not in forms:
         raise UsageError(
             f"form {form!r} of a gait",
-            expected=f"one of {[*forms, *PICTURES]}",
+            expected=f"one of {[*forms, *PICTURES, 'foxglove']}",
             do="choose one of them",
         )
     require_playable(gait)
@@ -139,22 +137,8 @@ def _csv(gait: Gait) -> bytes:
 
 def _mcap(gait: Gait) -> bytes:
     """JSON messages in the form of sensor_msgs/JointState on /joint_commands."""
-    from io import BytesIO
-
-    from mcap.writer import Writer
-
-    file = BytesIO()
-    writer = Writer(file)
-    writer.start(profile="", library="dynreg")
-    schema = writer.register_schema("sensor_msgs/JointState", "jsonschema", b'{"type":"object"}')
-    channel = writer.register_channel("/joint_commands", "json", schema)
     names = [j.action.split("/")[0] for j in gait.joints]
-    for time, row in zip(*commands(gait), strict=True):
-        stamp = START + round(time * 1e9)
-        message = json.dumps({"name": names, "position": row.tolist()}).encode()
-        writer.add_message(channel, stamp, message, stamp)
-    writer.finish()
-    return file.getvalue()
+    return mcap([joint_states("/joint_commands", names, *commands(gait))])
 
 
 def _module(gait: Gait) -> bytes:

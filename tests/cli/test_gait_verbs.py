@@ -86,7 +86,7 @@ def test_misuse_is_refused_before_a_registry_is_opened(line: str, says: str, dyn
     assert ended.status == 2 and says in ended.err and asked.asked == []
 
 
-@pytest.mark.parametrize("form", ["csv", "mcap", "python", "gif", "png"])
+@pytest.mark.parametrize("form", ["csv", "mcap", "python", "gif", "png", "foxglove"])
 def test_export_as_commands(form: str, dynreg, asked) -> None:
     assert dynreg("export", "@last", "--as", form, "--to", "gait.out").status == 0
     assert asked.asked == [("export_gait", ("@last", Path("gait.out"), form), {})]
@@ -109,7 +109,8 @@ def test_where_nothing_can_be_drawn_a_note_says_so_and_the_gait_is_there(dynreg,
 
 
 def test_ingest_names_the_gait_that_was_played(dynreg, asked) -> None:
-    assert dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--gait", "@last").status == 0
+    ended = dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--gait", "@last")
+    assert ended.status == 0 and "--as foxglove --to run.mcap" in ended.out
     assert asked.asked[0][2] == {"name": None, "gait": "@last"}
 
 
