@@ -1,0 +1,359 @@
+"""Gaits for hidden quadrupeds, by the simulators that they were sought in: who walks, and how fast.
+
+24 robots (`walkers`): 12 in the family, 12 with an effect that it lacks. A gait is sought by CMA-ES with the same
+rollouts in each of `SOURCES`, then tried once on the robot through `RealRobot`. Success: no fall and at least 0.3 m
+in 10 s. Speed is the task's fitness over its time (0 for a fall), as a share of the oracle's the ratio of the means.
+Real trials and seconds hold the logs that a source needs. Intervals are of 90 %: bootstrap over robots, of counts
+Clopper-Pearson's. `calibrated` is the diagnosis without its causes: what it gains over that, the causes gain, and
+not the nameplate that only the diagnosis reads.
+
+Every finished cell is a line of the journal (`--journal`); a second start goes on. Robots that are reported were
+never used in development (`REPORT`).
+"""
+
+import argparse
+import fcntl
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from walkers import FAMILY, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
+
+import dynreg
+from dynreg.errors import DynregError
+from dynreg.gait.seek import SearchSettings, seek
+from dynreg.gait.tasks import fitness, task_of
+from dynreg.gait.trials import Simulators, Trials
+from dynreg.neighbours.link import load_population
+from dynreg.neighbours.query import Settings, query
+from dynreg.results.trials import rate
+from dynreg.rng import stream, stream_seed
+from dynreg.sim.effects import Terms, term
+from dynreg.sim.real import Budget, Spent
+from dynreg.sim.robot import load_robot
+
+TUNE, REPORT = 61, 20261204
+RESULTS = Path(__file__).parent / "results"
+FILE = RESULTS / "gait_hidden.json"
+SOURCES = (
+    "nearest",
+    "synthesised",
+    "diagnosed",
+    "calibrated",
+    "nominal",
+    "random",
+    "population",
+    "true",
+)
+LOGS = {"nearest": "query", "synthesised": "query", "diagnosed": "naming", "calibrated": "naming"}
+K, POPULATION = 5, 50
+DRAWS = 4000  # of the bootstrap
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What makes it this table."""
+
+    seed: int
+    robots: int
+    rollouts: int
+    entries: int
+    effects: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Job:
+    """One robot with the sources that are left, and where its lines go."""
+
+    plan: Plan
+    name: str
+    sources: tuple[str, ...]
+    journal: Path
+    registry: str
+    population: str
+
+
+class Journal:
+    """Lines of JSON, one for each finished step, kept by robot and step; several processes may add to it.
+
+    Raises SystemExit where the file is that of another plan.
+    """
+
+    def __init__(self, path: Path, plan: Plan):
+        self.path, self._head = path, json.loads(json.dumps({"plan": asdict(plan)}))
+
+    def begin(self) -> None:
+        """Make the file, or leave out a last line that was not written to its end."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        text = self.path.read_text() if self.path.is_file() else ""
+        whole = text[: text.rfind("\n") + 1]
+        if whole and json.loads(whole.splitlines()[0]) != self._head:
+            raise SystemExit(f"{self.path} is the journal of another table: name another with --journal")
+        temporary = self.path.with_suffix(".writing")
+        temporary.write_text(whole or json.dumps(self._head) + "\n")
+        os.replace(temporary, self.path)
+
+    def add(self, robot: str, step: str, found: dict) -> dict:
+        """Keep what a step found; on disk, as one line, when this returns."""
+        line = json.dumps({"robot": robot, "step": step, **found}) + "\n"
+        with open(self.path, "ab", buffering=0) as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            file.write(line.encode())
+            os.fsync(file.fileno())
+        return json.loads(line)
+
+    def steps(self) -> dict[tuple[str, str], dict]:
+        """{(robot, step): what it found} of all that is done."""
+        lines = [json.loads(line) for line in self.path.read_text().splitlines()[1:]]
+        return {(line["robot"], line["step"]): line for line in lines}
+
+
+def work(job: Job) -> str:
+    """All that is left of one robot, on one core; its name."""
+    walker = walker_of(job.name, job.plan.seed)
+    journal = Journal(job.journal, job.plan)
+    done = {step: found for (robot, step), found in journal.steps().items() if robot == walker.name}
+    makers: dict[str, Callable[[Job, Walker], dict]] = {"query": _queried, "naming": _diagnosed}
+    for step in dict.fromkeys(LOGS[s] for s in job.sources if s in LOGS):
+        if step not in done:
+            began = time.process_time()
+            found = makers[step](job, walker)
+            done[step] = journal.add(walker.name, step, {**found, "core": time.process_time() - began})
+    for source in job.sources:
+        if source not in done:
+            began = time.process_time()
+            found = _cell(job, walker, source, done.get(LOGS.get(source, "")))
+            journal.add(walker.name, source, {**found, "core": time.process_time() - began})
+    return walker.name
+
+
+def _queried(job: Job, walker: Walker) -> dict:
+    """The query's k nearest and its one answer, whether or not it says that they fit."""
+    log, spent = excited(walker)
+    with dynreg.open(job.registry, create=False) as reg:
+        population = load_population(reg.registry, job.population, states=False)
+        answer = query(reg.registry, population, log, Settings(k=K, threads=1))
+    from_dict = walker.robot.space.from_dict
+    return {
+        "spent": asdict(spent),
+        "fits": answer.fits,
+        "kind": answer.answer_kind,
+        "nearest": [from_dict(n.parameters).tolist() for n in answer.neighbours],
+        "synthesised": [from_dict(answer.answer_parameters).tolist()],
+    }
+
+
+def _diagnosed(job: Job, walker: Walker) -> dict:
+    """The diagnosis from the nameplate: its simulators with and without the causes; only why, where it could not."""
+    log, spent = stood_and_trotted(walker)
+    try:
+        found = named(walker, log, job.plan.effects)
+    except DynregError as problem:
+        return {"spent": asdict(spent), "problem": str(problem)}
+    terms = found.extended.terms
+    told = {t.key: v[0].tolist() for t, v in zip(terms.terms, terms.values, strict=True)} if terms else {}
+    return {
+        "spent": asdict(spent),
+        "verdict": found.verdict,
+        "causes": found.causes,
+        "effects": told,
+        "diagnosed": found.extended.values.tolist(),
+        "calibrated": found.calibrated.values.tolist(),
+    }
+
+
+def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
+    """A gait sought in the simulators of a source, and tried on the robot."""
+    before = Spent(**step["spent"]) if step else Spent()
+    if step and "problem" in step:
+        return {"real": 0.0, "fell": False, "success": False, "spent": asdict(before), **_none(step)}
+    task = walker.task if source == "true" else task_of(walker.robot)
+    trials = Trials(
+        walker.robot, task, _simulators(job, walker, source, step), rate=RATE, seed=walker.seed, threads=1
+    )
+    accept = "mean" if source == "population" else "min"
+    settings = SearchSettings("cma", accept, job.plan.rollouts, stream_seed(walker.seed, "search") % 2**31)
+    sought = seek(trials, settings)
+    budget = Budget(before.trials + 1, before.seconds + task.seconds)
+    real = walker.real(budget, before)
+    trial = real.run(trials.space.targets(sought.genes[None], trials.times)[0], RATE, source)
+    there = float(fitness(task.grade(trial.walk))[0, 0])
+    return {
+        "real": there,
+        "fell": trial.fell,
+        "success": not trial.fell and there >= task.success,
+        "simulated": sought.found.value,
+        "gaits": sought.found.evaluations,
+        "genes": sought.genes.tolist(),
+        "spent": asdict(real.spent),
+    }
+
+
+def _none(step: dict) -> dict:
+    return {"simulated": None, "problem": step["problem"]}
+
+
+def _simulators(job: Job, walker: Walker, source: str, step: dict | None) -> Simulators:
+    space = walker.robot.space
+    if source == "true":
+        return walker.truth
+    terms = None
+    if source == "nominal":
+        values = space.nominal[None]
+    elif source == "population":
+        values = space.sample(0, POPULATION, stream_seed(walker.seed, "population") % 2**31)
+    elif source == "random":
+        with dynreg.open(job.registry, create=False) as reg:
+            entries = reg.registry.load(job.population, ()).values
+        values = entries[stream(walker.seed, "random").choice(len(entries), K, replace=False)]
+    else:
+        values = np.array(step[source])
+        if source == "diagnosed" and step["effects"]:
+            told = step["effects"]
+            terms = Terms(tuple(map(term, told)), tuple(np.array([v]) for v in told.values()))
+    values = np.array(values, dtype=float)
+    values[:, space.names.index("action_rate")] = RATE
+    return Simulators(values, terms)
+
+
+def table(steps: dict[tuple[str, str], dict], robots: Iterable[str], seconds: float) -> dict[str, dict]:
+    """{half: {source: figures}} of the robots that have all of their sources; `seconds` of a trial."""
+    out = {}
+    for half, inside in (("in the family", True), ("outside", False)):
+        mine = [name for name in robots if name.startswith(FAMILY) == inside]
+        sources = [s for s in SOURCES if any((name, s) in steps for name in mine)]
+        whole = [name for name in mine if all((name, s) in steps for s in sources)]
+        if not (sources and whole):
+            continue
+        cells = {s: [steps[name, s] for name in whole] for s in sources}
+        speed = {s: np.array([100 * c["real"] / seconds for c in found]) for s, found in cells.items()}
+        rows = {s: _row(found, speed[s], speed.get("true")) for s, found in cells.items()}
+        gains = {
+            f"diagnosed - {other}": _boot(lambda d, o: d - o, speed["diagnosed"], speed[other])
+            for other in ("nearest", "synthesised", "calibrated", "nominal")
+            if {"diagnosed", other} <= {*speed}
+        }
+        told = {
+            name: steps[name, "naming"].get("causes", steps[name, "naming"].get("problem"))
+            for name in whole
+            if (name, "naming") in steps
+        }
+        out[half] = {"robots": len(whole), "sources": rows, "gains": gains, "named": told}
+    return out
+
+
+def _row(cells: list[dict], speed: np.ndarray, oracle: np.ndarray | None) -> dict:
+    spent = [c["spent"] for c in cells]
+    return {
+        "success": rate(c["success"] for c in cells).to_dict(),
+        "falls": sum(c["fell"] for c in cells),
+        "speed": _boot(lambda v: v, speed),
+        "share": None if oracle is None else _boot(lambda v, o: v / o, speed, oracle),
+        "trials": float(np.mean([s["trials"] for s in spent])),
+        "seconds": float(np.mean([s["seconds"] for s in spent])),
+        "core": float(np.mean([c["core"] for c in cells])),
+    }
+
+
+@cache
+def _picks(count: int) -> np.ndarray:
+    return stream(0, "gait table").integers(0, count, (DRAWS, count))
+
+
+def _boot(of: Callable[..., np.ndarray], *columns: np.ndarray) -> dict[str, float | None]:
+    """`of` the means of columns (n,) over robots, and its 90 % bootstrap interval; None where it is no number."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = of(*(c.mean() for c in columns))
+        drawn = of(*(c[_picks(len(c))].mean(axis=1) for c in columns))
+        low, high = np.quantile(drawn, [0.05, 0.95])
+    known = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+    return {"value": known(value), "low": known(low), "high": known(high)}
+
+
+def show(out: dict[str, dict]) -> None:
+    """Print the tables."""
+    for half, found in out.items():
+        print(f"\n{half}, {found['robots']} robots")
+        print(
+            f"  {'':12s} success  falls  speed [cm/s]           share of the oracle    trials  real s  core s"
+        )
+        for source, row in found["sources"].items():
+            won = row["success"]
+            print(
+                f"  {source:12s} {won['hits']:3d}/{won['of']:<3d}  {row['falls']:3d}   {_told(row['speed'])}"
+                f"  {_told(row['share']):21s} {row['trials']:6.1f}  {row['seconds']:6.1f}  {row['core']:6.0f}"
+            )
+        for name, gain in found["gains"].items():
+            print(f"  {name}: {_told(gain)} cm/s")
+        for name, causes in found["named"].items():
+            print(f"    {name}: {causes if isinstance(causes, str) else ', '.join(causes) or 'nothing'}")
+
+
+def _told(x: dict | None) -> str:
+    if x is None or None in x.values():
+        return "-"
+    return f"{x['value']:5.2f} [{x['low']:5.2f}, {x['high']:5.2f}]"
+
+
+def main() -> None:
+    """Fill in what is left of the table, print it, and keep it under benchmarks/results/."""
+    given = _given()
+    seed = TUNE if given.tune else REPORT
+    plan = Plan(seed, given.robots, given.rollouts, given.entries, tuple(given.effects))
+    digest = hashlib.sha256(json.dumps(asdict(plan)).encode()).hexdigest()[:8]
+    path = given.journal or RESULTS / f"gait_hidden{f'_tune_{digest}' if given.tune else ''}.jsonl"
+    journal = Journal(path, plan)
+    journal.begin()
+    with dynreg.open(given.registry) as reg:
+        population = reg.populate("quadruped", given.entries, threads=given.processes).population
+    done, jobs = journal.steps(), []
+    for name in names(given.robots):
+        left = tuple(s for s in SOURCES if s in given.only and (name, s) not in done)
+        if left:
+            jobs.append(Job(plan, name, left, path, given.registry, population))
+    print(f"{sum(len(j.sources) for j in jobs)} cells of {len(jobs)} robots are left", flush=True)
+    _run(jobs, given.processes)
+    out = table(journal.steps(), names(given.robots), task_of(load_robot("quadruped")).seconds)
+    show(out)
+    if not given.tune:
+        FILE.write_text(json.dumps({"plan": asdict(plan), "halves": out}, indent=1) + "\n")
+
+
+def _run(jobs: list[Job], processes: int) -> None:
+    began = time.perf_counter()
+    told = lambda name: print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)  # noqa: E731
+    if processes == 1:
+        for job in jobs:
+            told(work(job))
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(work, job) for job in jobs]):
+            told(future.result())
+
+
+def _given() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robots", type=int, default=12, help="in each half")
+    parser.add_argument("--only", nargs="*", choices=SOURCES, default=SOURCES, help="these sources alone")
+    parser.add_argument("--rollouts", type=int, default=750)
+    parser.add_argument("--entries", type=int, default=1000)
+    parser.add_argument("--effects", nargs="*", default=[], help="that a diagnosis may name [all]")
+    parser.add_argument("--registry", default="benchmarks/registry")
+    parser.add_argument("--journal", type=Path, help="[benchmarks/results/gait_hidden.jsonl]")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()
