@@ -79,3 +79,21 @@ def test_the_diagnosis_notebook(
     assert "['load_friction" in text and "gain on held-out runs" in text and "tip_mass" in text
     assert "dynreg export" in text
     assert ("no copy of the real log" in text) == (source == "hidden")
+
+
+def test_the_gait_notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a hidden quadruped, with few simulators and a short search."""
+    from nbclient import NotebookClient
+
+    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
+    monkeypatch.setenv("DYNREG_NOTEBOOK_N", "40")
+    monkeypatch.setenv("DYNREG_NOTEBOOK_ROLLOUTS", "60")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    (path,) = [p for p in NOTEBOOKS if p.stem == "03_gait"]
+    notebook = nbformat.read(path, 4)
+    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(path.parent)}}).execute()
+    text = printed(notebook)
+    assert drawings(notebook) >= 3  # and the robot, where this machine can draw it
+    assert "Spent(trials=10" in text and "the budget of" in text
+    assert all(name in text for name in ("gait.csv", "gait.py", "run.mcap", "def targets(t)"))
