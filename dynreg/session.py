@@ -278,10 +278,10 @@ class Session:
         accept : what the search raises, min, mean or quantile; the minimum by default, over a population the mean.
         """
         from dynreg.gait.methods import usual_accept
-        from dynreg.gait.seek import SearchSettings
+        from dynreg.gait.seek import AGAIN, SearchSettings
         from dynreg.walks import Asked, WalkSettings, walk
 
-        search = SearchSettings(method, accept or usual_accept(on), rollouts, seed, patience)
+        search = SearchSettings(method, accept or usual_accept(on), rollouts, seed, patience, again=AGAIN)
         settings = WalkSettings(on, k, task, search, resume, threads)
         identity, loaded = self._recording(recording, robot, log_map)
         asked = Asked(

@@ -1,7 +1,7 @@
 """The search for a gait on k simulators."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,18 @@ STEP = 0.1  # of the range, 1 sigma, of the paper
 SCREENED = (
     0.2  # of the candidates, drawn before CMA-ES sets out from the best: most gaits fall, and cost little
 )
+AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
+DRAWS = 5  # runs of each of them then, over all simulators and their motor noise
+FINALISTS = 5  # at least, or none is tried again
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How a gait is sought. rollouts : runs of one simulator, in all; patience, target : see `drive.Limits`."""
+    """How a gait is sought. rollouts : runs of one simulator, in all; patience, target : see `drive.Limits`.
+
+    again : share of the rollouts in which the best gaits are tried once more, with other motor noise: of many gaits
+    the best is also the one that was luckiest with the noise of the search.
+    """
 
     method: str = METHODS[0]
     accept: str = ACCEPT[0]
@@ -35,6 +42,7 @@ class SearchSettings:
     seed: int = 0
     patience: int | None = None
     target: float | None = None
+    again: float = 0.0
 
     def __post_init__(self):
         for name, value, choices in (("method", self.method, METHODS), ("accept", self.accept, ACCEPT)):
@@ -42,12 +50,21 @@ class SearchSettings:
                 raise UsageError(
                     f"{name} {value!r}", expected=f"one of {list(choices)}", do="choose one of them"
                 )
+        if not 0.0 <= self.again < 1.0:
+            raise UsageError(f"again = {self.again}", expected="a share from 0 to below 1", do="give one")
+
+    def finals(self, k: int) -> tuple[int, int]:
+        """How many gaits are tried again in k simulators, and with how many draws of their motor noise."""
+        draws = max(DRAWS // k, 1)
+        finalists = int(self.again * self.rollouts) // (k * draws)
+        return (finalists, draws) if finalists >= FINALISTS else (0, draws)
 
 
 @dataclass(frozen=True, eq=False)
 class Sought:
     """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked.
 
+    found : with the grades and the value of the last trials of the best gaits, where they were tried again.
     helpless : (k,) simulators in which every gait that was tried fell.
     """
 
@@ -74,18 +91,20 @@ def seek(
     It is the caller's to remove, when the result is safe.
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
-    space = trials.space
-    search, batch = _search(trials, settings)
-    evaluations = settings.rollouts // len(trials.simulators)
+    space, k = trials.space, len(trials.simulators)
+    finalists, draws = settings.finals(k)
+    asked, batch = _search(trials, settings)
+    search = _Seen(asked)
+    evaluations = settings.rollouts // k - finalists * draws
     if evaluations < batch:
         raise UsageError(
-            f"{settings.rollouts} rollouts in {len(trials.simulators)} simulators",
-            expected=f"at least {batch * len(trials.simulators)}: {batch} gaits at a time in each",
+            f"{settings.rollouts} rollouts in {k} simulators",
+            expected=f"at least {batch * k}: {batch} gaits at a time in each",
             do="raise --rollouts or lower -k",
         )
     kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
-    judge, helpless = _judge(settings), np.ones(len(trials.simulators), dtype=bool)
+    judge, helpless = _judge(settings), np.ones(k, dtype=bool)
 
     def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         helpless[:] &= fallen(grades).all(axis=0)
@@ -99,10 +118,52 @@ def seek(
         journal=kept,
         progress=(lambda done, total: progress("search", done, total)) if progress else None,
     )
+    if finalists:
+        found = _best_again(trials, settings, found, search.best(finalists), draws)
     genes = gaits(found.best[None])
     walk = trials.walk(genes, feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
     return Sought(found, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, helpless, walk)
+
+
+class _Seen:
+    """A search whose candidates are remembered with their losses."""
+
+    def __init__(self, search: Search):
+        self._search = search
+        self._asked: list[np.ndarray] = []
+        self._losses: list[np.ndarray] = []
+
+    @property
+    def stopped(self) -> bool:
+        return self._search.stopped
+
+    def ask(self) -> np.ndarray:
+        self._asked.append(self._search.ask().copy())
+        return self._asked[-1].copy()
+
+    def tell(self, losses: np.ndarray) -> None:
+        self._losses.append(losses)
+        self._search.tell(losses)
+
+    def best(self, count: int) -> np.ndarray:
+        """(n, P) at most `count` candidates, no two of them the same, the best first."""
+        losses = np.concatenate(self._losses)
+        order = np.argsort(losses, kind="stable")
+        candidates = np.concatenate(self._asked[: len(self._losses)])[order]
+        _, first = np.unique(candidates, axis=0, return_index=True)
+        return candidates[np.sort(first)[:count]]
+
+
+def _best_again(
+    trials: Trials, settings: SearchSettings, found: Found, finalists: np.ndarray, draws: int
+) -> Found:
+    """What was found with the best of the finalists (n, P) by what they are worth with other motor noise."""
+    space = trials.space
+    grades = trials.again(space.feasible(space.from_unit(finalists)), draws)
+    values, losses = _judge(settings)(grades)
+    at = int(np.lexsort((losses, -values))[0])
+    return replace(found, best=finalists[at], grades=grades[at], value=float(values[at]))
 
 
 def accepted(values: np.ndarray, how: str) -> np.ndarray:

@@ -85,7 +85,7 @@ class Trials:
             )
         self.robot, self.task, self.simulators, self.rate = robot, task, simulators, rate
         self.rollouts = self.physics_steps = 0
-        self._threads = threads
+        self._threads, self._seed = threads, seed
         self.times = np.arange(max(round(task.seconds * rate), 1)) / rate
         seeds = np.array([stream_seed(seed, "gait noise", i) % 2**62 for i in range(len(simulators))])
         self._noise = motor_noise(seeds, 1, len(self.times), len(robot.actions))
@@ -104,6 +104,19 @@ class Trials:
     def grades(self, genes: np.ndarray) -> np.ndarray:
         """(n, k) of gaits (n, G); see `Task.grade`."""
         return self.task.grade(self.walk(genes)).T
+
+    def again(self, genes: np.ndarray, draws: int) -> np.ndarray:
+        """(n, draws k) grades of gaits (n, G) with `draws` other draws of every simulator's motor noise."""
+        terms = self.simulators.terms
+        if terms:
+            terms = Terms(terms.terms, tuple(np.tile(v, (draws, 1)) for v in terms.values))
+        simulators = Simulators(np.tile(self.simulators.values, (draws, 1)), terms)
+        seed = stream_seed(self._seed, "again") % 2**62
+        other = Trials(self.robot, self.task, simulators, rate=self.rate, seed=seed, threads=self._threads)
+        found = other.grades(genes)
+        self.rollouts += other.rollouts
+        self.physics_steps += other.physics_steps
+        return found
 
     def poses(self, actions: np.ndarray, simulator: int) -> "tuple[MjModel, np.ndarray]":
         """The MuJoCo model of a simulator (its number), and its poses (T+1, nq) under joint commands (T, A)."""

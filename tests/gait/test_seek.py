@@ -116,3 +116,51 @@ def test_the_hand_written_start_is_tried_first(method: str, trials, monkeypatch)
     by_name = trials.space.as_dict(tried[0][0])
     assert {name: by_name[name] for name in trials.space.first} == pytest.approx(dict(trials.space.first))
     assert len(tried[0]) > 1 and not (tried[0] == tried[0][0]).all()
+
+
+def test_the_best_gaits_are_tried_again_with_other_noise(trials, monkeypatch) -> None:
+    """150 rollouts in two simulators: 7 gaits with two draws of their noise."""
+    settings = SearchSettings(rollouts=150, seed=3, again=0.2)
+    assert settings.finals(2) == (7, 2) and settings.finals(1) == (6, 5)
+    assert settings.finals(5) == (6, 1) and settings.finals(50) == (
+        0,
+        1,
+    )  # too few would be left to choose from
+    asked, again = [], trials.again
+    monkeypatch.setattr(trials, "again", lambda genes, draws: asked.append(genes) or again(genes, draws))
+    found = seek(trials, settings)
+    assert trials.rollouts <= 150 + 2
+    ((finalists,),) = [asked]
+    assert len(finalists) == 7 == len(np.unique(finalists, axis=0))
+    grades = again(finalists, 2)
+    assert grades.shape == (7, 4)
+    values = accepted(fitness(grades), "min")
+    assert found.found.value == values.max() and (finalists == found.genes).all(axis=1).any()
+    assert np.array_equal(again(finalists, 2), grades)
+    assert not np.array_equal(grades[:, :2], trials.grades(finalists))  # noise that the search did not see
+    once = seek(trials, SearchSettings(rollouts=40, seed=3, again=0.2))
+    assert np.array_equal(once.genes, seek(trials, SearchSettings(rollouts=40, seed=3)).genes)
+    with pytest.raises(UsageError, match="again = 1.0"):
+        SearchSettings(again=1.0)
+
+
+def test_what_is_tried_again_has_the_simulators_effects(brief) -> None:
+    rubbing = SimConfig(brief.hash, brief.name, {"motor_noise": 0.0}, {"coulomb_friction": {"torque": 0.1}})
+    one = Trials(brief, task_of(brief), simulators_of(brief, [rubbing]), rate=36.0, threads=1)
+    genes = first_gaits(one)
+    assert np.array_equal(one.again(genes, 3), np.repeat(one.grades(genes), 3, axis=1))  # there is no noise
+
+
+def test_an_interrupted_search_with_finalists_goes_on_to_the_same_end(trials, tmp_path: Path) -> None:
+    settings = SearchSettings(rollouts=150, seed=3, again=0.2)
+    whole, path = seek(trials, settings), tmp_path / "one.jsonl"
+
+    def interrupt(stage: str, done: int, total: int) -> None:
+        if done > 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        seek(trials, settings, journal=path, progress=interrupt)
+    gone_on = seek(trials, settings, journal=path, resume=True)
+    assert gone_on.found.resumed > 20 and np.array_equal(gone_on.genes, whole.genes)
+    assert gone_on.found.value == whole.found.value
