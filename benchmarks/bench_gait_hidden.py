@@ -5,7 +5,8 @@ rollouts in each of `SOURCES`, then tried once on the robot through `RealRobot`.
 in 10 s. Speed is the task's fitness over its time (0 for a fall), as a share of the oracle's the ratio of the means.
 Real trials and seconds hold the logs that a source needs. Intervals are of 90 %: bootstrap over robots, of counts
 Clopper-Pearson's. `calibrated` is the diagnosis without its causes: what it gains over that, the causes gain, and
-not the nameplate that only the diagnosis reads.
+not the nameplate that only the diagnosis reads. What a cause needs is found from robots of the development that hide
+nothing (`--nulls`).
 
 Every finished cell is a line of the journal (`--journal`); a second start goes on. Robots that are reported were
 never used in development (`REPORT`).
@@ -25,11 +26,12 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from walkers import FAMILY, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
+from walkers import FAMILY, NULL, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
 
 import dynreg
+from dynreg.diagnose.threshold import USUAL, level
 from dynreg.errors import DynregError
-from dynreg.gait.seek import SearchSettings, seek
+from dynreg.gait.seek import AGAIN, SearchSettings, seek
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.neighbours.link import load_population
@@ -66,12 +68,13 @@ class Plan:
     robots: int
     rollouts: int
     entries: int
+    nulls: int = 0
     effects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Job:
-    """One robot with the sources that are left, and where its lines go."""
+    """One robot with the sources that are left, and where its lines go. needed : nats that a cause needs."""
 
     plan: Plan
     name: str
@@ -79,6 +82,7 @@ class Job:
     journal: Path
     registry: str
     population: str
+    needed: float = USUAL
 
 
 class Journal:
@@ -135,6 +139,19 @@ def work(job: Job) -> str:
     return walker.name
 
 
+def null(job: Job) -> str:
+    """The score that the best cause reaches on a robot of the development that hides nothing; its name."""
+    walker = walker_of(job.name, TUNE)
+    began = time.process_time()
+    try:
+        log, _ = stood_and_trotted(walker)
+        nats = named(walker, log, np.inf, job.plan.effects).nats[0]
+    except DynregError:  # it fell too often: no diagnosis, no alarm
+        nats = 0.0
+    Journal(job.journal, job.plan).add(job.name, NULL, {"nats": nats, "core": time.process_time() - began})
+    return job.name
+
+
 def _queried(job: Job, walker: Walker) -> dict:
     """The query's k nearest and its one answer, whether or not it says that they fit."""
     log, spent = excited(walker)
@@ -155,7 +172,7 @@ def _diagnosed(job: Job, walker: Walker) -> dict:
     """The diagnosis from the nameplate: its simulators with and without the causes; only why, where it could not."""
     log, spent = stood_and_trotted(walker)
     try:
-        found = named(walker, log, job.plan.effects)
+        found = named(walker, log, job.needed, job.plan.effects)
     except DynregError as problem:
         return {"spent": asdict(spent), "problem": str(problem)}
     terms = found.extended.terms
@@ -163,6 +180,8 @@ def _diagnosed(job: Job, walker: Walker) -> dict:
     return {
         "spent": asdict(spent),
         "verdict": found.verdict,
+        "nats": found.nats,
+        "needed": job.needed,
         "causes": found.causes,
         "effects": told,
         "diagnosed": found.extended.values.tolist(),
@@ -180,7 +199,9 @@ def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
         walker.robot, task, _simulators(job, walker, source, step), rate=RATE, seed=walker.seed, threads=1
     )
     accept = "mean" if source == "population" else "min"
-    settings = SearchSettings("cma", accept, job.plan.rollouts, stream_seed(walker.seed, "search") % 2**31)
+    settings = SearchSettings(
+        "cma", accept, job.plan.rollouts, stream_seed(walker.seed, "search") % 2**31, again=AGAIN
+    )
     sought = seek(trials, settings)
     budget = Budget(before.trials + 1, before.seconds + task.seconds)
     real = walker.real(budget, before)
@@ -307,35 +328,43 @@ def main() -> None:
     """Fill in what is left of the table, print it, and keep it under benchmarks/results/."""
     given = _given()
     seed = TUNE if given.tune else REPORT
-    plan = Plan(seed, given.robots, given.rollouts, given.entries, tuple(given.effects))
+    plan = Plan(seed, given.robots, given.rollouts, given.entries, given.nulls, tuple(given.effects))
     digest = hashlib.sha256(json.dumps(asdict(plan)).encode()).hexdigest()[:8]
     path = given.journal or RESULTS / f"gait_hidden{f'_tune_{digest}' if given.tune else ''}.jsonl"
     journal = Journal(path, plan)
     journal.begin()
     with dynreg.open(given.registry) as reg:
         population = reg.populate("quadruped", given.entries, threads=given.processes).population
+    place = (path, given.registry, population)
+    if {"diagnosed", "calibrated"} & {*given.only}:
+        nulls = [Job(plan, f"{NULL} {i}", (), *place) for i in range(plan.nulls)]
+        done = journal.steps()
+        _run(null, [j for j in nulls if (j.name, NULL) not in done], given.processes)
     done, jobs = journal.steps(), []
+    scores = [found["nats"] for (_, step), found in done.items() if step == NULL]
+    needed = level(scores) if scores else USUAL
+    print(f"a cause needs {needed:.1f} nats, by {len(scores)} robots that hide nothing")
     for name in names(given.robots):
         left = tuple(s for s in SOURCES if s in given.only and (name, s) not in done)
         if left:
-            jobs.append(Job(plan, name, left, path, given.registry, population))
+            jobs.append(Job(plan, name, left, *place, needed))
     print(f"{sum(len(j.sources) for j in jobs)} cells of {len(jobs)} robots are left", flush=True)
-    _run(jobs, given.processes)
+    _run(work, jobs, given.processes)
     out = table(journal.steps(), names(given.robots), task_of(load_robot("quadruped")).seconds)
     show(out)
     if not given.tune:
         FILE.write_text(json.dumps({"plan": asdict(plan), "halves": out}, indent=1) + "\n")
 
 
-def _run(jobs: list[Job], processes: int) -> None:
+def _run(step: Callable[[Job], str], jobs: list[Job], processes: int) -> None:
     began = time.perf_counter()
     told = lambda name: print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)  # noqa: E731
     if processes == 1:
         for job in jobs:
-            told(work(job))
+            told(step(job))
         return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(work, job) for job in jobs]):
+        for future in as_completed([pool.submit(step, job) for job in jobs]):
             told(future.result())
 
 
@@ -347,6 +376,9 @@ def _given() -> argparse.Namespace:
     parser.add_argument("--only", nargs="*", choices=SOURCES, default=SOURCES, help="these sources alone")
     parser.add_argument("--rollouts", type=int, default=750)
     parser.add_argument("--entries", type=int, default=1000)
+    parser.add_argument(
+        "--nulls", type=int, default=6, help="robots from which the diagnosis' threshold is found"
+    )
     parser.add_argument("--effects", nargs="*", default=[], help="that a diagnosis may name [all]")
     parser.add_argument("--registry", default="benchmarks/registry")
     parser.add_argument("--journal", type=Path, help="[benchmarks/results/gait_hidden.jsonl]")

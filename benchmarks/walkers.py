@@ -17,7 +17,6 @@ from dynreg.diagnose.diagnose import pose, search
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.settings import Settings
-from dynreg.diagnose.threshold import USUAL
 from dynreg.gait.tasks import Task, fitness, kinds, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.rng import stream, stream_seed
@@ -45,7 +44,7 @@ OUTSIDE: dict[str, dict[str, tuple[float, ...]]] = {
 }
 COMMON = ("payload", "weak joint", "late commands", "slope", "backlash")
 KINDS = (*COMMON, "soft ground", *COMMON, "slippery side")
-FAMILY = "family"
+FAMILY, NULL = "family", "null"  # the latter hide nothing either: their logs say what scores chance reaches
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,16 +165,20 @@ def _recorded(walker: Walker, actions: np.ndarray, names: list[str], apart: int)
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """What a diagnosis came to: its verdict, the causes by key, the simulator with them and the one without any."""
+    """What a diagnosis came to: its verdict, the causes by key, the simulator with them and the one without any.
+
+    nats : score of the best cause of each round, whether or not it passed.
+    """
 
     verdict: str
+    nats: tuple[float, ...]
     causes: tuple[str, ...]
     extended: Simulators
     calibrated: Simulators
 
 
-def named(walker: Walker, log: Recording, effects: tuple[str, ...] = ()) -> Named:
-    """The diagnosis from the nameplate on; `effects` are those that may be named, all by default."""
+def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...] = ()) -> Named:
+    """The diagnosis from the nameplate on. needed : nats that a cause needs. effects : that may be named, () for all."""
     robot = measured(walker.robot)
     space = zip(robot.space.parameters, walker.nameplate, strict=True)
     robot = replace(robot, space=ParameterSpace(tuple(replace(p, nominal=float(v)) for p, v in space)))
@@ -184,7 +187,7 @@ def named(walker: Walker, log: Recording, effects: tuple[str, ...] = ()) -> Name
     problem, split = pose(None, robot, log, settings)
     terms = single_terms(robot, effects)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
-    found = search(None, problem, terms, fit_on, select_on, settings, needed=USUAL)
+    found = search(None, problem, terms, fit_on, select_on, settings, needed=needed)
     evidence = Evidence.of(found.problem, log, found.extended, split.chosen)
     verdict = verdict_of(evidence, found.rounds, found.accepted)
     simulators = []
@@ -193,4 +196,5 @@ def named(walker: Walker, log: Recording, effects: tuple[str, ...] = ()) -> Name
         told = problem.coordinates.effect_values(point.hypothesis, point.effect[None])
         own = point.hypothesis.terms
         simulators.append(Simulators(values, Terms(own, tuple(told)) if own else None))
-    return Named(verdict, tuple(t.key for t in found.extended.hypothesis.terms), *simulators)
+    nats = tuple(r.chosen.nats if r.chosen else 0.0 for r in found.rounds)
+    return Named(verdict, nats, tuple(t.key for t in found.extended.hypothesis.terms), *simulators)
