@@ -178,7 +178,10 @@ class Named:
 
 
 def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...] = ()) -> Named:
-    """The diagnosis from the nameplate on. needed : nats that a cause needs. effects : that may be named, () for all."""
+    """The diagnosis from the nameplate on; a cause needs `needed` nats.
+
+    effects : that may be named, () for all.
+    """
     robot = measured(walker.robot)
     space = zip(robot.space.parameters, walker.nameplate, strict=True)
     robot = replace(robot, space=ParameterSpace(tuple(replace(p, nominal=float(v)) for p, v in space)))

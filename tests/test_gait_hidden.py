@@ -111,6 +111,21 @@ def journal_plan(bench):
     return bench.Plan(SEED, 1, 21, 60)
 
 
+def test_robots_that_hide_nothing_tell_what_scores_chance_reaches(bench, walkers, journal, monkeypatch):
+    asked = []
+
+    def named(walker, log, needed, effects):
+        asked.append((walker.kind, walker.effects, needed))
+        return walkers.Named("none", (13.5, 2.0), (), walker.truth, walker.truth)
+
+    monkeypatch.setattr(bench, "stood_and_trotted", lambda walker: (None, None))
+    monkeypatch.setattr(bench, "named", named)
+    job = bench.Job(journal_plan(bench), "null 0", (), journal.path, "", "")
+    assert bench.null(job) == "null 0"
+    assert journal.steps()["null 0", "null"]["nats"] == 13.5
+    assert asked == [("null", None, np.inf)]  # no cause may be taken: the first round alone counts
+
+
 def made_up(bench, many: int = 4) -> tuple[dict, list[str]]:
     """Steps of a table in which the diagnosed simulator walks 2 cm/s faster than the nearest ones."""
     metres = {"nearest": 0.2, "synthesised": 0.25, "diagnosed": 0.4, "calibrated": 0.3, "true": 0.5}
