@@ -74,7 +74,7 @@ def main() -> None:
         for both, s, n in pairs(keys, given.pairs, seed)
     ]
     began = time.perf_counter()
-    done = run_all(hidden + none + absent + two, given.processes)
+    done = run_all(hidden + none + absent + two, given.processes, given.journal)
     seconds = time.perf_counter() - began
     alone, rest = done[: len(hidden + none)], done[len(hidden + none) :]
     out = report(given.robot, alone, needed)

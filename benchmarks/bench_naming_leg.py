@@ -62,7 +62,7 @@ def main() -> None:
             replace(none, keys=(k,), size=s, seed=n) for k, s, n in drawn(robot, where, given.trials, seed)
         ]
         jobs += [replace(none, seed=n) for n in seeds(seed, "leg", where, "none", n=given.none)]
-        documents[where] = report(name, run_all(jobs, given.processes), needed)
+        documents[where] = report(name, run_all(jobs, given.processes, given.journal), needed)
     write("naming_leg.json", documents, given)
 
 

@@ -145,7 +145,11 @@ def main() -> None:
     chosen = [h for h in hidden(robot, given.each, seed) if h[0].split("[")[0] in given.only]
     jobs = [replace(none, keys=(k,), size=s, seed=n) for k, s, n in chosen]
     jobs += [replace(none, seed=n) for n in seeds(seed, "none", n=given.none)]
-    write("naming_quadruped.json", report("quadruped", run_all(jobs, given.processes), needed), given)
+    write(
+        "naming_quadruped.json",
+        report("quadruped", run_all(jobs, given.processes, given.journal), needed),
+        given,
+    )
 
 
 if __name__ == "__main__":

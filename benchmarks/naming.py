@@ -1,10 +1,11 @@
 """What the naming benchmarks share: their arguments, seeds and threshold, trials in other processes, and tables."""
 
 import argparse
+import contextlib
 import json
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -71,6 +72,9 @@ def arguments(about: str, **defaults: int | bool) -> argparse.ArgumentParser:
     )
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
     parser.add_argument("--write", action=yes_no, default=True, help="keep the tables in benchmarks/results/")
+    parser.add_argument(
+        "--journal", type=Path, help="file of the trials that are done: a second start goes on"
+    )
     parser.set_defaults(**defaults)
     return parser
 
@@ -83,14 +87,18 @@ def seeds(seed: int, *names: object, n: int) -> list[int]:
 def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace) -> float:
     """[nats] that a cause needs, from robots without any; printed."""
     began = time.perf_counter()
+    lines = [line for line in _lines(given.journal) if line.get("threshold") == name]
     if given.threshold_runs == 0:
         needed = USUAL
+    elif lines and lines[-1]["runs"] == given.threshold_runs:
+        needed = lines[-1]["nats"]
     else:
         parts = min(PARTS, given.threshold_runs)
         chunks = [(robot, plan, range(i, given.threshold_runs, parts)) for i in range(parts)]
         with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
             scores = [score for part in pool.map(nulls, chunks) for score in part]
         needed = level(scores)
+        _add(given.journal, {"threshold": name, "runs": given.threshold_runs, "nats": needed})
         print(f"largest scores without an effect: {[round(s, 1) for s in sorted(scores)[::-1][:10]]}")
     seconds = time.perf_counter() - began
     print(
@@ -122,12 +130,51 @@ def run(job: Job) -> TrialResult:
     )
 
 
-def run_all(jobs: Sequence[Job], processes: int) -> list[TrialResult]:
-    """All trials, told as they are done; with one process in this one."""
+def run_all(jobs: Sequence[Job], processes: int, journal: Path | None = None) -> list[TrialResult]:
+    """All trials, told as they are done; with one process in this one. Those in the journal are not run again."""
+    known = {line["trial"]: line["result"] for line in _lines(journal) if "trial" in line}
+    left = [job for job in jobs if _key(job) not in known]
     if processes == 1:
-        return _told(jobs, map(run, jobs))
+        return _told(jobs, _results(jobs, known, map(run, left), journal))
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        return _told(jobs, pool.map(run, jobs))
+        return _told(jobs, _results(jobs, known, pool.map(run, left), journal))
+
+
+def _results(
+    jobs: Sequence[Job], known: dict[str, dict], fresh: Iterator[TrialResult], journal: Path | None
+) -> Iterator[TrialResult]:
+    """The results of all jobs, in their order; those that are new go into the journal."""
+    for job in jobs:
+        key = _key(job)
+        if key in known:
+            yield TrialResult.model_validate(known[key])
+        else:
+            result = next(fresh)
+            _add(journal, {"trial": key, "result": result.model_dump(mode="json", by_alias=True)})
+            yield result
+
+
+def _key(job: Job) -> str:
+    """What tells a trial from all others."""
+    said = (job.keys, job.size, job.seed, job.needed, job.without, job.max_causes, job.share, job.interval)
+    return json.dumps(said)
+
+
+def _lines(journal: Path | None) -> list[dict]:
+    """What the journal holds; a last line that was not finished is left out."""
+    if journal is None or not journal.is_file():
+        return []
+    lines = []
+    for text in journal.read_text(encoding="utf-8").splitlines():
+        with contextlib.suppress(json.JSONDecodeError):
+            lines.append(json.loads(text))
+    return lines
+
+
+def _add(journal: Path | None, line: dict) -> None:
+    if journal is not None:
+        with journal.open("a", encoding="utf-8") as file:
+            file.write("\n" + json.dumps(line))  # after a line that was torn off, too
 
 
 def confident(result: TrialResult) -> bool:

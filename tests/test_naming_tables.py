@@ -116,3 +116,24 @@ def test_a_few_trials_are_told_one_by_one_and_many_by_fifties(naming, monkeypatc
         assert [line.split(":")[0].strip() for line in told] == ["right", "missed", "WRONG"]
     else:
         assert told[-1] == "100 of 120 done: right 34, wrong 33"
+
+
+def test_trials_in_the_journal_are_not_run_again(naming, monkeypatch, tmp_path):
+    ran = []
+
+    def run(job):
+        ran.append(job.seed)
+        if len(ran) == 3:
+            raise KeyboardInterrupt
+        return made_up_diagnosis.trial(job.seed, named="load_friction")
+
+    monkeypatch.setattr(naming, "run", run)
+    jobs = [naming.Job(None, None, ("load_friction",), "medium", i, 5.0) for i in range(4)]
+    journal = tmp_path / "trials.jsonl"
+    with pytest.raises(KeyboardInterrupt):
+        naming.run_all(jobs, 1, journal)
+    journal.write_text(journal.read_text() + '\n{"trial": "torn')
+    done = naming.run_all(jobs, 1, journal)
+    assert [r.seed for r in done] == [0, 1, 2, 3]
+    assert ran == [0, 1, 2, 2, 3]
+    assert naming.run_all(jobs, 1, journal) == done and len(ran) == 5
