@@ -68,8 +68,8 @@ class Arena:
             gravity[:, 0] = np.cos(slope) * ahead + np.sin(slope) * up
             gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * ahead
         self._inputs = episode_inputs(robot, n, run)
-        self._drives = Drives(batch, self.layout)
-        self._drives.apply(servo_law(ports, self._inputs[:, 0]), ports)
+        self._drives = Drives(batch, self.layout, ports)
+        self._drives.apply(servo_law(ports, self._inputs[:, 0]))
         batch.set_const()
         self._period, self._begin = clock_of(batch.nsim, ports, run)
         self._h = _time_steps(robot, batch, self._period)
@@ -146,7 +146,7 @@ class Arena:
         changing = _changes(self._inputs) if varies(self._ports) else np.zeros(count, dtype=bool)
         for t in range(count):
             if changing[t]:
-                self._drives.apply(servo_law(self._ports, self._inputs[:, t]), self._ports)
+                self._drives.apply(servo_law(self._ports, self._inputs[:, t]))
             steps.hold(t)
             trace_q[t + 1], trace_v[t + 1] = qpos, qvel
         return trace_q, trace_v
@@ -159,7 +159,8 @@ class Arena:
                 batch.bind(name)[:] = values
             for a, memory in zip(self._active, self._memory, strict=True):
                 a.moment = Moment(memory=copy.deepcopy(memory))
-            self._drives.apply(servo_law(self._ports, self._inputs[:, 0]), self._ports)
+            self._drives.rub(self._drives.plain)
+            self._drives.apply(servo_law(self._ports, self._inputs[:, 0]))
         self._used = True
         commands = _commands(self.layout, batch, self._ports, run)
         clock = Clock(commands, self._period, self._h, self._begin)

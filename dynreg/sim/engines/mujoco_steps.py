@@ -17,16 +17,17 @@ class Drives:
     law : the one in force. plain, friction : (n, A) dry friction without and with effects [N m].
     """
 
-    def __init__(self, batch: Batch, layout: Layout):
+    def __init__(self, batch: Batch, layout: Layout, ports: Ports):
         self._at = layout.action_actuator
         self._dof = slice_of(layout.action_dof)
         self._gain, self._bias = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
         self._range = batch.expand("actuator_forcerange")
         self._damping, self._friction = batch.expand("dof_damping"), batch.expand("dof_frictionloss")
-        self._own_damping = self._damping[:, self._dof].copy()
-        self._own_friction = self._friction[:, self._dof].copy()
+        self._viscous = self._damping[:, self._dof] + ports.friction["viscous"]
+        self.plain = self._friction[:, self._dof] + ports.friction["coulomb"]
+        self.rub(self.plain)
 
-    def apply(self, law: ServoLaw, ports: Ports) -> None:
+    def apply(self, law: ServoLaw) -> None:
         """Let every drive follow `law` from here on."""
         self.law = law
         self._gain[:, self._at, 0] = law.gain
@@ -35,9 +36,7 @@ class Drives:
         self._bias[:, self._at, 2] = -law.rate
         self._range[:, self._at, 0] = -law.limit
         self._range[:, self._at, 1] = law.limit
-        self._damping[:, self._dof] = self._own_damping + law.damping + ports.friction["viscous"]
-        self.plain = self._own_friction + ports.friction["coulomb"]
-        self.rub(self.plain)
+        self._damping[:, self._dof] = self._viscous + law.damping
 
     def rub(self, friction: np.ndarray) -> None:
         """Set the dry friction (n, A) of the driven joints [N m]."""
@@ -147,7 +146,10 @@ class EffectSteps(Steps):
         if self._rubbing:
             net = torque - self._law.damping * v  # what the gear carries: a motor's back-EMF takes its share
             friction = bound(self._rubbing, self._drives.plain, net, q, v, load, self.clock)
-            self._drives.rub(friction)
+            done = self.clock.done(
+                slice(None)
+            )  # of these the constraint forces belong to the friction before
+            self._drives.rub(friction if done is None else np.where(done, self._drives.friction, friction))
 
     def _load(self, v: np.ndarray) -> np.ndarray:
         """(n, A) torque that would hold the joints: against gravity, springs, what the ground and the stops push."""
