@@ -17,6 +17,7 @@ from dynreg.gait.play import commands, joints, require_new, require_playable, wr
 from dynreg.gait.seek import QUARTILE, SearchSettings, Sought, accepted, seek
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import YAW, X, Y, task_of
+from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.registry import Registry, ResultRecord
 from dynreg.registry.files import SEARCHES
@@ -141,7 +142,9 @@ def _document(
         fitness=Fitness(
             min=float(values.min()), mean=float(values.mean()), quantile=float(np.quantile(values, QUARTILE))
         ),
-        succeeded=bool(not sought.fell.any() and values.min() >= task.success),
+        succeeded=bool(
+            not sought.fell.any() and not fallen(found.grades).any() and values.min() >= task.success
+        ),
         trials=_trials(robot, chosen, trials.simulators.values, sought, trials.rate),
         method=settings.search.method,
         seed=settings.search.seed,

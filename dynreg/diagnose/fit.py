@@ -203,8 +203,6 @@ def _slopes(
                 z[i] = end[i]
                 moved.append(point.moved(z))
         apart.append((up - down)[first:])
-    if not moved:
-        return [leading] * len(points)
     made = problem.residuals(moved, chosen)
     out, at = [], 0
     for point, width in zip(points, apart, strict=True):

@@ -14,10 +14,10 @@ from dynreg.sim.effects import Term
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
+FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 FINE = 8  # of a long list, where rollouts are rough: those that are refitted with a finer time step,
 SHARED = 2  # by so many iterations with shared derivatives,
 FINISHED = 3  # and those that are polished with their own
-FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:

@@ -100,7 +100,7 @@ class Problem:
         table = table.model_copy(update={"timestep": table.timestep / FINER[self.running]})
         return replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
 
-    @cached_property
+    @property
     def fine(self) -> "Problem":
         """Where rollouts are rough the same with the finer time step, without corrections; else itself."""
         if not (self.rough and self.coarse):

@@ -24,7 +24,7 @@ SCREENED = (
     0.2  # of the candidates, drawn before CMA-ES sets out from the best: most gaits fall, and cost little
 )
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
-DRAWS = 5  # runs of each of them then, over all simulators and their motor noise
+DRAWS = 5  # runs of each of them then, about, over all simulators and their motor noise
 FINALISTS = 5  # at least, or none is tried again
 
 

@@ -113,13 +113,14 @@ def noise_term(robot: Robot, run: Run, noise: np.ndarray) -> Term:
 
 
 def finer(robot: Robot) -> Robot:
-    """The robot with a physics time step `FINER` times finer, integrated to fourth order where nothing collides.
+    """The robot with a physics time step `FINER` times finer, where nothing collides with the Runge-Kutta integrator.
 
     MuJoCo's other integrators are of first order: what they hold over a time step acts half of it too early, and the
     delay that a diagnosis finds would rightly be shorter than the hidden one.
     """
     change: dict[str, Any] = {"timestep": robot.file.robot.timestep / FINER}
-    if not (robot.model.geom_contype.any() or robot.model.geom_conaffinity.any()):
+    model = robot.model
+    if not (model.npair or model.geom_contype.any() or model.geom_conaffinity.any()):
         change["integrator"] = "rk4"
     table = robot.file.robot.model_copy(update=change)
     return replace(robot, file=robot.file.model_copy(update={"robot": table}))

@@ -62,27 +62,27 @@ class JointElasticity(_Transmission):
         )
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return torque + loosened(torque, x, gap=0.0, compliance=p["compliance"])
+        return torque + loosened(torque, x, gap=None, compliance=p["compliance"])
 
 
-def loosened(torque: np.ndarray, x: Moment, *, gap: Any, compliance: Any) -> np.ndarray:
+def loosened(torque: np.ndarray, x: Moment, *, gap: np.ndarray | None, compliance: Any) -> np.ndarray:
     """Torque that a transmission passes from a motor driven by `torque`, minus what a rigid one passes."""
     if "motor" not in x.memory:
         rigid = x.h**2 / (RIGID * x.inertia)  # compliance [rad/(N m)]; it cancels to first order
         for motor, play, stiffness in (
-            ("motor", gap, 1.0 / (rigid + compliance)),
+            ("motor", 0.0 if gap is None else gap, 1.0 / (rigid + compliance)),
             ("rigid", 0.0, 1.0 / rigid),
         ):
             # at first the spring is at rest under the torque of the drive
             x.memory[motor] = x.q + torque / stiffness + 0.5 * play * np.sign(torque)
             x.memory[f"{motor} speed"] = x.v
             x.memory[f"{motor} step"] = _motor_step(x, stiffness)
-    loose = None if np.ndim(gap) == 0 else 0.5 * gap
-    return _passed(torque, x, "motor", loose) - _passed(torque, x, "rigid", None)
+    half = None if gap is None else 0.5 * gap
+    return _passed(torque, x, "motor", half) - _passed(torque, x, "rigid", None)
 
 
 def _motor_step(x: Moment, stiffness: np.ndarray) -> np.ndarray:
-    """(6, ...) factors of the motor's speed, torque, the joint's speed and the bent spring; inertia / h; h.
+    """(6, ...) factors of the motor's speed, torque, the joint's speed and the bent spring; its inertia / h; h.
 
     Implicit Euler (the motor side is stiff and light), the joint explicit:
     rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v).
@@ -101,13 +101,13 @@ def _passed(torque: np.ndarray, x: Moment, motor: str, half: np.ndarray | None) 
     half : of the play [rad]; None where there is none.
     """
     angle, speed = x.memory[motor], x.memory[f"{motor} speed"]
-    of_speed, of_torque, of_joint, of_spring, momentum, h = x.memory[f"{motor} step"]
+    of_speed, of_torque, of_joint, of_spring, rate, h = x.memory[f"{motor} step"]
     bent = angle - x.q
     if half is not None:
         free = bent + h * (speed - x.v)
         bent = bent - np.copysign(half, free)
     after = of_speed * speed + of_torque * torque + of_joint * x.v - of_spring * bent
     if half is not None:
-        after = np.where(np.abs(free) >= half, after, speed + torque / momentum)
+        after = np.where(np.abs(free) >= half, after, speed + torque / rate)
     x.memory[motor], x.memory[f"{motor} speed"] = angle + h * after, after
-    return torque - momentum * (after - speed)  # what does not speed the motor up
+    return torque - rate * (after - speed)  # what does not speed the motor up

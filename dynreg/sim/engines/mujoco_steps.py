@@ -146,9 +146,8 @@ class EffectSteps(Steps):
         if self._rubbing:
             net = torque - self._law.damping * v  # what the gear carries: a motor's back-EMF takes its share
             friction = bound(self._rubbing, self._drives.plain, net, q, v, load, self.clock)
-            done = self.clock.done(
-                slice(None)
-            )  # of these the constraint forces belong to the friction before
+            # where the command is done already, the constraint forces belong to the friction before
+            done = self.clock.done(slice(None))
             self._drives.rub(friction if done is None else np.where(done, self._drives.friction, friction))
 
     def _load(self, v: np.ndarray) -> np.ndarray:
