@@ -34,6 +34,11 @@ class Hypothesis:
         return "+".join(term.key for term in self.terms)
 
     @property
+    def keys(self) -> frozenset[str]:
+        """Of its terms, whatever their order."""
+        return frozenset(term.key for term in self.terms)
+
+    @property
     def parameters(self) -> tuple[EffectParameter, ...]:
         """The parameters of all its terms, in order."""
         return tuple(p for term in self.terms for p in term.effect.parameters)

@@ -117,7 +117,7 @@ def _one_round(
     many: bool,
 ) -> Naming:
     if many:
-        if problem.rough and base.hypothesis.key not in problem.corrections:
+        if problem.rough and base.hypothesis.keys not in problem.corrections:
             problem.refine([base], np.arange(len(problem.windows)))
         fitted = shortlisted(problem, base, terms, fit_on, effective, iterations, HOPELESS)
     else:

@@ -60,7 +60,7 @@ class Problem:
     use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
     rough : whether rollouts are too rough for narrow differences; by default where a robot stands on its feet.
     spent : what was simulated so far, shared with problems made from this one.
-    corrections : {hypothesis: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
+    corrections : {keys of terms: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
     """
 
     robot: Robot
@@ -68,7 +68,7 @@ class Problem:
     coordinates: Coordinates
     engine: str | None = None
     threads: int = 1
-    corrections: dict[str, np.ndarray] = field(default_factory=dict)
+    corrections: dict[frozenset[str], np.ndarray] = field(default_factory=dict)
     rough: bool | None = None
     spent: Spent = field(default_factory=Spent)
 
@@ -126,12 +126,12 @@ class Problem:
         for point, own in zip(points, scaled, strict=True):
             known = np.zeros((len(self.windows), *own.shape[1:]))
             known[chosen] = np.clip(np.nan_to_num(own), -MOST, MOST)
-            self.corrections[point.hypothesis.key] = known
+            self.corrections[point.hypothesis.keys] = known
 
     def _correction(self, hypothesis: Hypothesis) -> np.ndarray:
         """(W, T, C) of the hypothesis, else of the one that it extends by a term."""
         for terms in (hypothesis.terms, hypothesis.terms[:-1], ()):
-            known = self.corrections.get(Hypothesis(terms).key)
+            known = self.corrections.get(Hypothesis(terms).keys)
             if known is not None:
                 return known
         return next(iter(self.corrections.values())) * 0.0

@@ -104,3 +104,16 @@ def test_the_table_counts_joints_where_an_effect_sits_in_one():
 
     table = TrialTable.of("leg", [one(True), one(False), one(None)])
     assert (table.joint_right.hits, table.joint_right.of) == (1, 2)
+
+
+def test_the_time_steps_part_is_that_of_the_terms_in_any_order():
+    problem, fit_on, hidden = posed(None)
+    truth, terms = true_point(problem, hidden), (term("payload"), term("coulomb_friction"))
+    one = Point(Hypothesis(terms), truth.nominal, np.ones(2))
+    other = Point(Hypothesis(terms[::-1]), truth.nominal, np.ones(2))
+    problem.corrections.clear()
+    problem.refine([one], np.arange(len(problem.windows)))
+    first, second = problem.residuals([one, other], fit_on)
+    problem.corrections.clear()
+    assert second == pytest.approx(first, abs=1e-9)
+    assert np.abs(first - problem.residuals([one], fit_on)[0]).max() > 1e-3
