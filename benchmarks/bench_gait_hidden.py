@@ -13,10 +13,8 @@ never used in development (`REPORT`).
 """
 
 import argparse
-import fcntl
 import hashlib
 import json
-import os
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -26,11 +24,13 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from journal import Journal
 from walkers import FAMILY, NULL, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
 
 import dynreg
 from dynreg.diagnose.threshold import USUAL, level
 from dynreg.errors import DynregError
+from dynreg.gait.methods import usual_accept
 from dynreg.gait.seek import AGAIN, SearchSettings, seek
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
@@ -85,57 +85,37 @@ class Job:
     needed: float = USUAL
 
 
-class Journal:
-    """Lines of JSON, one for each finished step, kept by robot and step; several processes may add to it.
-
-    Raises SystemExit where the file is that of another plan.
-    """
+class Cells(Journal):
+    """The journal of this table: a line for each finished step of each robot."""
 
     def __init__(self, path: Path, plan: Plan):
-        self.path, self._head = path, json.loads(json.dumps({"plan": asdict(plan)}))
+        super().__init__(path, {"plan": asdict(plan)})
 
-    def begin(self) -> None:
-        """Make the file, or leave out a last line that was not written to its end."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        text = self.path.read_text() if self.path.is_file() else ""
-        whole = text[: text.rfind("\n") + 1]
-        if whole and json.loads(whole.splitlines()[0]) != self._head:
-            raise SystemExit(f"{self.path} is the journal of another table: name another with --journal")
-        temporary = self.path.with_suffix(".writing")
-        temporary.write_text(whole or json.dumps(self._head) + "\n")
-        os.replace(temporary, self.path)
-
-    def add(self, robot: str, step: str, found: dict) -> dict:
+    def keep(self, robot: str, step: str, found: dict) -> dict:
         """Keep what a step found; on disk, as one line, when this returns."""
-        line = json.dumps({"robot": robot, "step": step, **found}) + "\n"
-        with open(self.path, "ab", buffering=0) as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            file.write(line.encode())
-            os.fsync(file.fileno())
-        return json.loads(line)
+        return self.add({"robot": robot, "step": step, **found})
 
     def steps(self) -> dict[tuple[str, str], dict]:
         """{(robot, step): what it found} of all that is done."""
-        lines = [json.loads(line) for line in self.path.read_text().splitlines()[1:]]
-        return {(line["robot"], line["step"]): line for line in lines}
+        return {(line["robot"], line["step"]): line for line in self.lines()}
 
 
 def work(job: Job) -> str:
     """All that is left of one robot, on one core; its name."""
     walker = walker_of(job.name, job.plan.seed)
-    journal = Journal(job.journal, job.plan)
+    journal = Cells(job.journal, job.plan)
     done = {step: found for (robot, step), found in journal.steps().items() if robot == walker.name}
     makers: dict[str, Callable[[Job, Walker], dict]] = {"query": _queried, "naming": _diagnosed}
     for step in dict.fromkeys(LOGS[s] for s in job.sources if s in LOGS):
         if step not in done:
             began = time.process_time()
             found = makers[step](job, walker)
-            done[step] = journal.add(walker.name, step, {**found, "core": time.process_time() - began})
+            done[step] = journal.keep(walker.name, step, {**found, "core": time.process_time() - began})
     for source in job.sources:
         if source not in done:
             began = time.process_time()
             found = _cell(job, walker, source, done.get(LOGS.get(source, "")))
-            journal.add(walker.name, source, {**found, "core": time.process_time() - began})
+            journal.keep(walker.name, source, {**found, "core": time.process_time() - began})
     return walker.name
 
 
@@ -148,7 +128,7 @@ def null(job: Job) -> str:
         nats = named(walker, log, np.inf, job.plan.effects).nats[0]
     except DynregError:  # it fell too often: no diagnosis, no alarm
         nats = 0.0
-    Journal(job.journal, job.plan).add(job.name, NULL, {"nats": nats, "core": time.process_time() - began})
+    Cells(job.journal, job.plan).keep(job.name, NULL, {"nats": nats, "core": time.process_time() - began})
     return job.name
 
 
@@ -198,7 +178,7 @@ def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
     trials = Trials(
         walker.robot, task, _simulators(job, walker, source, step), rate=RATE, seed=walker.seed, threads=1
     )
-    accept = "mean" if source == "population" else "min"
+    accept = usual_accept(source)
     settings = SearchSettings(
         "cma", accept, job.plan.rollouts, stream_seed(walker.seed, "search") % 2**31, again=AGAIN
     )
@@ -331,7 +311,7 @@ def main() -> None:
     plan = Plan(seed, given.robots, given.rollouts, given.entries, given.nulls, tuple(given.effects))
     digest = hashlib.sha256(json.dumps(asdict(plan)).encode()).hexdigest()[:8]
     path = given.journal or RESULTS / f"gait_hidden{f'_tune_{digest}' if given.tune else ''}.jsonl"
-    journal = Journal(path, plan)
+    journal = Cells(path, plan)
     journal.begin()
     with dynreg.open(given.registry) as reg:
         population = reg.populate("quadruped", given.entries, threads=given.processes).population

@@ -8,7 +8,19 @@ threshold comes from robots without an effect of other seeds. 50 s a log: 20 to 
 import time
 from dataclasses import replace
 
-from naming import TUNE, Job, arguments, report, report_absent, report_pairs, run_all, seeds, threshold, write
+from naming import (
+    TUNE,
+    Job,
+    arguments,
+    journal_of,
+    report,
+    report_absent,
+    report_pairs,
+    run_all,
+    seeds,
+    threshold,
+    write,
+)
 
 from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.truth import protocol
@@ -52,7 +64,8 @@ def main() -> None:
     seed = TUNE if given.tune else REPORT
     robot = load_robot(given.robot)
     plan = protocol(robot, seed=TUNE)
-    needed = threshold(given.robot, robot, plan, given)
+    journal = journal_of(given, robot, seed)
+    needed = threshold(given.robot, robot, plan, given, journal)
     keys = [t.key for t in single_terms(robot) if not t.joints]
     chosen = keys if given.only is None else [term(k).key for k in given.only]
     one = Job(robot, plan, (), None, 0, needed, share=True, interval=given.interval)
@@ -74,7 +87,7 @@ def main() -> None:
         for both, s, n in pairs(keys, given.pairs, seed)
     ]
     began = time.perf_counter()
-    done = run_all(hidden + none + absent + two, given.processes, given.journal)
+    done = run_all(hidden + none + absent + two, given.processes, journal)
     seconds = time.perf_counter() - began
     alone, rest = done[: len(hidden + none)], done[len(hidden + none) :]
     out = report(given.robot, alone, needed)

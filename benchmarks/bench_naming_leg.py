@@ -9,7 +9,7 @@ other seeds. 16 s a log: 6 to fit, 6 to select, 4 to test.
 from dataclasses import replace
 
 import numpy as np
-from naming import TUNE, Job, arguments, report, run_all, seeds, threshold, write
+from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, write
 
 from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.truth import Protocol, protocol
@@ -54,15 +54,16 @@ def main() -> None:
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
     robot, documents = load_robot("leg"), {}
+    journal = journal_of(given, robot, seed)
     for where in given.where:
         name, plan = f"leg, {where}", plan_of(robot, where)
-        needed = threshold(name, robot, plan, given)
+        needed = threshold(name, robot, plan, given, journal)
         none = Job(robot, plan, (), None, 0, needed, interval=given.interval)
         jobs = [
             replace(none, keys=(k,), size=s, seed=n) for k, s, n in drawn(robot, where, given.trials, seed)
         ]
         jobs += [replace(none, seed=n) for n in seeds(seed, "leg", where, "none", n=given.none)]
-        documents[where] = report(name, run_all(jobs, given.processes, given.journal), needed)
+        documents[where] = report(name, run_all(jobs, given.processes, journal), needed)
     write("naming_leg.json", documents, given)
 
 

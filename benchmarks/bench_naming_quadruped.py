@@ -10,7 +10,7 @@ without an effect of other seeds.
 from dataclasses import replace
 
 import numpy as np
-from naming import TUNE, Job, arguments, report, run_all, seeds, threshold, write
+from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, write
 
 from dynreg.diagnose.truth import Protocol
 from dynreg.rng import stream, stream_seed
@@ -140,14 +140,15 @@ def main() -> None:
     seed = TUNE if given.tune else REPORT
     robot = measured(load_robot("quadruped"))
     plan = plan_of(robot)
-    needed = threshold("quadruped", robot, plan, given)
+    journal = journal_of(given, robot, seed)
+    needed = threshold("quadruped", robot, plan, given, journal)
     none = Job(robot, plan, (), None, 0, needed, interval=given.interval)
     chosen = [h for h in hidden(robot, given.each, seed) if h[0].split("[")[0] in given.only]
     jobs = [replace(none, keys=(k,), size=s, seed=n) for k, s, n in chosen]
     jobs += [replace(none, seed=n) for n in seeds(seed, "none", n=given.none)]
     write(
         "naming_quadruped.json",
-        report("quadruped", run_all(jobs, given.processes, given.journal), needed),
+        report("quadruped", run_all(jobs, given.processes, journal), needed),
         given,
     )
 

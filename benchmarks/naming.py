@@ -1,18 +1,18 @@
 """What the naming benchmarks share: their arguments, seeds and threshold, trials in other processes, and tables."""
 
 import argparse
-import contextlib
 import json
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 
 import numpy as np
+from journal import Journal
 
 from dynreg.diagnose.settings import TrialSettings
 from dynreg.diagnose.threshold import USUAL, level
@@ -84,10 +84,12 @@ def seeds(seed: int, *names: object, n: int) -> list[int]:
     return [stream_seed(seed, *names, i) % 2**31 for i in range(n)]
 
 
-def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace) -> float:
-    """[nats] that a cause needs, from robots without any; printed."""
+def threshold(
+    name: str, robot: Robot, plan: Protocol, given: argparse.Namespace, journal: Journal | None = None
+) -> float:
+    """[nats] that a cause needs, from robots without any; printed. One that the journal has is not sought again."""
     began = time.perf_counter()
-    lines = [line for line in _lines(given.journal) if line.get("threshold") == name]
+    lines = [line for line in journal.lines() if line.get("threshold") == name] if journal else []
     if given.threshold_runs == 0:
         needed = USUAL
     elif lines and lines[-1]["runs"] == given.threshold_runs:
@@ -98,7 +100,8 @@ def threshold(name: str, robot: Robot, plan: Protocol, given: argparse.Namespace
         with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
             scores = [score for part in pool.map(nulls, chunks) for score in part]
         needed = level(scores)
-        _add(given.journal, {"threshold": name, "runs": given.threshold_runs, "nats": needed})
+        if journal:
+            journal.add({"threshold": name, "runs": given.threshold_runs, "nats": needed})
         print(f"largest scores without an effect: {[round(s, 1) for s in sorted(scores)[::-1][:10]]}")
     seconds = time.perf_counter() - began
     print(
@@ -130,51 +133,48 @@ def run(job: Job) -> TrialResult:
     )
 
 
-def run_all(jobs: Sequence[Job], processes: int, journal: Path | None = None) -> list[TrialResult]:
-    """All trials, told as they are done; with one process in this one. Those in the journal are not run again."""
-    known = {line["trial"]: line["result"] for line in _lines(journal) if "trial" in line}
-    left = [job for job in jobs if _key(job) not in known]
+def run_all(jobs: Sequence[Job], processes: int, journal: Journal | None = None) -> list[TrialResult]:
+    """All trials in their order, told as they are done; with one process in this one.
+
+    Those in the journal are not run again; every new one is in it as soon as it is done.
+    """
+    lines = journal.lines() if journal else []
+    known = {line["trial"]: line["result"] for line in lines if "trial" in line}
+    before = {i: known[_key(job)] for i, job in enumerate(jobs) if _key(job) in known}
+    done = {i: TrialResult.model_validate(result) for i, result in before.items()}
+    _tell(jobs, done)
+    for i, result in _finished(jobs, [i for i in range(len(jobs)) if i not in before], processes):
+        done[i] = result
+        if journal:
+            journal.add({"trial": _key(jobs[i]), "result": result.to_dict()})
+        _tell(jobs, done)
+    return [done[i] for i in range(len(jobs))]
+
+
+def _finished(jobs: Sequence[Job], left: Sequence[int], processes: int) -> Iterator[tuple[int, TrialResult]]:
+    """(number, result) of the jobs that are left, as they are done."""
     if processes == 1:
-        return _told(jobs, _results(jobs, known, map(run, left), journal))
+        yield from ((i, run(jobs[i])) for i in left)
+        return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        return _told(jobs, _results(jobs, known, pool.map(run, left), journal))
-
-
-def _results(
-    jobs: Sequence[Job], known: dict[str, dict], fresh: Iterator[TrialResult], journal: Path | None
-) -> Iterator[TrialResult]:
-    """The results of all jobs, in their order; those that are new go into the journal."""
-    for job in jobs:
-        key = _key(job)
-        if key in known:
-            yield TrialResult.model_validate(known[key])
-        else:
-            result = next(fresh)
-            _add(journal, {"trial": key, "result": result.model_dump(mode="json", by_alias=True)})
-            yield result
+        waiting = {pool.submit(run, jobs[i]): i for i in left}
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
 
 
 def _key(job: Job) -> str:
-    """What tells a trial from all others."""
+    """What tells a trial from all others of the table."""
     said = (job.keys, job.size, job.seed, job.needed, job.without, job.max_causes, job.share, job.interval)
     return json.dumps(said)
 
 
-def _lines(journal: Path | None) -> list[dict]:
-    """What the journal holds; a last line that was not finished is left out."""
-    if journal is None or not journal.is_file():
-        return []
-    lines = []
-    for text in journal.read_text(encoding="utf-8").splitlines():
-        with contextlib.suppress(json.JSONDecodeError):
-            lines.append(json.loads(text))
-    return lines
-
-
-def _add(journal: Path | None, line: dict) -> None:
-    if journal is not None:
-        with journal.open("a", encoding="utf-8") as file:
-            file.write("\n" + json.dumps(line))  # after a line that was torn off, too
+def journal_of(given: argparse.Namespace, robot: Robot, seed: int) -> Journal | None:
+    """The journal that was asked for, begun; SystemExit where it is that of another robot or other seeds."""
+    if given.journal is None:
+        return None
+    journal = Journal(given.journal, {"robot": robot.hash, "seed": seed})
+    journal.begin()
+    return journal
 
 
 def confident(result: TrialResult) -> bool:
@@ -260,23 +260,29 @@ def write(name: str, out: dict, given: argparse.Namespace) -> None:
         (RESULTS / name).write_text(json.dumps(out, indent=1) + "\n")
 
 
-def _told(jobs: Sequence[Job], results: Iterable[TrialResult]) -> list[TrialResult]:
-    """The results, with a line for each of a few, and a line for fifty of many that says how well it goes."""
-    done, right, wrong = [], 0, 0
-    for job, result in zip(jobs, results, strict=True):
-        done.append(result)
-        mistaken = confident(result) if job.without else result.wrong
-        good = not mistaken if job.without else result.right
-        right, wrong = right + good, wrong + mistaken
-        if len(jobs) > MANY:
-            if len(done) % 50 == 0:
-                print(f"{len(done)} of {len(jobs)} done: right {right}, wrong {wrong}", flush=True)
-            continue
-        hides = f"{'+'.join(job.keys)} {job.size}" if job.keys else NOTHING
-        hides += ", taken away" if job.without else ""
-        said = "right" if good else "WRONG" if mistaken else "missed"
-        print(f"    {said}: {hides} -> {result.named} ({result.verdict}), {result.seconds:.0f} s", flush=True)
-    return done
+def _tell(jobs: Sequence[Job], done: dict[int, TrialResult]) -> None:
+    """Of few trials a line for the latest, of many one for every fifty that says how well it goes."""
+    if not done:
+        return
+    if len(jobs) > MANY:
+        if len(done) % 50 == 0:
+            said = [_judged(jobs[i], result) for i, result in done.items()]
+            right, wrong = said.count("right"), said.count("WRONG")
+            print(f"{len(done)} of {len(jobs)} done: right {right}, wrong {wrong}", flush=True)
+        return
+    latest, result = next(reversed(done.items()))
+    job = jobs[latest]
+    hides = f"{'+'.join(job.keys)} {job.size}" if job.keys else NOTHING
+    hides += ", taken away" if job.without else ""
+    said = f"{result.named} ({result.verdict}), {result.seconds:.0f} s"
+    print(f"    {_judged(job, result)}: {hides} -> {said}", flush=True)
+
+
+def _judged(job: Job, result: TrialResult) -> str:
+    """Whether a trial was right; a cause that was taken away is rightly missed."""
+    if job.without:
+        return "WRONG" if confident(result) else "right"
+    return "right" if result.right else "WRONG" if result.wrong else "missed"
 
 
 def _effect(mine: Sequence[TrialResult]) -> dict:

@@ -129,11 +129,15 @@ def test_trials_in_the_journal_are_not_run_again(naming, monkeypatch, tmp_path):
 
     monkeypatch.setattr(naming, "run", run)
     jobs = [naming.Job(None, None, ("load_friction",), "medium", i, 5.0) for i in range(4)]
-    journal = tmp_path / "trials.jsonl"
+    journal = naming.Journal(tmp_path / "trials.jsonl", {"seed": 5})
+    journal.begin()
     with pytest.raises(KeyboardInterrupt):
         naming.run_all(jobs, 1, journal)
-    journal.write_text(journal.read_text() + '\n{"trial": "torn')
+    journal.path.write_text(journal.path.read_text() + '{"trial": "torn')
+    journal.begin()
     done = naming.run_all(jobs, 1, journal)
     assert [r.seed for r in done] == [0, 1, 2, 3]
     assert ran == [0, 1, 2, 2, 3]
     assert naming.run_all(jobs, 1, journal) == done and len(ran) == 5
+    with pytest.raises(SystemExit, match="another table"):
+        naming.Journal(journal.path, {"seed": 6}).begin()

@@ -190,9 +190,8 @@ def search(
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
     if many and problem.rough:
-        base = _polished(
-            problem, base, both
-        )  # as the extended one, or the causes would gain by the time step
+        # as the extended one, or the causes would gain by the time step
+        base = _polished(problem, base, both)
     else:
         (base,), _ = fit(problem, [base], both, pooled, iterations=1 if many else 4)
     if not accepted:
