@@ -197,9 +197,15 @@ def largest_speeds(robot: Robot) -> np.ndarray:
     return np.array([end if t == "velocity" else 1.0 for end, t in zip(ends, types, strict=True)])
 
 
-def varies(ports: Ports) -> bool:
-    """Whether the law can change during an episode (a measured supply or enable channel)."""
-    return bool((ports.supply_input >= 0).any() or (ports.enable_input >= 0).any())
+def law_changes(ports: Ports, inputs: np.ndarray) -> frozenset[int]:
+    """Numbers of the commands from which on the law is another one (a measured supply or enable channel changed).
+
+    inputs : (n, T, I) of all simulations.
+    """
+    if not ((ports.supply_input >= 0).any() or (ports.enable_input >= 0).any()):
+        return frozenset()
+    changed = (inputs[:, 1:] != inputs[:, :-1]).any(axis=(0, 2))
+    return frozenset((1 + np.flatnonzero(changed)).tolist())
 
 
 def _drive_of(robot: Robot, action: str):

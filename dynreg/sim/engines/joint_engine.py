@@ -31,7 +31,7 @@ from dynreg.sim.engines.acting import (
 )
 from dynreg.sim.engines.mujoco_engine import clock_of, compiled, configure, episode_inputs, limited_range
 from dynreg.sim.layout import Layout
-from dynreg.sim.ports import Ports, ServoLaw, servo_law, takes_positions, varies
+from dynreg.sim.ports import Ports, ServoLaw, law_changes, servo_law, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -121,13 +121,11 @@ class _Motion:
         positions = np.empty((steps + 1, *q.shape))
         velocities = np.empty((steps + 1, *q.shape))
         positions[0], velocities[0] = q, v
-        changes = np.zeros(steps, dtype=bool)
-        if varies(self.ports):
-            changes[1:] = (self.inputs[:, 1:] != self.inputs[:, :-1]).any(axis=(0, 2))[: steps - 1]
+        changed = law_changes(self.ports, self.inputs)
         fewest, going = int(substeps.min()), np.arange(substeps.max()) < substeps[:, None]
         for t in range(steps):
             clock.step = t
-            if t == 0 or changes[t]:
+            if t == 0 or t in changed:
                 self._obey(servo_law(self.ports, self.inputs[:, t]))
             u = clock.commands[:, t]
             push = self.law.gain * u + self.law.bias

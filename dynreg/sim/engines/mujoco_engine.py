@@ -17,7 +17,7 @@ from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_sim
 from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.fields import modify, set_field
 from dynreg.sim.layout import Layout, base_motion, layout_of, observe
-from dynreg.sim.ports import Ports, nominal_ports, servo_law, takes_positions, varies
+from dynreg.sim.ports import Ports, law_changes, nominal_ports, servo_law, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run, Walk
 
@@ -143,9 +143,9 @@ class Arena:
         trace_q = np.empty((count + 1, *qpos.shape))
         trace_v = np.empty((count + 1, *qvel.shape))
         trace_q[0], trace_v[0] = qpos, qvel
-        changing = _changes(self._inputs) if varies(self._ports) else np.zeros(count, dtype=bool)
+        changed = law_changes(self._ports, self._inputs)
         for t in range(count):
-            if changing[t]:
+            if t in changed:
                 self._drives.apply(servo_law(self._ports, self._inputs[:, t]))
             steps.hold(t)
             trace_q[t + 1], trace_v[t + 1] = qpos, qvel
@@ -238,11 +238,6 @@ def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) 
     batch.reset(keyframe=model.keyframe(name).id if name else -1, stage=mujoco.mjtStage.mjSTAGE_POS)
     diagonal = model.M_rowadr + model.M_rownnz - 1
     return matrix[:, diagonal[layout.action_dof]].copy()
-
-
-def _changes(inputs: np.ndarray) -> np.ndarray:
-    """(T,) whether any of the inputs (n, T, I) are others than one step before."""
-    return np.concatenate([[False], (inputs[:, 1:] != inputs[:, :-1]).any(axis=(0, 2))])
 
 
 def _diverged(trace_v: np.ndarray) -> np.ndarray:
