@@ -36,7 +36,7 @@ class Evidence:
             known = repeats[robot.channels[column]]
             stated = max(known.stated, 1e-12)
             floor = known.spread if known.spread else stated
-            size = float(np.sqrt(np.nanmean(left[..., c] ** 2)) * spread)
+            size = float(remaining(left[..., c], problem.rough) * spread)
             white = whiteness(left[..., c])
             rows.append(
                 Noise(
@@ -51,6 +51,19 @@ class Evidence:
             )
         worst = max(rows, key=lambda n: n.ratio or 0.0)
         return cls(worst, float(worst.ratio or 0.0), repeats)
+
+
+def remaining(residual: np.ndarray, rough: bool) -> float:
+    """Root mean square of a residual (W, T).
+
+    Where contacts make rollouts rough, windows count by the mean of their logarithms, as in the likelihood: a foot that
+    slips a moment too late in one of them, which the true simulator has too, says nothing about the others.
+    """
+    measured = np.isfinite(residual).any(axis=1)
+    squares = np.nanmean(residual[measured] ** 2, axis=1)
+    if not rough or not squares.all():
+        return float(np.sqrt(np.nanmean(residual**2)))
+    return float(np.sqrt(np.exp(np.log(squares).mean())))
 
 
 def verdict_of(evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:

@@ -163,13 +163,14 @@ def _scored(
 
 
 def _same(robot: Robot, hidden: Term) -> set[str]:
-    """Keys that name the same cause: the term's, and those of its exact group on the same joints or all of them."""
-    group = hidden.effect.group
-    return {hidden.key} | {
+    """Keys that name the same cause: the term's, and those of its exact group about the same joints."""
+    group, about = hidden.effect.group, hidden.effect.about(robot, hidden.joints)
+    alike = [
         t.key
         for t in single_terms(robot)
-        if group and t.effect.group == group and t.joints in ((), hidden.joints)
-    }
+        if group and t.effect.group == group and about and t.effect.about(robot, t.joints) == about
+    ]
+    return {hidden.key, *alike}
 
 
 def _joint_right(hidden: Hidden, first: Term | None) -> bool | None:

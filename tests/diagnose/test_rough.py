@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.evidence import remaining
 from dynreg.diagnose.fit import objective, polish, uneven
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point
@@ -42,12 +43,20 @@ def test_simulated_finely_the_true_parameters_leave_the_noise_on_the_ground_too(
     assert (left[1] < 1.6).all() and (left[0] > 1.5 * left[1]).any()
 
 
-def test_only_rough_rollouts_are_simulated_finely_and_then_leave_the_noise():
-    problem, fit_on, z = posed(0.2)
-    truth = [Point(Hypothesis(), z, np.zeros(0))]
+def test_only_rough_rollouts_are_simulated_finely():
+    problem, _, _ = posed(0.2)
     assert replace(problem, rough=False).fine.robot is problem.robot
-    left = replace(problem, rough=True).fine.residuals(truth, fit_on)[0]
-    assert (np.sqrt((left**2).mean(axis=(0, 1)) / problem.floor) < 1.6).all()
+    assert replace(problem, rough=True).fine.robot is not problem.robot
+
+
+def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():
+    slipped = np.full((6, 50), 0.01)
+    slipped[3] = 0.1
+    assert remaining(slipped, rough=False) > 4.0 * 0.01
+    assert remaining(slipped, rough=True) < 1.5 * 0.01
+    assert remaining(10.0 * slipped, rough=True) == pytest.approx(10.0 * remaining(slipped, rough=True))
+    slipped[2] = np.nan
+    assert remaining(slipped, rough=True) < 1.6 * 0.01
 
 
 def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():

@@ -52,6 +52,10 @@ class ComOffset(Effect):
     def why_not(self, robot: Robot) -> str | None:
         return _mechanical(robot)
 
+    def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
+        alone = len(robot.actions) == 1  # what hangs on the body keeps its weight where it is
+        return super().about(robot, joints) if alone else None
+
     def configure(self, site: Site, p: Values) -> None:
         body = carrier(site.robot)
         across = direction_across(site.robot)
@@ -91,6 +95,10 @@ class GravityTilt(Effect):
         return _mechanical(robot) or (
             None if np.linalg.norm(robot.model.opt.gravity) > 0 else "the model has no gravity"
         )
+
+    def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
+        hinge = tilt_hinge(robot)
+        return None if hinge is None else (robot.model.joint(hinge).name,)
 
     def configure(self, site: Site, p: Values) -> None:
         gravity = site.expand("opt.gravity")
@@ -132,16 +140,21 @@ def driven_dofs(robot: Robot) -> np.ndarray:
 
 def tilt_axis(robot: Robot) -> np.ndarray:
     """(3,) unit axis in the world about which a tilt acts: the first hinge's, a floating base's y."""
+    hinge = tilt_hinge(robot)
+    return np.array([0.0, 1.0, 0.0]) if hinge is None else at_reset(robot).xaxis[hinge].copy()
+
+
+def tilt_hinge(robot: Robot) -> int | None:
+    """The first hinge that a tilt can act about; None on a floating base, and without hinges."""
     import mujoco
 
-    model = robot.model
-    data = at_reset(robot)
-    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
-    if (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any() or not len(hinges):
-        return np.array([0.0, 1.0, 0.0])
+    kinds = robot.model.jnt_type
+    hinges = np.flatnonzero(kinds == mujoco.mjtJoint.mjJNT_HINGE)
+    if (kinds == mujoco.mjtJoint.mjJNT_FREE).any() or not len(hinges):
+        return None
     # tilting about gravity itself does nothing
-    horizontal = [j for j in hinges if abs(data.xaxis[j, 2]) < 0.9]
-    return data.xaxis[(horizontal or list(hinges))[0]].copy()
+    level = np.abs(at_reset(robot).xaxis[hinges, 2]) < 0.9
+    return int((hinges[level] if level.any() else hinges)[0])
 
 
 def direction_across(robot: Robot) -> np.ndarray:

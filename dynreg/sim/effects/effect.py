@@ -157,6 +157,13 @@ class Effect:
         """Why the effect cannot act on this robot; None where it can."""
         return None if drives(robot, "position", "duty_servo", "torque", "dcmotor") else "no driven joint"
 
+    def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
+        """Joints at which the exact group's members cannot be told apart, when this one acts on `joints`.
+
+        None where the robot as a whole has no joint at which they could be mistaken for each other.
+        """
+        return joints or tuple(action.split("/")[0] for action in robot.actions)
+
     def shown_by(self, robot: Robot) -> tuple[str, ...]:
         """Inputs of the robot that already hold the effect, where a log measured them while it moved."""
         return ()

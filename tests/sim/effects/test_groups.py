@@ -84,3 +84,27 @@ def test_friction_that_differs_between_directions_is_a_constant_torque(differenc
     ]
     plain = rollout(robot, robot.space.nominal[None], run).states[0]
     assert rms(both[0] - both[1]) < 0.03 * rms(both[0] - plain)
+
+
+def test_a_leg_on_a_slope_is_its_first_encoder_offset():
+    """In the air the hip turns with the base: a tilt about its axis and its encoder's zero are one, and no other."""
+    leg = load_robot("leg")
+    tilt, offset = E["gravity_tilt"], E["encoder_offset"]
+    assert tilt.about(leg, ()) == offset.about(leg, ("hip_roll",)) == ("hip_roll",)
+    assert tilt.about(leg, ()) != offset.about(leg, ("knee",))
+    assert E["com_offset"].about(leg, ()) is None  # the shank hangs on the thigh
+    assert tilt.about(load_robot("quadruped"), ()) is None
+    run = excitation(leg, seed=2, name="groups", episodes=2, steps=60)
+
+    def moves(term: Term | None, size: float) -> np.ndarray:
+        terms = Terms((term,), (np.array([[size]]),)) if term else Terms()
+        return rollout(leg, leg.space.nominal[None], run, terms=terms).states[0]
+
+    angle, plain = 3 * np.pi / 180, moves(None, 0.0)
+    tilted = moves(Term(tilt), angle)[..., :3] - plain[..., :3]
+
+    def left(joint: str, size: float) -> float:
+        return rms(tilted - (moves(Term(offset, (joint,)), size)[..., :3] - plain[..., :3])) / rms(tilted)
+
+    assert min(left("hip_roll", size) for size in (angle, -angle)) < LEFT
+    assert min(left("knee", size) for size in (angle, -angle)) > 0.5
