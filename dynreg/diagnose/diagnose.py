@@ -34,6 +34,7 @@ from dynreg.sim.robot import Robot, require_commands
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 FEWEST = 50  # measured rows in each of fit and select: fewer say nothing of any cause
 ZEROED = 2  # times that the zeros of episodes and the simulator are fitted in turn after each cause
+ENDED = 2  # iterations of the last refit where rollouts are rough: each simulates the finer time step
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose
 STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
 Progress = Callable[[str, int, int], None]
@@ -190,10 +191,9 @@ def search(
     both = np.concatenate([fit_on, select_on])
     pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
     if many and problem.rough:
-        # as the extended one, or the causes would gain by the time step
-        base = _polished(problem, base, both)
-    else:
-        (base,), _ = fit(problem, [base], both, pooled, iterations=1 if many else 4)
+        base, current = _ended(problem, zeroed, base, current if accepted else None, both)
+        return Found(base, current, tuple(rounds), accepted, limit, zeroed)
+    (base,), _ = fit(problem, [base], both, pooled, iterations=1 if many else 4)
     if not accepted:
         current = base
     elif many:
@@ -235,15 +235,28 @@ def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
             )
 
 
-def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
-    """The point refitted with the time step's part and the samples of its own residual, twice.
+def _ended(
+    problem: Problem, zeroed: Problem, base: Point, extended: Point | None, chosen: np.ndarray
+) -> tuple[Point, Point]:
+    """The calibrated and the extended model where rollouts are rough; the calibrated twice where there is no other.
 
-    Where rollouts are rough that part changes from step to step: it is simulated in each.
+    Both are refitted with the finer time step simulated at every point: what it changes is not the same from one to
+    the next, and the causes must not gain by it.
     """
-    if problem.rough and problem.coarse:
-        (point,), _ = polish(problem, [point], chosen)
-        problem.refine([point], chosen)
-        return point
+    if extended is None:
+        (base,), _ = polish(problem, [base], chosen, iterations=ENDED)
+        extended = base
+    elif zeroed is problem:
+        (base, extended), _ = polish(problem, [base, extended], chosen, iterations=ENDED)
+    else:
+        (base,), _ = polish(problem, [base], chosen, iterations=ENDED)
+        (extended,), _ = polish(zeroed, [extended], chosen, iterations=ENDED)
+    zeroed.refine([extended], chosen)
+    return base, extended
+
+
+def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
+    """The point refitted with the time step's part and the samples of its own residual, twice."""
     for _ in range(2):
         problem.refine([point], chosen)
         effective = problem.effective(problem.residuals([point], chosen)[0])

@@ -16,8 +16,9 @@ FAR = 10.0  # standard deviations that a start's nominal coordinates may be move
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration,
 FINALISTS = 16  # and to the end: the best of each hypothesis, and others where there is room
 FINE = 8  # of a long list, where rollouts are rough: those that are refitted with a finer time step,
-SHARED = 2  # by so many iterations with shared derivatives,
-FINISHED = 3  # and those that are polished with their own
+SHARED = 1  # by so many iterations with shared derivatives,
+FINISHED = 3  # and those that are polished with their own,
+POLISHED = 3  # by so many
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
@@ -153,13 +154,15 @@ def _finished(
     known = known_near(fine, fitted[0], len(start.nominal), fit_on)
     fitted, cost = fit(fine, fitted, fit_on, iterations=SHARED, hopeless=HOPELESS, **known)
     fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:FINISHED]]
-    (start, *fitted), residuals = polish(problem, [start, *fitted], fit_on, iterations=4, hopeless=HOPELESS)
+    (start, *fitted), residuals = polish(
+        problem, [start, *fitted], fit_on, iterations=POLISHED, hopeless=HOPELESS
+    )
     cost = objective(problem, fitted, residuals[1:], problem.effective(residuals[1]))
     fitted = [fitted[i] for i in np.argsort(cost, kind="stable")]
     windows = np.concatenate([fit_on, select_on])
     rivals = [Point(start.hypothesis, p.nominal, p.effect[: len(start.effect)]) for p in fitted]
     rival = _best(fine, rivals, windows)
-    return _best(fine, [start, *polish(problem, [rival], fit_on, iterations=4)[0]], windows), fitted
+    return _best(fine, [start, *polish(problem, [rival], fit_on, iterations=POLISHED)[0]], windows), fitted
 
 
 def _best(problem: Problem, points: list[Point], windows: np.ndarray) -> Point:

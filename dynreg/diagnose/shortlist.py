@@ -20,6 +20,7 @@ HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many af
 REFINED = (
     0.2  # of the medium size, for probes of what acts on joints already: with more friction they would stick
 )
+BEHIND = 40.0  # nats behind the best by the finer time step, from which a term is not refitted with it
 PULL = 3.0  # largest first change of a nominal coordinate
 
 
@@ -46,8 +47,10 @@ def shortlisted(
         share = PROBED // len(starts)
         done += _from(problem, start, terms, fit_on, effective, iterations, share, hopeless)
     best: dict[str, Point] = {}
-    for _, point in sorted(done, key=lambda d: d[0]):
-        best.setdefault(point.hypothesis.key, point)
+    done = sorted(done, key=lambda d: d[0])
+    for cost, point in done:
+        if not problem.rough or cost <= done[0][0] + BEHIND:
+            best.setdefault(point.hypothesis.key, point)
     return list(best.values())
 
 
