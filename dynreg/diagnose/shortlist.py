@@ -20,7 +20,7 @@ HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many af
 REFINED = (
     0.2  # of the medium size, for probes of what acts on joints already: with more friction they would stick
 )
-BEHIND = 40.0  # nats behind the best by the finer time step, from which a term is not refitted with it
+BEHIND = 40.0  # nats behind the best of its start by the finer time step, from which a term is not refitted with it
 PULL = 3.0  # largest first change of a nominal coordinate
 
 
@@ -47,10 +47,8 @@ def shortlisted(
         share = PROBED // len(starts)
         done += _from(problem, start, terms, fit_on, effective, iterations, share, hopeless)
     best: dict[str, Point] = {}
-    done = sorted(done, key=lambda d: d[0])
-    for cost, point in done:
-        if not problem.rough or cost <= done[0][0] + BEHIND:
-            best.setdefault(point.hypothesis.key, point)
+    for _, point in sorted(done, key=lambda d: d[0]):
+        best.setdefault(point.hypothesis.key, point)
     return list(best.values())
 
 
@@ -75,7 +73,7 @@ def _from(
     if problem.rough:  # the time step's part of the start flatters what stays near it: finer ones judge
         points, _ = fit(problem, points, fit_on, effective, iterations=1, leading=slopes[0])
         cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
-        return [(float(c), p) for c, p in zip(cost, points, strict=True)]
+        return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
     done: list[tuple[float, Point]] = []
     for number in HALVED:
         points, cost = fit(problem, points, fit_on, effective, iterations=number, leading=slopes[0])
@@ -106,7 +104,9 @@ def _probed(
     residual : (W, T, C) of `base`. slopes : (D, W, T, C) its derivatives.
     """
     probes = [_probes(base, term) for term in terms]
-    made = problem.residuals([p for own in probes for p in own], fit_on)
+    flat = [p for own in probes for p in own]
+    owner = [i for i, own in enumerate(probes) for _ in own]
+    made = problem.residuals(flat, fit_on)
     linear = _Linear(problem, base, residual, slopes, effective)
     found, at = [], 0
     for own in probes:
@@ -114,7 +114,33 @@ def _probed(
         found.append(linear.starts(own, changes))
         at += len(own)
     order = np.argsort([cost for cost, _ in found], kind="stable")
-    return [found[i][1] for i in order]
+    if not problem.rough:
+        return [found[i][1] for i in order]
+    # jumps bend what first order takes for straight: what the probes themselves reach counts as much
+    others = [(i, m) for i, p in zip(owner, flat, strict=True) for m in mirrored(p)]
+    flipped = [m for _, m in others]
+    cost = objective(problem, flat, made, effective)
+    if others:
+        cost = np.append(cost, objective(problem, flipped, problem.residuals(flipped, fit_on), effective))
+    owner, flat = [*owner, *(i for i, _ in others)], [*flat, *flipped]
+    reached: dict[int, Point] = {}
+    for k in np.argsort(cost, kind="stable"):
+        reached.setdefault(owner[k], flat[k])
+    either = dict.fromkeys(int(i) for pair in zip(order, reached, strict=True) for i in pair)
+    return [[*found[i][1], reached[i]] for i in either]
+
+
+def mirrored(point: Point) -> list[Point]:
+    """The probe with the other sign, where its effect has one."""
+    term = point.hypothesis.terms[-1]
+    signed = np.array([p.signed for p in term.effect.parameters])
+    if not signed.any():
+        return []
+    effect = point.effect.copy()
+    own = effect[len(effect) - len(signed) :]
+    own[signed] *= -1.0
+    low, high = effect_bounds(point.hypothesis).T
+    return [Point(point.hypothesis, point.nominal, np.clip(effect, low, high))]
 
 
 def _sized(
@@ -186,11 +212,8 @@ class _Linear:
         best = np.linalg.lstsq(curvature, -j @ self.rest - prior * start, rcond=1e-12)[0]
         limits = bounds(self.problem, probes[0])[many:][sized]
         out = []
-        tried = [share * best[many:] for share in SIZES]
-        if self.problem.rough:  # jumps look like a large change of which only a little is wanted
-            tried.append(np.where(best[many:] < 0, -width, width))
-        for size in tried:
-            size = np.clip(size, limits[:, 0], limits[:, 1])
+        for share in SIZES:
+            size = np.clip(share * best[many:], limits[:, 0], limits[:, 1])
             out.append(self._start(probes[0], sized, size, scaled, j, curvature))
         return min(c for c, _ in out), [p for _, p in out]
 

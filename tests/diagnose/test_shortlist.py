@@ -12,7 +12,7 @@ from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.problem import Point, effective_samples
 from dynreg.diagnose.settings import Settings
-from dynreg.diagnose.shortlist import shortlisted
+from dynreg.diagnose.shortlist import mirrored, shortlisted
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.results.trials import TrialResult, TrialTable
 from dynreg.rng import stream
@@ -70,6 +70,26 @@ def test_the_best_of_the_list_is_the_hidden_effect_in_its_joint(key):
     found = shortlisted(problem, base, terms, fit_on, effective, iterations=3)
     assert found[0].hypothesis.key == key
     assert len({p.hypothesis.key for p in found}) == len(found) < len(terms)
+
+
+def test_a_rough_list_tries_what_has_a_sign_with_the_other_one():
+    probe = lambda key, effect: Point(Hypothesis((term(key),)), np.zeros(6), np.array(effect))  # noqa: E731
+    assert mirrored(probe("coulomb_friction[knee]", [1.0])) == []
+    (tilted,) = mirrored(probe("gravity_tilt", [1.0]))
+    assert tilted.effect.tolist() == [-1.0]
+    both = Point(Hypothesis((term("payload"), term("cogging[knee]"))), np.zeros(6), np.array([0.5, 1.0, 0.0]))
+    (turned,) = mirrored(both)
+    assert turned.effect.tolist() == [0.5, -1.0, 0.0]
+
+
+@pytest.mark.parametrize("key", ["gravity_tilt", "payload"])
+def test_a_rough_list_holds_the_hidden_effect_too(key):
+    problem, fit_on, _ = posed(key)
+    rough = replace(problem, rough=True, corrections={})
+    base, effective = calibrate(rough, fit_on, draws=0)
+    terms = single_terms(problem.robot, (*SOME, "gravity_tilt"))
+    found = [p.hypothesis.key for p in shortlisted(rough, base, terms, fit_on, effective, iterations=3)]
+    assert key in found[:3] and len(set(found)) == len(found)
 
 
 def test_known_derivatives_lead_to_the_same_optimum():
