@@ -18,7 +18,7 @@ PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
 REFINED = (
-    0.2  # of the medium size, for probes of what acts on joints already: with more friction they would stick
+    0.2  # of the medium size, for probes of what acts on joints already: more friction, and they would stick
 )
 BEHIND = 40.0  # nats behind the best of its start by the finer time step, from which a term is not refitted with it
 PULL = 3.0  # largest first change of a nominal coordinate
@@ -39,13 +39,12 @@ def shortlisted(
     are refitted start from the nameplate.
     hopeless : [nats] behind the best of a start, from which a term is not fitted to the end.
     """
-    starts = [base]
     if problem.rough:
-        starts.append(Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect))
-    done: list[tuple[float, Point]] = []
-    for start in starts:
-        share = PROBED // len(starts)
-        done += _from(problem, start, terms, fit_on, effective, iterations, share, hopeless)
+        nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
+        done = _roughly_from(problem, base, terms, fit_on, effective)
+        done += _roughly_from(problem, nameplate, terms, fit_on, effective)
+    else:
+        done = _from(problem, base, terms, fit_on, effective, iterations, hopeless)
     best: dict[str, Point] = {}
     for _, point in sorted(done, key=lambda d: d[0]):
         best.setdefault(point.hypothesis.key, point)
@@ -59,21 +58,13 @@ def _from(
     fit_on: np.ndarray,
     effective: np.ndarray,
     iterations: int,
-    many: int,
     hopeless: float,
 ) -> list[tuple[float, Point]]:
-    """Objective and refitted point of each of the `many` most promising terms, all from one start.
-
-    They are the best of `PROBED` tried at several sizes: where rollouts are rough, first order ranks them badly.
-    """
+    """Objective and refitted point of each of the most promising terms."""
     residual, slopes = sensitivities(problem, [base], fit_on)
     starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes[0])[:PROBED]
     points, cost = _sized(problem, starts, fit_on, effective)
-    points = [points[i] for i in np.argsort(cost, kind="stable")[:many]]
-    if problem.rough:  # the time step's part of the start flatters what stays near it: finer ones judge
-        points, _ = fit(problem, points, fit_on, effective, iterations=1, leading=slopes[0])
-        cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
-        return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
+    points = [points[i] for i in np.argsort(cost, kind="stable")]
     done: list[tuple[float, Point]] = []
     for number in HALVED:
         points, cost = fit(problem, points, fit_on, effective, iterations=number, leading=slopes[0])
@@ -88,6 +79,25 @@ def _from(
     last = {"iterations": iterations, "leading": slopes, "hopeless": hopeless}
     points, cost = fit(problem, points, fit_on, effective, **last)
     return done + [(float(c), p) for c, p in zip(cost, points, strict=True)]
+
+
+def _roughly_from(
+    problem: Problem,
+    start: Point,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    effective: np.ndarray,
+) -> list[tuple[float, Point]]:
+    """The same where rollouts are rough, of half as many: finer time steps judge, for what the time step does to the
+    start flatters all that stays near it.
+    """
+    residual, slopes = sensitivities(problem, [start], fit_on)
+    starts = _probed(problem, start, terms, fit_on, effective, residual[0], slopes[0])[:PROBED]
+    points, cost = _sized(problem, starts, fit_on, effective)
+    points = [points[i] for i in np.argsort(cost, kind="stable")[: PROBED // 2]]
+    points, _ = fit(problem, points, fit_on, effective, iterations=1, leading=slopes[0])
+    cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
+    return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
 
 
 def _probed(
