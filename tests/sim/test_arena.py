@@ -45,6 +45,20 @@ def test_every_run_is_as_if_it_were_the_first(name: str) -> None:
     assert np.array_equal(b, rollout(robot, values, second, threads=1, terms=terms).states)
 
 
+def test_a_second_run_has_drives_that_went_off_on_again() -> None:
+    leg = load_robot("leg")
+    bank = excitation(leg, seed=1, episodes=2, steps=30)
+    inputs = np.ones((2, 30, len(leg.inputs)))
+    on = Run(bank.actions, period=1 / leg.rate, inputs=inputs)
+    off = Run(bank.actions, period=1 / leg.rate, inputs=np.where(np.arange(30)[:, None] < 12, inputs, 0.0))
+    arena = Arena(leg, leg.space.nominal[None], off, threads=1)
+    first, second = arena.rollout(off).states, arena.rollout(off).states
+    always = Arena(leg, leg.space.nominal[None], on, threads=1).rollout(on).states
+    assert np.array_equal(first, second)
+    assert np.array_equal(first[..., :12, :], always[..., :12, :])
+    assert np.abs(first - always)[..., -1, :].max() > 0.1
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_a_walk_is_the_same_motion_and_ends_at_the_fall(name: str) -> None:
     robot = load_robot("quadruped")
