@@ -48,8 +48,10 @@ def drawn(robot: Robot, where: str, many: int, seed: int) -> list[tuple[str, str
 
 def main() -> None:
     """Print the tables and write benchmarks/results/naming_leg.json."""
-    parser = arguments(__doc__, none=5, threshold_runs=6)
-    parser.add_argument("--trials", type=int, default=30, help="robots in the air, and as many on the ground")
+    parser = arguments(__doc__, none=5, threshold_runs=20)
+    parser.add_argument(
+        "--trials", type=int, default=120, help="robots in the air, and as many on the ground"
+    )
     parser.add_argument("--where", nargs="*", default=list(HEIGHTS))
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT

@@ -133,8 +133,8 @@ def hidden(robot: Robot, each: int, seed: int) -> list[tuple[str, str, int]]:
 
 def main() -> None:
     """Print the table and write benchmarks/results/naming_quadruped.json."""
-    parser = arguments(__doc__, none=6, threshold_runs=5)
-    parser.add_argument("--each", type=int, default=2, help="robots for each effect")
+    parser = arguments(__doc__, none=20, threshold_runs=20)
+    parser.add_argument("--each", type=int, default=5, help="robots for each effect")
     parser.add_argument("--only", nargs="*", default=list(EFFECTS))
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT

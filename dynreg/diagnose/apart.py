@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.diagnose.fit import fit, information, sensitivities
+from dynreg.diagnose.hypothesis import one_group
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.sim.effects import Term
+from dynreg.sim.robot import Robot
 
 SHARED = 1.5  # times the interval without the rival: from here on the two are not told apart
 SAMPLED = 3  # rivals that are fitted and sampled
@@ -72,12 +74,18 @@ def together(
     return tuple(sorted(out, key=lambda one: -one.growth))
 
 
-def neighbours(term: Term, among: Sequence[Term]) -> list[Term]:
-    """Those of `among` that either effect declares near, on the same joints, and not of the same exact group."""
+def neighbours(robot: Robot, term: Term, among: Sequence[Term]) -> list[Term]:
+    """Those of `among` that may be mistaken for the term, on the same joints, and not of the same exact group.
+
+    Either effect declares the other near, or they are of a group that is not exact on this robot.
+    """
     out = []
     for other in among:
         near = other.effect.id in term.effect.near or term.effect.id in other.effect.near
-        same = other.key == term.key or (term.effect.group and other.effect.group == term.effect.group)
+        near |= (
+            bool(term.effect.group) and other.effect.group == term.effect.group
+        )  # elsewhere, or of several joints
+        same = other.key == term.key or one_group(robot, term, other)
         if near and not same and (not term.joints or not other.joints or other.joints == term.joints):
             out.append(other)
     return out

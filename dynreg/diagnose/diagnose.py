@@ -92,7 +92,7 @@ def diagnose(
         )
     found = search(registry, problem, terms, fit_on, select_on, settings, progress)
     evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
-    verdict = verdict_of(evidence, found.rounds, found.accepted)
+    verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
     return outcome(registry, problem, split, recording, settings, found, evidence, verdict, name, began)
 
 

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.diagnose.hypothesis import one_group
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
 from dynreg.results.diagnosis import Noise, Verdict
+from dynreg.sim.robot import Robot
 
 EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
 
@@ -66,7 +68,7 @@ def remaining(residual: np.ndarray, rough: bool) -> float:
     return float(np.sqrt(np.exp(np.log(squares).mean())))
 
 
-def verdict_of(evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:
+def verdict_of(robot: Robot, evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:
     """named or ambiguous where the causes explain all but what cannot be explained, else partly_explained;
     without a cause none or unknown.
 
@@ -79,15 +81,11 @@ def verdict_of(evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) ->
         return "none" if explained else "unknown"
     if not explained:
         return "partly_explained"
-    return "ambiguous" if rivals(rounds[0]) else "named"
+    return "ambiguous" if rivals(robot, rounds[0]) else "named"
 
 
-def rivals(naming: Naming) -> list[str]:
+def rivals(robot: Robot, naming: Naming) -> list[str]:
     """Keys of the equivalents of a round's cause that do not belong to its exact group."""
     chosen = naming.chosen.point.hypothesis.terms[-1]
-    out = []
-    for other in naming.equivalent:
-        term = other.point.hypothesis.terms[-1]
-        if not chosen.effect.group or term.effect.group != chosen.effect.group:
-            out.append(term.key)
-    return out
+    others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
+    return [t.key for t in others if not one_group(robot, chosen, t)]

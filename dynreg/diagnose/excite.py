@@ -8,6 +8,7 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.candidates import Limits
 from dynreg.diagnose.choose import SAME, Search
 from dynreg.diagnose.experiment import experiment, recording
+from dynreg.diagnose.hypothesis import one_group
 from dynreg.diagnose.separate import Pair
 from dynreg.errors import RobotError, UsageError
 from dynreg.results import Experiment
@@ -131,8 +132,7 @@ def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
                 expected="two effects that can act there",
                 do=f"see `dynreg effects {robot.name}`",
             )
-    group, other = first.effect.group, second.effect.group
-    if first.key == second.key or (group and group == other and first.effect is not second.effect):
+    if first.key == second.key or one_group(robot, first, second):
         raise UsageError(
             f"no commands tell {first.key} from {second.key}: both make the same motions",
             expected="two effects of different groups",

@@ -64,7 +64,7 @@ def experiments(found: "Found", verdict: Verdict) -> tuple[str, ...]:
     if verdict in ("ambiguous", "partly_explained") and found.accepted:
         naming: Naming = found.rounds[0]
         term = naming.chosen.point.hypothesis.terms[-1]
-        apart = rivals(naming)
+        apart = rivals(found.problem.robot, naming)
         out = [f"To tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}"] if apart else []
         return tuple(out)
     if verdict == "unknown":

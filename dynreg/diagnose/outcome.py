@@ -10,7 +10,7 @@ from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals
 from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.gained import channel_errors, gain, worst_of
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.hypothesis import Hypothesis, one_group
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.noted import experiments, inputs, notes, threshold_note
@@ -162,8 +162,8 @@ def _causes(
     for number, naming in enumerate(found.rounds[: found.accepted]):
         term = naming.chosen.point.hypothesis.terms[-1]
         others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
-        same = tuple(t.key for t in others if term.effect.group and t.effect.group == term.effect.group)
-        apart = tuple(rivals(naming))
+        same = tuple(t.key for t in others if one_group(problem.robot, term, t))
+        apart = tuple(rivals(problem.robot, naming))
         this = (
             verdict
             if number == 0

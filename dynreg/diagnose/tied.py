@@ -43,7 +43,9 @@ def tied(
     terms = [t for t in _offered(problem, settings) if t.key not in others]
     number = len(subject.hypothesis.terms) - 1
     alone = estimates(problem, subject, number, draws, median=True)
-    both = apart.together(problem, subject, draws, apart.neighbours(cause, terms), chosen, settings.seed)
+    both = apart.together(
+        problem, subject, draws, apart.neighbours(problem.robot, cause, terms), chosen, settings.seed
+    )
     with_rivals = [estimates(problem, one.point, number, one.draws, median=True) for one in both]
     looked = Looked(
         effect=cause.effect.id,

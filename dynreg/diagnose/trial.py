@@ -10,7 +10,7 @@ from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals, verdict_of
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.gained import window_errors
-from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.diagnose.hypothesis import Hypothesis, one_group, single_terms
 from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.problem import Point, Problem
@@ -109,7 +109,7 @@ def one_trial(
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     found = search(None, problem, single_terms(robot, (), without), fit_on, select_on, blind, needed=needed)
     evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
-    verdict = verdict_of(evidence, found.rounds, found.accepted)
+    verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
     seconds, core = time.perf_counter() - began, time.process_time() - busy
     scored = _scored(robot, problem, hidden, found, verdict, seconds)
     result = scored.model_copy(update={"core_seconds": core})
@@ -156,7 +156,7 @@ def _scored(
         joint_right=_joint_right(hidden, first),
         false_alarm=not hidden.terms and first is not None,
         in_set=bool(stated & set().union(*truths)) if hidden.terms and first else None,
-        size_of_set=1 + len(rivals(found.rounds[0])) if first else 0,
+        size_of_set=1 + len(rivals(robot, found.rounds[0])) if first else 0,
         parameter_error=_size_error(problem, hidden, found) if same else None,
         seconds=seconds,
     )
@@ -164,13 +164,7 @@ def _scored(
 
 def _same(robot: Robot, hidden: Term) -> set[str]:
     """Keys that name the same cause: the term's, and those of its exact group about the same joints."""
-    group, about = hidden.effect.group, hidden.effect.about(robot, hidden.joints)
-    alike = [
-        t.key
-        for t in single_terms(robot)
-        if group and t.effect.group == group and about and t.effect.about(robot, t.joints) == about
-    ]
-    return {hidden.key, *alike}
+    return {hidden.key, *(t.key for t in single_terms(robot) if one_group(robot, hidden, t))}
 
 
 def _joint_right(hidden: Hidden, first: Term | None) -> bool | None:

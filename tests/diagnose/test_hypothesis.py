@@ -1,10 +1,11 @@
-"""Which sizes of effects are worth a name."""
+"""Which sizes of effects are worth a name, and which effects no commands tell apart."""
 
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Hypothesis, worth_naming
+from dynreg.diagnose.hypothesis import Hypothesis, one_group, worth_naming
 from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
 
 
 @pytest.mark.parametrize(
@@ -19,3 +20,13 @@ def test_what_a_simpler_effect_has_too_is_not_worth_the_name_of_the_larger_one(k
     hypothesis = Hypothesis((term(key),))
     assert worth_naming(hypothesis, np.array(own))
     assert not worth_naming(hypothesis, np.array(shared))
+
+
+def test_an_exact_group_is_one_of_the_same_joint():
+    leg, arm = load_robot("leg"), load_robot("servo_pendulum")
+    assert one_group(leg, term("gravity_tilt"), term("encoder_offset[hip_roll]"))
+    assert not one_group(leg, term("gravity_tilt"), term("encoder_offset[knee]"))
+    assert not one_group(leg, term("force_offset[knee]"), term("asymmetric_friction[hip_roll]"))
+    assert one_group(leg, term("force_offset[knee]"), term("asymmetric_friction[knee]"))
+    assert one_group(arm, term("gravity_tilt"), term("com_offset"))
+    assert not one_group(load_robot("quadruped"), term("gravity_tilt"), term("com_offset"))

@@ -63,10 +63,12 @@ def test_neighbours_are_declared_by_either_effect_and_not_of_the_same_group():
     robot = load_robot("simple_pendulum")
     terms = single_terms(robot)
     assert {"coulomb_friction", "drive_gain", "inertia"} <= {
-        t.key for t in neighbours(term("payload"), terms)
+        t.key for t in neighbours(robot, term("payload"), terms)
     }
-    assert "payload" in {t.key for t in neighbours(term("drive_gain"), terms)}
-    assert not {"com_offset", "encoder_offset"} & {t.key for t in neighbours(term("gravity_tilt"), terms)}
+    assert "payload" in {t.key for t in neighbours(robot, term("drive_gain"), terms)}
+    assert not {"com_offset", "encoder_offset"} & {
+        t.key for t in neighbours(robot, term("gravity_tilt"), terms)
+    }
 
 
 def test_a_posterior_in_a_corner_of_its_bounds_is_still_told(servo, monkeypatch):
