@@ -192,7 +192,7 @@ def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     found = search(None, problem, terms, fit_on, select_on, settings, needed=needed)
     evidence = Evidence.of(found.problem, log, found.extended, split.chosen)
-    verdict = verdict_of(evidence, found.rounds, found.accepted)
+    verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
     simulators = []
     for point in (found.extended, found.base):
         values = problem.coordinates.values(point.nominal)[None]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from dynreg.results import EffectRow, EffectSize, EffectsList
-from dynreg.sim.effects import Effect, effects
+from dynreg.sim.effects import Effect, Term, effects, one_group
 from dynreg.sim.robot import Robot
 
 
@@ -18,7 +18,7 @@ def effects_list(robot: Robot | None = None) -> EffectsList:
 
 def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> EffectRow:
     why_not = None if robot is None else effect.why_not(robot)
-    same = [e.id for e in table.values() if effect.group and e.group == effect.group and e.id != effect.id]
+    same = [e.id for e in table.values() if e.id != effect.id and _one_group(robot, effect, e)]
     return EffectRow(
         id=effect.id,
         acts_on=effect.acts_on,
@@ -41,3 +41,10 @@ def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> Ef
         applies=None if robot is None else why_not is None,
         why_not=why_not,
     )
+
+
+def _one_group(robot: Robot | None, first: Effect, second: Effect) -> bool:
+    """Whether no commands tell the two apart: on any robot of one joint, or on this one."""
+    if robot is None or first.why_not(robot) or second.why_not(robot):
+        return bool(first.group) and first.group == second.group
+    return one_group(robot, Term(first), Term(second))

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.diagnose.fit import fit, information, sensitivities
-from dynreg.diagnose.hypothesis import one_group
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.problem import Point, Problem
-from dynreg.sim.effects import Term
+from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
 SHARED = 1.5  # times the interval without the rival: from here on the two are not told apart
@@ -81,11 +80,9 @@ def neighbours(robot: Robot, term: Term, among: Sequence[Term]) -> list[Term]:
     """
     out = []
     for other in among:
-        near = other.effect.id in term.effect.near or term.effect.id in other.effect.near
-        near |= (
-            bool(term.effect.group) and other.effect.group == term.effect.group
-        )  # elsewhere, or of several joints
-        same = other.key == term.key or one_group(robot, term, other)
+        declared = other.effect.id in term.effect.near or term.effect.id in other.effect.near
+        near = declared or (bool(term.effect.group) and other.effect.group == term.effect.group)
+        same = other.effect.id == term.effect.id or one_group(robot, term, other)
         if near and not same and (not term.joints or not other.joints or other.joints == term.joints):
             out.append(other)
     return out

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.hypothesis import one_group
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
 from dynreg.results.diagnosis import Noise, Verdict
+from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
+TINY = 1e-12  # no window's residual counts as smaller: one that is never left says nothing of the others
 EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
 
 
@@ -58,14 +59,15 @@ class Evidence:
 def remaining(residual: np.ndarray, rough: bool) -> float:
     """Root mean square of a residual (W, T).
 
-    Where contacts make rollouts rough, windows count by the mean of their logarithms, as in the likelihood: a foot that
-    slips a moment too late in one of them, which the true simulator has too, says nothing about the others.
+    Where contacts make rollouts rough, windows count by the mean of their logarithms, as they do in the likelihood: a
+    foot that slips a moment too late in one of them, which the true simulator's does too, must not hide that the
+    others are explained. What stays in half of all windows counts by its root.
     """
+    if not rough:
+        return float(np.sqrt(np.nanmean(residual**2)))
     measured = np.isfinite(residual).any(axis=1)
     squares = np.nanmean(residual[measured] ** 2, axis=1)
-    if not rough or not squares.all():
-        return float(np.sqrt(np.nanmean(residual**2)))
-    return float(np.sqrt(np.exp(np.log(squares).mean())))
+    return float(np.sqrt(np.exp(np.log(np.maximum(squares, TINY)).mean())))
 
 
 def verdict_of(robot: Robot, evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:

@@ -8,11 +8,10 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.candidates import Limits
 from dynreg.diagnose.choose import SAME, Search
 from dynreg.diagnose.experiment import experiment, recording
-from dynreg.diagnose.hypothesis import one_group
 from dynreg.diagnose.separate import Pair
 from dynreg.errors import RobotError, UsageError
 from dynreg.results import Experiment
-from dynreg.sim.effects import Term, term
+from dynreg.sim.effects import Term, one_group, term
 from dynreg.sim.robot import Robot
 
 SHORT = 2.5  # s of an episode, and of the longest ones:
@@ -135,7 +134,7 @@ def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
     if first.key == second.key or one_group(robot, first, second):
         raise UsageError(
             f"no commands tell {first.key} from {second.key}: both make the same motions",
-            expected="two effects of different groups",
+            expected="two effects that commands can tell apart",
             do=_by_hand((first, second)),
         )
     return first, second

@@ -71,7 +71,7 @@ def polish(
     points: list[Point],
     chosen: np.ndarray,
     *,
-    iterations: int = 12,
+    iterations: int,
     tolerance: float = 3.0,
     hopeless: float = np.inf,
 ) -> tuple[list[Point], np.ndarray]:

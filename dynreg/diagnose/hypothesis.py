@@ -196,13 +196,6 @@ def single_terms(robot: Robot, only: tuple[str, ...] = (), without: tuple[str, .
     return out
 
 
-def one_group(robot: Robot, first: Term, second: Term) -> bool:
-    """Whether both belong to one exact group, about the same joints: no commands tell them apart."""
-    group, about = first.effect.group, first.effect.about(robot, first.joints)
-    same = bool(group) and second.effect.group == group
-    return same and about is not None and second.effect.about(robot, second.joints) == about
-
-
 def _felt_inertia(model, data) -> np.ndarray:
     """(nv,) inertia that a torque on each joint alone accelerates, with all other joints free to give way.
 

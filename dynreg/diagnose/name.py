@@ -152,7 +152,7 @@ def _finished(
     """
     fine = problem.fine
     known = known_near(fine, fitted[0], len(start.nominal), fit_on)
-    fitted, cost = fit(fine, fitted, fit_on, iterations=SHARED, hopeless=HOPELESS, **known)
+    fitted, cost = fit(fine, fitted, fit_on, iterations=SHARED, **known)
     fitted = [fitted[i] for i in np.argsort(cost, kind="stable")[:FINISHED]]
     (start, *fitted), residuals = polish(
         problem, [start, *fitted], fit_on, iterations=POLISHED, hopeless=HOPELESS

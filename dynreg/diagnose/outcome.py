@@ -10,7 +10,7 @@ from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals
 from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.gained import channel_errors, gain, worst_of
-from dynreg.diagnose.hypothesis import Hypothesis, one_group
+from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.noted import experiments, inputs, notes, threshold_note
@@ -34,6 +34,7 @@ from dynreg.results.diagnosis import (
 )
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.sim.config import SimConfig
+from dynreg.sim.effects import one_group
 
 if TYPE_CHECKING:
     from dynreg.diagnose.diagnose import Found

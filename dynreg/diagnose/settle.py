@@ -9,7 +9,8 @@ from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import NEAR, Naming, Scored, select
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.rng import stream
-from dynreg.sim.effects import Term
+from dynreg.sim.effects import Term, one_group
+from dynreg.sim.robot import Robot
 
 SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
 STARTS = 10  # of the last fit, the point that the search ended with among them
@@ -17,11 +18,9 @@ KEPT = 3  # of them that are fitted to the end,
 ROUGHLY, FULLY = 3, 12  # after so many iterations, by so many
 
 
-def unlike(terms: list[Term], accepted: tuple[Term, ...]) -> list[Term]:
-    """The terms that are neither accepted nor, on the same joints, of the exact group of one that is."""
-    used = {t.key for t in accepted}
-    groups = {(t.effect.group, t.joints) for t in accepted if t.effect.group}
-    return [t for t in terms if t.key not in used and (t.effect.group, t.joints) not in groups]
+def unlike(robot: Robot, terms: list[Term], accepted: tuple[Term, ...]) -> list[Term]:
+    """The terms that are neither accepted nor of the exact group of one that is."""
+    return [t for t in terms if not any(t.key == a.key or one_group(robot, t, a) for a in accepted)]
 
 
 def revise(
@@ -37,7 +36,7 @@ def revise(
     rounds = list(rounds)
     for number in range(len(rounds) - 1):
         current = rounds[-1].chosen
-        others = _exchanges(current.point, rounds[number], number)
+        others = _exchanges(problem.robot, current.point, rounds[number], number)
         if not others:
             continue
         fitted, _ = fit(problem, [p for _, p in others], fit_on, effective, iterations=6)
@@ -103,7 +102,7 @@ def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Po
     return out
 
 
-def _exchanges(point: Point, naming: Naming, number: int) -> list[tuple[Scored, Point]]:
+def _exchanges(robot: Robot, point: Point, naming: Naming, number: int) -> list[tuple[Scored, Point]]:
     """Starts with term `number` of the point exchanged for each equivalent of its round: (equivalent, start)."""
     terms = point.hypothesis.terms
     rest = terms[:number] + terms[number + 1 :]
@@ -111,7 +110,7 @@ def _exchanges(point: Point, naming: Naming, number: int) -> list[tuple[Scored, 
     out = []
     for other in naming.equivalent:
         term = other.point.hypothesis.terms[-1]
-        if not unlike([term], rest):
+        if not unlike(robot, [term], rest):
             continue
         own = other.point.effect[len(other.point.effect) - len(term.effect.parameters) :]
         effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])

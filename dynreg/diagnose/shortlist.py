@@ -20,7 +20,9 @@ HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many af
 REFINED = (
     0.2  # of the medium size, for probes of what acts on joints already: more friction, and they would stick
 )
-BEHIND = 40.0  # nats behind the best of its start by the finer time step, from which a term is not refitted with it
+# Nats behind the best of its own start, by the finer time step, from which a term is not refitted with it. On a leg no
+# cause that won was more than 10 behind; the starts cannot be compared: one is calibrated, the other is not.
+BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
 
 
@@ -36,8 +38,9 @@ def shortlisted(
     """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
-    are refitted start from the nameplate.
-    hopeless : [nats] behind the best of a start, from which a term is not fitted to the end.
+    are refitted start from the nameplate. Their refit is only begun: the finer time step ends it elsewhere.
+    iterations, hopeless : of the last refit where rollouts are smooth; a term that is so many nats behind the best is
+    not fitted to the end.
     """
     if problem.rough:
         nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
@@ -61,13 +64,10 @@ def _from(
     hopeless: float,
 ) -> list[tuple[float, Point]]:
     """Objective and refitted point of each of the most promising terms."""
-    residual, slopes = sensitivities(problem, [base], fit_on)
-    starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes[0])[:PROBED]
-    points, cost = _sized(problem, starts, fit_on, effective)
-    points = [points[i] for i in np.argsort(cost, kind="stable")]
+    points, slopes = _started(problem, base, terms, fit_on, effective)
     done: list[tuple[float, Point]] = []
     for number in HALVED:
-        points, cost = fit(problem, points, fit_on, effective, iterations=number, leading=slopes[0])
+        points, cost = fit(problem, points, fit_on, effective, iterations=number, leading=slopes)
         order = np.argsort(cost, kind="stable")
         half = (len(order) + 1) // 2
         done += [(float(cost[i]), points[i]) for i in order[half:]]
@@ -88,16 +88,24 @@ def _roughly_from(
     fit_on: np.ndarray,
     effective: np.ndarray,
 ) -> list[tuple[float, Point]]:
-    """The same where rollouts are rough, of half as many: finer time steps judge, for what the time step does to the
-    start flatters all that stays near it.
+    """Objective, by the finer time step, and point of each of the most promising terms after one step of its refit.
+
+    What the time step does to the start flatters all that stays near it: only the finer one judges.
     """
-    residual, slopes = sensitivities(problem, [start], fit_on)
-    starts = _probed(problem, start, terms, fit_on, effective, residual[0], slopes[0])[:PROBED]
-    points, cost = _sized(problem, starts, fit_on, effective)
-    points = [points[i] for i in np.argsort(cost, kind="stable")[: PROBED // 2]]
-    points, _ = fit(problem, points, fit_on, effective, iterations=1, leading=slopes[0])
+    points, slopes = _started(problem, start, terms, fit_on, effective)
+    points, _ = fit(problem, points[: PROBED // 2], fit_on, effective, iterations=1, leading=slopes)
     cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
     return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
+
+
+def _started(
+    problem: Problem, base: Point, terms: list[Term], fit_on: np.ndarray, effective: np.ndarray
+) -> tuple[list[Point], np.ndarray]:
+    """The most promising terms at the best size that was tried, best first; derivatives (D, W, T, C) at `base`."""
+    residual, (slopes,) = sensitivities(problem, [base], fit_on)
+    starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes)[:PROBED]
+    points, cost = _sized(problem, starts, fit_on, effective)
+    return [points[i] for i in np.argsort(cost, kind="stable")], slopes
 
 
 def _probed(
@@ -114,9 +122,7 @@ def _probed(
     residual : (W, T, C) of `base`. slopes : (D, W, T, C) its derivatives.
     """
     probes = [_probes(base, term) for term in terms]
-    flat = [p for own in probes for p in own]
-    owner = [i for i, own in enumerate(probes) for _ in own]
-    made = problem.residuals(flat, fit_on)
+    made = problem.residuals([p for own in probes for p in own], fit_on)
     linear = _Linear(problem, base, residual, slopes, effective)
     found, at = [], 0
     for own in probes:
@@ -127,27 +133,39 @@ def _probed(
     if not problem.rough:
         return [found[i][1] for i in order]
     # jumps bend what first order takes for straight: what the probes themselves reach counts as much
-    others = [(i, m) for i, p in zip(owner, flat, strict=True) for m in mirrored(p)]
-    flipped = [m for _, m in others]
-    cost = objective(problem, flat, made, effective)
-    if others:
-        cost = np.append(cost, objective(problem, flipped, problem.residuals(flipped, fit_on), effective))
-    owner, flat = [*owner, *(i for i, _ in others)], [*flat, *flipped]
-    reached: dict[int, Point] = {}
-    for k in np.argsort(cost, kind="stable"):
-        reached.setdefault(owner[k], flat[k])
+    reached = _reached(problem, probes, made, fit_on, effective)
     either = dict.fromkeys(int(i) for pair in zip(order, reached, strict=True) for i in pair)
     return [[*found[i][1], reached[i]] for i in either]
 
 
+def _reached(
+    problem: Problem, probes: list[list[Point]], made: np.ndarray, fit_on: np.ndarray, effective: np.ndarray
+) -> dict[int, Point]:
+    """By number of its term the probe that is nearest to the data, with either sign; the best term first.
+
+    made : (K, W, T, C) residuals of all probes as they are.
+    """
+    tried = [(i, p) for i, own in enumerate(probes) for p in own]
+    turned = [(i, m) for i, p in tried for m in mirrored(p)]
+    cost = objective(problem, [p for _, p in tried], made, effective)
+    if turned:
+        points = [p for _, p in turned]
+        cost = np.append(cost, objective(problem, points, problem.residuals(points, fit_on), effective))
+    tried += turned
+    out: dict[int, Point] = {}
+    for k in np.argsort(cost, kind="stable"):
+        out.setdefault(*tried[k])
+    return out
+
+
 def mirrored(point: Point) -> list[Point]:
-    """The probe with the other sign, where its effect has one."""
+    """The probe with the other sign, where its size has one."""
     term = point.hypothesis.terms[-1]
     signed = np.array([p.signed for p in term.effect.parameters])
-    if not signed.any():
-        return []
     effect = point.effect.copy()
     own = effect[len(effect) - len(signed) :]
+    if not own[signed].any():
+        return []
     own[signed] *= -1.0
     low, high = effect_bounds(point.hypothesis).T
     return [Point(point.hypothesis, point.nominal, np.clip(effect, low, high))]

@@ -10,7 +10,7 @@ from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, rivals, verdict_of
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.gained import window_errors
-from dynreg.diagnose.hypothesis import Hypothesis, one_group, single_terms
+from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.problem import Point, Problem
@@ -22,7 +22,7 @@ from dynreg.registry import Registry
 from dynreg.replay.parts import Parts
 from dynreg.results.trials import TrialResult, TrialTable
 from dynreg.rng import stream, stream_seed
-from dynreg.sim.effects import Term, term
+from dynreg.sim.effects import Term, one_group, term
 from dynreg.sim.robot import Robot
 
 Progress = Callable[[str, int, int], None]
@@ -153,7 +153,7 @@ def _scored(
         causes=causes,
         verdict=verdict,
         right=right,
-        joint_right=_joint_right(hidden, first),
+        joint_right=_joint_right(robot, hidden, first),
         false_alarm=not hidden.terms and first is not None,
         in_set=bool(stated & set().union(*truths)) if hidden.terms and first else None,
         size_of_set=1 + len(rivals(robot, found.rounds[0])) if first else 0,
@@ -167,10 +167,17 @@ def _same(robot: Robot, hidden: Term) -> set[str]:
     return {hidden.key, *(t.key for t in single_terms(robot) if one_group(robot, hidden, t))}
 
 
-def _joint_right(hidden: Hidden, first: Term | None) -> bool | None:
-    """Whether the cause sits in the joints where one is hidden; None where it does not sit in a joint."""
+def _joint_right(robot: Robot, hidden: Hidden, first: Term | None) -> bool | None:
+    """Whether the cause sits in the joints where one is hidden; None where it does not sit in a joint.
+
+    An effect of the whole robot that no commands tell from the hidden one sits there, too.
+    """
     joints = tuple(j for t in hidden.terms for j in t.joints)
-    return first is not None and first.joints == joints if joints else None
+    if not joints:
+        return None
+    return first is not None and (
+        first.joints == joints or any(first.key in _same(robot, t) for t in hidden.terms)
+    )
 
 
 def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | None:

@@ -178,6 +178,7 @@ class Where(Result):
 class Noise(Result):
     """What the best simulator leaves of one channel, against what no simulator can explain; both 1 sigma in `unit`.
 
+    left : where contacts make rollouts rough, the mean of its logarithm over the windows.
     basis : what the floor comes from. white : whether what is left looks like white noise; null where unknown.
     """
 

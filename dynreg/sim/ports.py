@@ -202,9 +202,9 @@ def law_changes(ports: Ports, inputs: np.ndarray) -> frozenset[int]:
 
     inputs : (n, T, I) of all simulations.
     """
-    if not ((ports.supply_input >= 0).any() or (ports.enable_input >= 0).any()):
-        return frozenset()
-    changed = (inputs[:, 1:] != inputs[:, :-1]).any(axis=(0, 2))
+    heard = np.unique([ports.supply_input, ports.enable_input])
+    heard = heard[heard >= 0]
+    changed = (inputs[:, 1:, heard] != inputs[:, :-1, heard]).any(axis=(0, 2))
     return frozenset((1 + np.flatnonzero(changed)).tolist())
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Hypothesis, one_group, worth_naming
-from dynreg.sim.effects import term
+from dynreg.diagnose.hypothesis import Hypothesis, worth_naming
+from dynreg.sim.effects import one_group, term
 from dynreg.sim.robot import load_robot
 
 

@@ -10,6 +10,7 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.evidence import remaining
 from dynreg.diagnose.fit import objective, polish, uneven
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.name import POLISHED
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import hide, log_of, protocol
@@ -64,7 +65,7 @@ def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
     problem.rough = True
     start = Point(Hypothesis(), z + np.where(np.arange(len(z)) % 2, 0.5, -0.5), np.zeros(0))
     truth = Point(Hypothesis(), z, np.zeros(0))
-    (found,), _ = polish(problem, [start], fit_on)
+    (found,), _ = polish(problem, [start], fit_on, iterations=POLISHED)
     points = [start, found, truth]
     made = problem.fine.residuals(points, fit_on)
     cost = objective(problem, points, made, problem.effective(made[2]))

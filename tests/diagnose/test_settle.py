@@ -1,5 +1,7 @@
 """An earlier cause gives way to an equivalent only for its share of the whole evidence, for each parameter more."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import NEAR, Naming, Scored
 from dynreg.diagnose.problem import Point
 from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
 
 SQUARE = np.ones((1, 1))
 PLAIN, RICH, LATER = "load_friction", "stribeck_load_friction", "thermal_fade"
@@ -36,7 +39,9 @@ def revised(rounds: list[Naming], gained: float, monkeypatch: pytest.MonkeyPatch
     ranked = lambda problem, base, fitted, *a: Naming(scored(0.0), [Scored(fitted[0], gained, SQUARE)])  # noqa: E731
     monkeypatch.setattr(settle, "select", ranked)
     windows = np.arange(1)
-    return settle.revise(None, rounds, windows, windows, SQUARE)
+    return settle.revise(
+        SimpleNamespace(robot=load_robot("servo_pendulum")), rounds, windows, windows, SQUARE
+    )
 
 
 def needed() -> float:

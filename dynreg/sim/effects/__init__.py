@@ -7,7 +7,17 @@ from typing import Any
 from dynreg.errors import UsageError
 from dynreg.plugins import with_plugins
 from dynreg.sim.effects import body, command, contact, drive, friction, sensor, transmission, wheels
-from dynreg.sim.effects.effect import SIZES, Effect, EffectParameter, Moment, Site, Term, Terms, Values
+from dynreg.sim.effects.effect import (
+    SIZES,
+    Effect,
+    EffectParameter,
+    Moment,
+    Site,
+    Term,
+    Terms,
+    Values,
+    one_group,
+)
 
 _PACKAGED = (
     command.CommandDelay,
@@ -103,5 +113,6 @@ __all__ = [
     "applicable",
     "effect",
     "effects",
+    "one_group",
     "term",
 ]

@@ -53,8 +53,9 @@ class ComOffset(Effect):
         return _mechanical(robot)
 
     def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
-        alone = len(robot.actions) == 1  # what hangs on the body keeps its weight where it is
-        return super().about(robot, joints) if alone else None
+        hinge = tilt_hinge(robot)
+        alone = robot.model.njnt == 1  # else what hangs on the body keeps its weight where it is
+        return (robot.model.joint(hinge).name,) if alone and hinge is not None else None
 
     def configure(self, site: Site, p: Values) -> None:
         body = carrier(site.robot)
@@ -98,7 +99,7 @@ class GravityTilt(Effect):
 
     def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
         hinge = tilt_hinge(robot)
-        return None if hinge is None else (robot.model.joint(hinge).name,)
+        return (robot.model.joint(hinge).name,) if hinge is not None and _turns_all(robot, hinge) else None
 
     def configure(self, site: Site, p: Values) -> None:
         gravity = site.expand("opt.gravity")
@@ -155,6 +156,30 @@ def tilt_hinge(robot: Robot) -> int | None:
     # tilting about gravity itself does nothing
     level = np.abs(at_reset(robot).xaxis[hinges, 2]) < 0.9
     return int((hinges[level] if level.any() else hinges)[0])
+
+
+def _turns_all(robot: Robot, hinge: int) -> bool:
+    """Whether the hinge turns every driven joint after it, and no other hinge turns it: it turns as the base does."""
+    import mujoco
+
+    model = robot.model
+    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    driven = model.dof_jntid[driven_dofs(robot)] if robot.actions else hinges
+    below = [_hangs_on(model, int(joint), hinge) for joint in driven]
+    above = [_hangs_on(model, hinge, int(joint)) for joint in hinges if joint != hinge]
+    return all(below) and not any(above)
+
+
+def _hangs_on(model, joint: int, other: int) -> bool:
+    """Whether what a joint moves hangs on what another moves (or is the same body's, after it)."""
+    body, target = int(model.jnt_bodyid[joint]), int(model.jnt_bodyid[other])
+    if body == target:
+        return joint >= other
+    while body > 0:
+        body = int(model.body_parentid[body])
+        if body == target:
+            return True
+    return False
 
 
 def direction_across(robot: Robot) -> np.ndarray:

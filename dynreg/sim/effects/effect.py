@@ -162,7 +162,7 @@ class Effect:
 
         None where the robot as a whole has no joint at which they could be mistaken for each other.
         """
-        return joints or tuple(action.split("/")[0] for action in robot.actions)
+        return tuple(sorted({*(joints or (action.split("/")[0] for action in robot.actions))}))
 
     def shown_by(self, robot: Robot) -> tuple[str, ...]:
         """Inputs of the robot that already hold the effect, where a log measured them while it moved."""
@@ -188,6 +188,14 @@ class Term:
     def key(self) -> str:
         """ "load_friction", or "load_friction[arm]" where not all joints have it."""
         return self.effect.id + (f"[{','.join(self.joints)}]" if self.joints else "")
+
+
+def one_group(robot: Robot, first: Term, second: Term) -> bool:
+    """Whether both belong to one exact group, about the same joints: no commands tell them apart."""
+    if not first.effect.group or second.effect.group != first.effect.group:
+        return False
+    about = first.effect.about(robot, first.joints)
+    return about is not None and second.effect.about(robot, second.joints) == about
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,60 @@
+"""The four verdicts: what is left against what cannot be explained, and whether a rival is as good."""
+
+import numpy as np
+import pytest
+
+from dynreg.diagnose.evidence import EXPLAINED, Evidence, rivals, verdict_of
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.name import Naming, Scored
+from dynreg.diagnose.problem import Point
+from dynreg.results.diagnosis import Noise
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
+
+
+def scored(*keys: str) -> Scored:
+    terms = tuple(term(k) for k in keys)
+    z = np.ones(sum(len(t.effect.parameters) for t in terms))
+    return Scored(Point(Hypothesis(terms), np.zeros(1), z), 50.0, np.ones((1, 1)))
+
+
+def named(cause: str, *equivalent: str) -> tuple[Naming, ...]:
+    return (Naming(scored(), [], scored(cause), [scored(e) for e in equivalent]),)
+
+
+def evidence(ratio: float, basis: str = "repeatability", white: bool | None = False) -> Evidence:
+    noise = Noise(
+        channel="knee/position", unit="rad", left=ratio, floor=1.0, basis=basis, ratio=ratio, white=white
+    )
+    return Evidence(noise, ratio, {})
+
+
+@pytest.mark.parametrize(
+    ("ratio", "rounds", "accepted", "verdict"),
+    [
+        (1.0, named("backlash[knee]"), 1, "named"),
+        (1.0, named("backlash[knee]", "inertia[knee]"), 1, "ambiguous"),
+        (1.0, named("gravity_tilt", "encoder_offset[hip_roll]"), 1, "named"),
+        (1.0, named("gravity_tilt", "encoder_offset[knee]"), 1, "ambiguous"),
+        (2.0 * EXPLAINED, named("backlash[knee]"), 1, "partly_explained"),
+        (1.0, named("backlash[knee]"), 0, "none"),
+        (2.0 * EXPLAINED, named("backlash[knee]"), 0, "unknown"),
+    ],
+)
+def test_a_verdict_is_what_is_left_and_who_else_explains_it(ratio, rounds, accepted, verdict):
+    assert verdict_of(load_robot("leg"), evidence(ratio), rounds, accepted) == verdict
+
+
+def test_without_repeated_runs_a_white_rest_counts_as_explained():
+    far = 3.0 * EXPLAINED
+    leg, rounds = load_robot("leg"), named("backlash[knee]")
+    assert verdict_of(leg, evidence(far, "stated_noise", True), rounds, 1) == "named"
+    assert verdict_of(leg, evidence(far, "stated_noise", False), rounds, 1) == "partly_explained"
+    assert verdict_of(leg, evidence(far, "repeatability", True), rounds, 1) == "partly_explained"
+
+
+def test_rivals_leave_the_exact_group_out():
+    (naming,) = named(
+        "force_offset[knee]", "asymmetric_friction[knee]", "asymmetric_friction", "cogging[knee]"
+    )
+    assert rivals(load_robot("leg"), naming) == ["asymmetric_friction", "cogging[knee]"]
