@@ -1,9 +1,10 @@
 """The library of effects, as a result."""
 
 from collections.abc import Mapping
+from itertools import product
 
 from dynreg.results import EffectRow, EffectSize, EffectsList
-from dynreg.sim.effects import Effect, Term, effects, one_group
+from dynreg.sim.effects import Effect, effects, one_group, placed
 from dynreg.sim.robot import Robot
 
 
@@ -44,7 +45,8 @@ def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> Ef
 
 
 def _one_group(robot: Robot | None, first: Effect, second: Effect) -> bool:
-    """Whether no commands tell the two apart: on any robot of one joint, or on this one."""
+    """Whether no commands tell the two apart: on any robot of one joint, or at some joint of this one."""
     if robot is None or first.why_not(robot) or second.why_not(robot):
         return bool(first.group) and first.group == second.group
-    return one_group(robot, Term(first), Term(second))
+    pairs = product(placed(robot, first), placed(robot, second))
+    return any(one_group(robot, one, other) for one, other in pairs)

@@ -46,3 +46,14 @@ def test_sizes_grow_from_weak_to_strong() -> None:
         size = e.parameters[0]
         values = [abs(v) for v in (size.weak, size.medium, size.strong)]
         assert values in (sorted(values), sorted(values)[::-1]) and len(set(values)) == 3, e.id
+
+
+@pytest.mark.parametrize(
+    ("name", "alike"),
+    [("leg", ("encoder_offset",)), ("quadruped", ()), ("simple_pendulum", ("com_offset", "encoder_offset"))],
+)
+def test_of_a_robot_only_what_is_exact_at_one_of_its_joints_is_a_group(
+    name: str, alike: tuple[str, ...]
+) -> None:
+    (tilt,) = [e for e in effects_list(load_robot(name)).effects if e.id == "gravity_tilt"]
+    assert sorted(tilt.group) == sorted(alike)

@@ -12,7 +12,7 @@ from dynreg.results.diagnosis import Noise, Verdict
 from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
-TINY = 1e-12  # no window's residual counts as smaller: one that is never left says nothing of the others
+TINY = 1e-12  # mean squares below it count as this: their logarithm has to be a number
 EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
 
 
@@ -57,11 +57,11 @@ class Evidence:
 
 
 def remaining(residual: np.ndarray, rough: bool) -> float:
-    """Root mean square of a residual (W, T).
+    """Root mean square of a residual (W, T), in its unit.
 
-    Where contacts make rollouts rough, windows count by the mean of their logarithms, as they do in the likelihood: a
-    foot that slips a moment too late in one of them, which the true simulator's does too, must not hide that the
-    others are explained. What stays in half of all windows counts by its root.
+    Where contacts make rollouts rough it is the geometric mean of those of the windows, which the likelihood sums as
+    logarithms, too: a foot that slips a moment too late in one of them, as the true simulator's does, must not hide
+    that the others are explained. The price: k times the noise in half of the windows counts as its square root.
     """
     if not rough:
         return float(np.sqrt(np.nanmean(residual**2)))

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.sim.effects import EffectParameter, Term, applicable
+from dynreg.sim.effects import EffectParameter, Term, applicable, placed
 from dynreg.sim.effects.body import at_reset, driven_dofs, lever
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
@@ -185,15 +185,10 @@ def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
 
 def single_terms(robot: Robot, only: tuple[str, ...] = (), without: tuple[str, ...] = ()) -> list[Term]:
     """Every effect that can act on the robot: on all its joints, and on each where it has several."""
-    joints = tuple(dict.fromkeys(name.split("/")[0] for name in robot.actions))
-    out = []
-    for name, effect in applicable(robot).items():
-        if (only and name not in only) or name in without:
-            continue
-        out.append(Term(effect))
-        if effect.scope == "joint" and len(joints) > 1:
-            out += [Term(effect, (joint,)) for joint in joints]
-    return out
+    chosen = [
+        e for name, e in applicable(robot).items() if (not only or name in only) and name not in without
+    ]
+    return [term for effect in chosen for term in placed(robot, effect)]
 
 
 def _felt_inertia(model, data) -> np.ndarray:

@@ -17,13 +17,14 @@ MANY = 40  # terms from which a list is long: two joints, and all that can be wr
 PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
-REFINED = (
-    0.2  # of the medium size, for probes of what acts on joints already: more friction, and they would stick
-)
+REFINED = 0.2  # of the medium size, for probes of what acts on joints already, which else would stick
 # Nats behind the best of its own start, by the finer time step, from which a term is not refitted with it. On a leg no
 # cause that won was more than 10 behind; the starts cannot be compared: one is calibrated, the other is not.
 BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
+# From the nameplate the best terms walk on before the finer time step judges them: their nominal parameters are not
+# fitted yet, and of a robot with many of them one shared step leaves all terms about as bad.
+CAUGHT_UP, CATCHING_UP = 4, 3  # so many terms, so many iterations
 
 
 def shortlisted(
@@ -45,7 +46,7 @@ def shortlisted(
     if problem.rough:
         nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
         done = _roughly_from(problem, base, terms, fit_on, effective)
-        done += _roughly_from(problem, nameplate, terms, fit_on, effective)
+        done += _roughly_from(problem, nameplate, terms, fit_on, effective, CATCHING_UP)
     else:
         done = _from(problem, base, terms, fit_on, effective, iterations, hopeless)
     best: dict[str, Point] = {}
@@ -87,13 +88,19 @@ def _roughly_from(
     terms: list[Term],
     fit_on: np.ndarray,
     effective: np.ndarray,
+    catching_up: int = 0,
 ) -> list[tuple[float, Point]]:
     """Objective, by the finer time step, and point of each of the most promising terms after one step of its refit.
 
     What the time step does to the start flatters all that stays near it: only the finer one judges.
+    catching_up : further iterations of the best terms, with derivatives of their own.
     """
     points, slopes = _started(problem, start, terms, fit_on, effective)
-    points, _ = fit(problem, points[: PROBED // 2], fit_on, effective, iterations=1, leading=slopes)
+    points, cost = fit(problem, points[: PROBED // 2], fit_on, effective, iterations=1, leading=slopes)
+    if catching_up:
+        points = [points[i] for i in np.argsort(cost, kind="stable")]
+        further, _ = fit(problem, points[:CAUGHT_UP], fit_on, effective, iterations=catching_up)
+        points = [*further, *points[CAUGHT_UP:]]
     cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
     return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Hypothesis, worth_naming
+from dynreg.diagnose.hypothesis import Hypothesis, single_terms, worth_naming
 from dynreg.sim.effects import one_group, term
 from dynreg.sim.robot import load_robot
 
@@ -30,3 +30,15 @@ def test_an_exact_group_is_one_of_the_same_joint():
     assert one_group(leg, term("force_offset[knee]"), term("asymmetric_friction[knee]"))
     assert one_group(arm, term("gravity_tilt"), term("com_offset"))
     assert not one_group(load_robot("quadruped"), term("gravity_tilt"), term("com_offset"))
+
+
+@pytest.mark.parametrize(
+    ("name", "joint"),
+    [("leg", "hip_roll"), ("double_pendulum", "shoulder"), ("so101", None), ("quadruped", None)],
+)
+def test_a_tilt_is_about_the_first_hinge_where_no_other_turns_it(name, joint):
+    robot = load_robot(name)
+    tilt = term("gravity_tilt")
+    assert tilt.effect.about(robot, ()) == (joint and (joint,))
+    alike = [t.key for t in single_terms(robot) if t.key != tilt.key and one_group(robot, tilt, t)]
+    assert alike == ([f"encoder_offset[{joint}]"] if joint else [])

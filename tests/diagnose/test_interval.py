@@ -71,6 +71,18 @@ def test_neighbours_are_declared_by_either_effect_and_not_of_the_same_group():
     }
 
 
+def test_neighbours_on_several_joints_are_not_the_effect_itself_nor_of_the_group_of_its_joint():
+    robot = load_robot("leg")
+    terms = single_terms(robot)
+    tilt = {t.key for t in neighbours(robot, term("gravity_tilt"), terms)}
+    assert {"encoder_offset[knee]", "encoder_offset[hip_pitch]", "com_offset"} <= tilt
+    assert not {"gravity_tilt", "encoder_offset[hip_roll]"} & tilt
+    assert "encoder_offset" not in {t.key for t in neighbours(robot, term("encoder_offset[knee]"), terms)}
+    play = {t.key for t in neighbours(robot, term("backlash[knee]"), terms)}
+    assert "joint_elasticity[knee]" in play
+    assert not {"joint_elasticity[hip_roll]", "backlash", "backlash[knee]", "backlash[hip_roll]"} & play
+
+
 def test_a_posterior_in_a_corner_of_its_bounds_is_still_told(servo, monkeypatch):
     problem, chosen, point, _ = servo
     cut = np.stack([point.z, point.z + 3.0], axis=1)  # one draw in 2^8 lies inside

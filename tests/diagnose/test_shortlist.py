@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from dynreg.diagnose import shortlist
 from dynreg.diagnose.diagnose import pose
-from dynreg.diagnose.fit import fit, sensitivities
+from dynreg.diagnose.fit import fit, objective, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.problem import Point, effective_samples
@@ -90,6 +92,72 @@ def test_a_rough_list_holds_the_hidden_effect_too(key):
     terms = single_terms(problem.robot, (*SOME, "gravity_tilt"))
     found = [p.hypothesis.key for p in shortlisted(rough, base, terms, fit_on, effective, iterations=3)]
     assert key in found[:3] and len(set(found)) == len(found)
+
+
+class Jumping:
+    """A problem of one channel in which a tilt helps at one sign alone, and is all of the error there."""
+
+    floor = np.full(1, 1e-4)
+    coordinates = SimpleNamespace(nominal_bounds=np.array([[-1.0, 1.0]]))  # of a parameter that does nothing
+
+    def __init__(self, rough: bool):
+        self.rough = rough
+        t = np.linspace(0.0, 1.0, 40)
+        self.error, self.other = (f(2 * np.pi * t)[None, :, None] for f in (np.sin, np.cos))
+
+    def residuals(self, points, chosen):
+        out = []
+        for point in points:
+            size, key = point.effect[-1], point.hypothesis.key
+            straight = self.error * (1.0 - 0.05 * min(size, 2.0))
+            tilted = self.error + size * self.other if size > 0 else self.error * (1.0 + max(size, -1.0))
+            out.append(tilted if key == "gravity_tilt" else straight)
+        return np.array(out)
+
+
+@pytest.mark.parametrize("rough", [True, False])
+def test_what_a_probe_reaches_with_the_other_sign_ranks_a_term_only_where_rollouts_are_rough(rough):
+    problem = Jumping(rough)
+    base = Point(Hypothesis(), np.zeros(1), np.zeros(0))
+    terms = [term(f"coulomb_friction[{j}]") for j in ("knee", "hip_roll", "hip_pitch")] + [
+        term("gravity_tilt")
+    ]
+    starts = shortlist._probed(
+        problem, base, terms, np.arange(1), np.full((1, 1), 40.0), problem.error, np.zeros((1, 1, 40, 1))
+    )
+    keys = [own[0].hypothesis.key for own in starts]
+    (tilts,) = [own for own in starts if own[0].hypothesis.key == "gravity_tilt"]
+    assert sorted(keys) == sorted(t.key for t in terms)
+    assert keys.index("gravity_tilt") == (1 if rough else len(terms) - 1)
+    assert any(p.effect[-1] == -1.0 for p in tilts) is rough
+
+
+def test_what_is_far_behind_the_best_of_its_own_start_is_not_refitted(monkeypatch):
+    problem, fit_on, _ = posed("gravity_tilt")
+    rough = replace(problem, rough=True, corrections={})
+    base, effective = calibrate(rough, fit_on, draws=0)
+    terms = single_terms(problem.robot, ("coulomb_friction", "gravity_tilt"))
+    lists = {}
+    for behind in (0.0, np.inf):
+        monkeypatch.setattr(shortlist, "BEHIND", behind)
+        lists[behind] = shortlisted(rough, base, terms, fit_on, effective, iterations=3)
+    assert 1 <= len(lists[0.0]) <= 2 < len(lists[np.inf])
+
+
+def test_from_the_nameplate_the_best_terms_walk_on_before_they_are_judged():
+    problem, fit_on, _ = posed("payload")
+    rough = replace(problem, rough=True, corrections={})
+    base, effective = calibrate(rough, fit_on, draws=0)
+    nameplate = Point(Hypothesis(), np.zeros(len(base.nominal)), np.zeros(0))
+    terms = single_terms(problem.robot, ("payload", "coulomb_friction"))
+    begun, further = (
+        shortlist._roughly_from(rough, nameplate, terms, fit_on, effective, catching_up=n) for n in (0, 3)
+    )
+    fine = lambda found: [  # noqa: E731
+        objective(rough, [p], rough.fine.residuals([p], fit_on), effective)[0] for _, p in found
+    ]
+    assert [cost for cost, _ in further] == pytest.approx(fine(further))
+    assert min(fine(further)) < min(fine(begun)) - 10.0
 
 
 def test_known_derivatives_lead_to_the_same_optimum():

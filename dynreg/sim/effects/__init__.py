@@ -18,6 +18,7 @@ from dynreg.sim.effects.effect import (
     Values,
     one_group,
 )
+from dynreg.sim.robot import Robot
 
 _PACKAGED = (
     command.CommandDelay,
@@ -96,9 +97,16 @@ def term(key: str) -> Term:
     return Term(effect(name), chosen)
 
 
-def applicable(robot) -> dict[str, Effect]:
+def applicable(robot: Robot) -> dict[str, Effect]:
     """{id: effect} of those that can act on a robot."""
     return {name: e for name, e in effects().items() if e.why_not(robot) is None}
+
+
+def placed(robot: Robot, effect: Effect) -> list[Term]:
+    """The effect on all joints that a robot drives, and on each of them where it drives several."""
+    joints = tuple(dict.fromkeys(name.split("/")[0] for name in robot.actions))
+    single = [Term(effect, (j,)) for j in joints] if effect.scope == "joint" and len(joints) > 1 else []
+    return [Term(effect), *single]
 
 
 __all__ = [
@@ -114,5 +122,6 @@ __all__ = [
     "effect",
     "effects",
     "one_group",
+    "placed",
     "term",
 ]
