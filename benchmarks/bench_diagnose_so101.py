@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import dynreg
-from dynreg.data.recording import Recording
+from dynreg.data.recording import Episode, Recording
 from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
@@ -28,6 +28,7 @@ from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
@@ -102,34 +103,39 @@ def short_errors(
     return out
 
 
-def whole_errors(robot: Robot, recording: Recording, rows: dict, engine: str) -> dict:
-    """{joint: {model: {motion: error}}} of whole motions from their start.
+def whole_states(robot: Robot, run: Run, rows: dict, model: str, engine: str) -> np.ndarray:
+    """(6, W, T+1, S) rollouts of whole motions from their start, by joint.
 
     Lengths and masses were fitted by each joint to itself: each joint is read off an arm that has its own.
     """
+    configs = {j: _config(robot, rows[j]["simulators"][model]) for j in JOINTS}
+    merged = {
+        name: value
+        for j in JOINTS
+        for name, value in configs[j].values.items()
+        if name.startswith(f"{j}_") and name not in SHARED
+    }
+    values = [robot.space.from_dict(merged | {n: configs[j].values[n] for n in SHARED}) for j in JOINTS]
+    effects = {key: value for j in JOINTS for key, value in configs[j].effects.items()}
+    terms = _terms(SimConfig(robot.hash, robot.name, merged, effects), len(JOINTS))
+    return rollout(robot, np.array(values), run, engine=engine, threads=1, terms=terms).states
+
+
+def whole_errors(robot: Robot, recording: Recording, rows: dict, engine: str) -> dict:
+    """{joint: {model: {motion: error}}} of whole held-out motions from their start."""
     settings = Settings(hold_out=",".join(HELD_OUT), horizon=WHOLE)
     problem, split = pose(None, robot, recording, settings)
     run = problem.windows.run.take(np.flatnonzero(split.test))
     out: dict = {joint: {} for joint in JOINTS}
     for model in MODELS:
-        configs = {j: _config(robot, rows[j]["simulators"][model]) for j in JOINTS}
-        merged = {
-            name: value
-            for j in JOINTS
-            for name, value in configs[j].values.items()
-            if name.startswith(f"{j}_") and name not in SHARED
-        }
-        values = [robot.space.from_dict(merged | {n: configs[j].values[n] for n in SHARED}) for j in JOINTS]
-        effects = {key: value for j in JOINTS for key, value in configs[j].effects.items()}
-        terms = _terms(SimConfig(robot.hash, robot.name, merged, effects), len(JOINTS))
-        states = rollout(robot, np.array(values), run, engine=engine, threads=1, terms=terms).states
+        states = whole_states(robot, run, rows, model, engine)
         for i, joint in enumerate(JOINTS):
             out[joint][model] = motion_errors(problem, split, states[i], joint, recording)
     return out
 
 
 def lags(recording: Recording, joint: str) -> dict[str, dict[str, float]]:
-    """{pace: {motion: s}} by which the measured position follows the command.
+    """{pace: {motion: s}} by which the position follows the command.
 
     The shift at which a straight line through (command, position) leaves least.
     """
@@ -145,6 +151,23 @@ def lags(recording: Recording, joint: str) -> dict[str, dict[str, float]]:
         later = t > t[0] + LONGEST_LAG
         alike = [np.corrcoef(np.interp(t[later] - s, t, u), q[later])[0, 1] for s in shifts]
         out[pace][episode.name] = float(shifts[int(np.argmax(alike))])
+    return out
+
+
+def simulated(robot: Robot, recording: Recording, rows: dict, model: str) -> dict[str, Recording]:
+    """{joint: the recording as a simulator of that joint has it}, whole motions from their start."""
+    problem, _ = pose(None, robot, recording, Settings(horizon=WHOLE))
+    cut = problem.windows
+    states, out = whole_states(robot, cut.run, rows, model, "joint"), {}
+    for number, joint in enumerate(JOINTS):
+        logged = recording.columns((f"{joint}/position",))[0]
+        column, episodes = robot.channels.index(f"{joint}/position"), []
+        for window, (first, end) in enumerate(cut.rows):
+            episode = recording.episodes[cut.episode[window]]
+            values = np.array(episode.values[first:end])
+            values[:, logged] = states[number, window, : end - first, column]
+            episodes.append(Episode(episode.name, episode.time[first:end], values, episode.settings))
+        out[joint] = Recording(recording.channels, tuple(episodes), measured=False)
     return out
 
 
@@ -228,20 +251,21 @@ def table(title: str, errors: dict) -> None:
         )
 
 
-def lag_table(rows: dict, measured: dict) -> None:
-    """Print each joint's measured lag by pace, and the parts of it in the plain and the extended simulator [ms]."""
+def lag_table(rows: dict, found: dict) -> None:
+    """Print the lag of each joint by pace, in the log and in simulators, and the parts of it that these have."""
     print("lag [ms]: median (least to most, motions); delay + lag + damping / stiffness of the simulators")
-    for joint, paces in measured.items():
-        told = []
-        for pace, motions in paces.items():
-            ms = 1000 * np.array(list(motions.values()))
-            told.append(
-                f"{pace} {np.median(ms):.0f} ({ms.min():.0f} to {ms.max():.0f}, {len(ms)})" if len(ms) else ""
-            )
-        for name in ("plain", "extended"):
-            parts = parts_of_lag(rows[joint]["simulators"][name], joint)
-            told.append(f"{name} " + " + ".join(f"{1000 * s:.0f}" for s in parts.values()))
-        print(f"  {joint:12}" + "; ".join(t for t in told if t))
+    for joint in rows:
+        for source, by_joint in found.items():
+            told = []
+            for pace, motions in by_joint.get(joint, {}).items():
+                ms = 1000 * np.array(list(motions.values()))
+                if len(ms):
+                    told.append(f"{pace} {np.median(ms):.0f} ({ms.min():.0f} to {ms.max():.0f}, {len(ms)})")
+            if source != "measured":
+                parts = parts_of_lag(rows[joint]["simulators"][source], joint)
+                told.append(" + ".join(f"{1000 * s:.0f}" for s in parts.values()))
+            if told:
+                print(f"  {joint:12}{source:10}" + "; ".join(told))
 
 
 def main() -> None:
@@ -270,13 +294,18 @@ def main() -> None:
             RESULTS.write_text(json.dumps({"joints": rows}, indent=1) + "\n")
         rows = {j: rows[j] for j in JOINTS if j in rows}
         table("5 s from measured states, each joint alone [rad]", {j: rows[j]["errors"] for j in rows})
-        measured = {j: lags(reg.registry.recording(recording), j) for j in rows}
-        lag_table(rows, measured)
-        document: dict = {"joints": rows, "lag": measured}
+        loaded = reg.registry.recording(recording)
+        found = {"measured": {j: lags(loaded, j) for j in rows}}
+        if len(rows) == len(JOINTS) and not given.no_whole:
+            for model in ("plain", "extended"):
+                made = simulated(robot, loaded, rows, model)
+                found[model] = {j: lags(made[j], j) for j in rows}
+        lag_table(rows, found)
+        document: dict = {"joints": rows, "lag": found}
         if len(rows) == len(JOINTS) and not given.no_whole:
             document["whole"] = {}
             for engine in ("joint", "mujoco"):
-                errors = whole_errors(robot, reg.registry.recording(recording), rows, engine)
+                errors = whole_errors(robot, loaded, rows, engine)
                 document["whole"][engine] = errors
                 table(f"whole motions from their start, engine {engine} [rad]", errors)
         RESULTS.write_text(json.dumps(document, indent=1) + "\n")
