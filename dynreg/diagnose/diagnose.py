@@ -189,7 +189,9 @@ def search(
         zeroed, current = _zeroed(problem, zeroed, rounds[-1].chosen.point, fit_on, select_on)
     report("causes", settings.max_causes, settings.max_causes)
     both = np.concatenate([fit_on, select_on])
-    pooled = np.concatenate([effective, np.tile(effective.mean(axis=0), (len(select_on), 1))])
+    pooled = np.concatenate(
+        [effective, np.tile(effective.mean(axis=0), (len(select_on) * problem.segments, 1))]
+    )
     if many and problem.rough:
         base, current = _ended(problem, zeroed, base, current if accepted else None, both)
         return Found(base, current, tuple(rounds), accepted, limit, zeroed)

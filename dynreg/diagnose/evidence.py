@@ -1,6 +1,6 @@
 """What is left after the search, against what no simulator could explain; the verdict that follows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Evidence:
         """Measure what `extended` leaves in the windows `chosen`; what repeats is looked for in the whole recording."""
         robot = problem.robot
         repeats = {r.channel: r for r in repeatability(robot, recording)}
-        left = problem.fine.residuals([extended], chosen)[0]
+        left = replace(problem.fine, whole=True).residuals([extended], chosen)[0]
         rows = []
         for c, column in enumerate(problem.use):
             spread = problem.windows.spread[column]

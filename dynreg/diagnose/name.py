@@ -67,8 +67,8 @@ def calibrate(
     many = len(problem.coordinates)
     apart = stream(seed, "calibrate").standard_normal((draws, many))
     points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *apart)]
-    effective = np.full((len(fit_on), len(problem.use)), 20.0)
     problem.rough = problem.rough or (problem.coarse and uneven(problem, points[0], fit_on))
+    effective = np.full((len(fit_on) * problem.segments, len(problem.use)), 20.0 / problem.segments)
     if problem.rough:  # what the time step does to contacts leads the fit astray from its start
         problem.refine(points[:1], np.arange(len(problem.windows)))
     points, cost = fit(problem, points, fit_on, effective, iterations=3)
@@ -217,7 +217,7 @@ def select(
     squares = mean_squares(everything, problem.floor)
     rough = np.array([np.nansum(np.log(s)) for s in squares])
     effective = problem.effective(everything[int(rough.argmin())])
-    many = len(fit_on)
+    many = len(fit_on) * problem.segments
     gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
     on_fit, on_select = (g - g[0] for g in gained)
     likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select

@@ -14,6 +14,7 @@ from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
 FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
+SEGMENTS = 3  # of a rollout of a robot on its feet, each with a variance of its own
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
@@ -61,6 +62,7 @@ class Problem:
     rough : whether rollouts are too rough for narrow differences; by default where a robot stands on its feet.
     spent : what was simulated so far, shared with problems made from this one.
     corrections : {keys of terms: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
+    whole : whether the rollouts of a floating base count as one, too: see `segments`.
     """
 
     robot: Robot
@@ -70,6 +72,7 @@ class Problem:
     threads: int = 1
     corrections: dict[frozenset[str], np.ndarray] = field(default_factory=dict)
     rough: bool | None = None
+    whole: bool = False
     spent: Spent = field(default_factory=Spent)
 
     def __post_init__(self):
@@ -88,6 +91,15 @@ class Problem:
     def stands(self) -> bool:
         """Whether a floating base stands on its feet, or falls."""
         return not self.robot.planar and bool((self.robot.model.jnt_type == 0).any())  # 0: a free joint
+
+    @property
+    def segments(self) -> int:
+        """Of how many windows residuals are, for each of the recording's.
+
+        A foot that slips sets a floating base on another course, and what happens after says little of the simulator.
+        It must not drown what happened before: each part of a rollout counts with a variance of its own.
+        """
+        return SEGMENTS if self.stands and not self.whole else 1
 
     @property
     def coarse(self) -> bool:
@@ -147,7 +159,8 @@ class Problem:
     def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
 
-        A diverged simulation counts as ten times the motion.
+        A diverged simulation counts as ten times the motion. W : `segments` times the windows chosen, those of one
+        rollout next to each other.
         """
         states = self._rollouts(self.robot, points, chosen)[..., 1:, self.use]
         measured = self.windows.measured[chosen][:, 1:, self.use]
@@ -155,11 +168,24 @@ class Problem:
         if self.corrections:
             scaled += np.array([self._correction(p.hypothesis)[chosen] for p in points])
         lost = ~np.isfinite(scaled) & np.isfinite(measured)
-        return np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
+        return self._in_segments(np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0))
+
+    def _in_segments(self, rollouts: np.ndarray) -> np.ndarray:
+        """(n, W, T, C) -> (n, W * segments, T / segments rounded up, C); NaN after the end."""
+        missing = -rollouts.shape[2] % self.segments
+        padded = np.pad(rollouts, ((0, 0), (0, 0), (0, missing), (0, 0)), constant_values=np.nan)
+        many, windows, rows, channels = padded.shape
+        return padded.reshape(many, windows * self.segments, rows // self.segments, channels)
 
     def effective(self, residuals: np.ndarray) -> np.ndarray:
-        """(W, C) independent samples in residuals (W, T, C); see `effective_samples`."""
-        return effective_samples(residuals, apart=len(self.robot.actions) > 1)
+        """(W, C) independent samples in residuals (W, T, C); see `effective_samples`.
+
+        Segments are too short to tell how long a residual stays alike: those of a rollout share its samples.
+        """
+        windows, rows, channels = residuals.shape
+        rollouts = residuals.reshape(windows // self.segments, rows * self.segments, channels)
+        samples = effective_samples(rollouts, apart=len(self.robot.actions) > 1)
+        return np.repeat(samples / self.segments, self.segments, axis=0)
 
     def _terms(self, points: list[Point]) -> Terms | None:
         """The terms of all points, NaN where a point does not have one."""

@@ -22,8 +22,8 @@ REFINED = 0.2  # of the medium size, for probes of what acts on joints already, 
 # cause that won was more than 10 behind; the starts cannot be compared: one is calibrated, the other is not.
 BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
-# From the nameplate the best terms walk on before the finer time step judges them: their nominal parameters are not
-# fitted yet, and of a robot with many of them one shared step leaves all terms about as bad.
+# From the nameplate of a floating base the best terms walk on before the finer time step judges them: none of its many
+# nominal parameters is fitted yet, and one shared step leaves all terms about as bad.
 CAUGHT_UP, CATCHING_UP = 4, 3  # so many terms, so many iterations
 
 
@@ -46,7 +46,9 @@ def shortlisted(
     if problem.rough:
         nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
         done = _roughly_from(problem, base, terms, fit_on, effective)
-        done += _roughly_from(problem, nameplate, terms, fit_on, effective, CATCHING_UP)
+        done += _roughly_from(
+            problem, nameplate, terms, fit_on, effective, CATCHING_UP if problem.stands else 0
+        )
     else:
         done = _from(problem, base, terms, fit_on, effective, iterations, hopeless)
     best: dict[str, Point] = {}

@@ -190,7 +190,7 @@ def _share(problem: Problem, split, hidden: Hidden, found: Found) -> float | Non
     )
     true = Point(Hypothesis(hidden.terms), c.from_values(hidden.parameters), effect)
     _, effective = calibrate(problem, split.chosen[:2], iterations=1)
-    pooled = np.tile(effective.mean(axis=0), (len(split.chosen), 1))
+    pooled = np.tile(effective.mean(axis=0), (len(split.chosen) * problem.segments, 1))
     (refitted,), _ = fit(problem, [true], split.chosen, pooled, iterations=2)
     test = np.flatnonzero(split.test)
     base, extended, best = (
