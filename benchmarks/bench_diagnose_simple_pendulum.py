@@ -296,7 +296,7 @@ def main() -> None:
     parser.add_argument("--copies", type=int, default=250)
     parser.add_argument("--first-seed", type=int, default=7000)
     parser.add_argument("--skip-real", action="store_true", help="copies alone, nothing written but rows")
-    parser.add_argument("--rows", type=Path, help="file of rows, kept and added to")
+    parser.add_argument("--rows", type=Path, help="file of the copies that are done: a second start goes on")
     given = parser.parse_args()
     folder = DATA / "dfki_simple_pendulum"
     if not folder.is_dir():
@@ -318,7 +318,7 @@ def main() -> None:
             if given.rows:
                 given.rows.write_text(json.dumps(rows))
     if rows:
-        out["copies"] = summary(rows) | {"rows": rows}
+        out["copies"] = summary(rows)
     if given.skip_real:
         return
     (HERE / "results").mkdir(exist_ok=True)
