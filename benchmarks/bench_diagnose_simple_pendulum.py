@@ -310,6 +310,10 @@ def main() -> None:
             recordings[name] = registry.registry.recording(registry.ingest(logs, robot, name=name).recording)
         out = {} if given.skip_real else real(robot, recordings, registry)
     rows = json.loads(given.rows.read_text()) if given.rows and given.rows.exists() else []
+    if rows and rows[0]["seed"] != given.first_seed:
+        raise SystemExit(
+            f"{given.rows} begins with seed {rows[0]['seed']}: name another file, or --first-seed"
+        )
     first = given.first_seed + len(rows)
     for seed in range(first, given.first_seed + given.copies, BATCH):
         batch = range(seed, min(seed + BATCH, given.first_seed + given.copies))

@@ -15,7 +15,7 @@ import numpy as np
 from journal import Journal
 
 from dynreg.diagnose.settings import TrialSettings
-from dynreg.diagnose.threshold import USUAL, level
+from dynreg.diagnose.threshold import SEARCH, USUAL, level
 from dynreg.diagnose.trial import null_scores, one_trial
 from dynreg.diagnose.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
@@ -172,7 +172,7 @@ def journal_of(given: argparse.Namespace, robot: Robot, seed: int) -> Journal | 
     """The journal that was asked for, begun; SystemExit where it is that of another robot or other seeds."""
     if given.journal is None:
         return None
-    journal = Journal(given.journal, {"robot": robot.hash, "seed": seed})
+    journal = Journal(given.journal, {"robot": robot.hash, "seed": seed, "search": SEARCH})
     journal.begin()
     return journal
 

@@ -32,6 +32,7 @@ class Evidence:
         """Measure what `extended` leaves in the windows `chosen`; what repeats is looked for in the whole recording."""
         robot = problem.robot
         repeats = {r.channel: r for r in repeatability(robot, recording)}
+        # of whole rollouts, as what repeats is
         left = replace(problem.fine, whole=True).residuals([extended], chosen)[0]
         rows = []
         for c, column in enumerate(problem.use):
@@ -59,9 +60,9 @@ class Evidence:
 def remaining(residual: np.ndarray, rough: bool) -> float:
     """Root mean square of a residual (W, T), in its unit.
 
-    Where contacts make rollouts rough it is the geometric mean of those of the windows, which the likelihood sums as
-    logarithms, too: a foot that slips a moment too late in one of them, as the true simulator's does, must not hide
-    that the others are explained. The price: k times the noise in half of the windows counts as its square root.
+    Where contacts make rollouts rough it is the geometric mean of those of the windows, for the likelihood sums
+    logarithms: a foot that slips a moment too late in one of them, as the true simulator's does, must not hide that
+    the others are explained. The price: k times the noise in half of the windows counts as its square root.
     """
     if not rough:
         return float(np.sqrt(np.nanmean(residual**2)))

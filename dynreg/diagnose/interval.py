@@ -159,11 +159,15 @@ def prior_curvature(point: Point) -> np.ndarray:
 def _agreement(
     problem: Problem, residual: np.ndarray, slope: np.ndarray, effective: np.ndarray, curvature: np.ndarray
 ) -> float:
-    """At most 1: the pulls that windows should have on coordinates, over those that they have; mean over directions."""
+    """At most 1: the pulls that rollouts should have on coordinates, over those that they have; mean over directions.
+
+    What one part of a rollout pulls, the others pull with it.
+    """
     squares = mean_squares(residual[None], problem.floor)[0]
     count = np.maximum(np.isfinite(residual).sum(axis=1), 1)
     weight = np.nan_to_num(effective / squares) / count
     pulls = np.einsum("dwtc,wtc,wc->wd", np.nan_to_num(slope), np.nan_to_num(residual), weight)
+    pulls = pulls.reshape(-1, problem.segments, len(curvature)).sum(axis=1)
     ratio = np.trace(np.linalg.solve(curvature, pulls.T @ pulls)) / len(curvature)
     return float(1.0 / max(ratio, 1.0))
 

@@ -36,7 +36,6 @@ class Scored:
 
     point: Point
     nats: float
-    square: np.ndarray  # (W, C) mean squared residuals on fit and select
 
     @property
     def key(self) -> str:
@@ -221,14 +220,14 @@ def select(
     gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
     on_fit, on_select = (g - g[0] for g in gained)
     likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
-    start = Scored(base, 0.0, squares[0])
+    start = Scored(base, 0.0)
     best: dict[str, Scored] = {}
     for i, point in enumerate(fitted, start=1):
         more = len(point.effect) - len(base.effect)
         nats = likelihood[i] - PER_PARAMETER * more - (point.penalty - base.penalty)
         if not worth_naming(point.hypothesis, point.effect):
             continue
-        scored = Scored(point, float(nats), squares[i])
+        scored = Scored(point, float(nats))
         if scored.key not in best or best[scored.key].nats < scored.nats:
             best[scored.key] = scored
     ranking = sorted(best.values(), key=lambda s: -s.nats)

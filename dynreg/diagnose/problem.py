@@ -14,7 +14,7 @@ from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
 FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
-SEGMENTS = 3  # of a rollout of a robot on its feet, each with a variance of its own
+SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
 
@@ -62,7 +62,7 @@ class Problem:
     rough : whether rollouts are too rough for narrow differences; by default where a robot stands on its feet.
     spent : what was simulated so far, shared with problems made from this one.
     corrections : {keys of terms: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
-    whole : whether the rollouts of a floating base count as one, too: see `segments`.
+    whole : whether a floating base's rollouts are left uncut: see `segments`.
     """
 
     robot: Robot
@@ -94,12 +94,15 @@ class Problem:
 
     @property
     def segments(self) -> int:
-        """Of how many windows residuals are, for each of the recording's.
+        """Into how many parts the residual of each window is cut; 1 but for a floating base on its feet.
 
-        A foot that slips sets a floating base on another course, and what happens after says little of the simulator.
-        It must not drown what happened before: each part of a rollout counts with a variance of its own.
+        A foot that slips sets it on another course, and what happens after says little of the simulator. It must not
+        drown what happened before: each part counts with a variance of its own.
         """
-        return SEGMENTS if self.stands and not self.whole else 1
+        if self.whole or not self.stands:
+            return 1
+        rows = self.windows.measured.shape[1] - 1
+        return max(round(rows * self.windows.period / SEGMENT), 1)
 
     @property
     def coarse(self) -> bool:
@@ -159,8 +162,8 @@ class Problem:
     def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
 
-        A diverged simulation counts as ten times the motion. W : `segments` times the windows chosen, those of one
-        rollout next to each other.
+        A diverged simulation counts as ten times the motion. W is `segments` times the windows chosen, here and
+        wherever residuals, their derivatives, samples or mean squares are spoken of; a window's are in a row.
         """
         states = self._rollouts(self.robot, points, chosen)[..., 1:, self.use]
         measured = self.windows.measured[chosen][:, 1:, self.use]
@@ -180,12 +183,15 @@ class Problem:
     def effective(self, residuals: np.ndarray) -> np.ndarray:
         """(W, C) independent samples in residuals (W, T, C); see `effective_samples`.
 
-        Segments are too short to tell how long a residual stays alike: those of a rollout share its samples.
+        Segments are too short to tell how long a residual stays alike: those of a rollout share its samples, each by
+        the rows that were measured in it.
         """
         windows, rows, channels = residuals.shape
         rollouts = residuals.reshape(windows // self.segments, rows * self.segments, channels)
         samples = effective_samples(rollouts, apart=len(self.robot.actions) > 1)
-        return np.repeat(samples / self.segments, self.segments, axis=0)
+        known = np.isfinite(residuals).sum(axis=1).reshape(len(rollouts), self.segments, channels)
+        share = known / np.maximum(known.sum(axis=1, keepdims=True), 1)
+        return (share * samples[:, None]).reshape(windows, channels)
 
     def _terms(self, points: list[Point]) -> Terms | None:
         """The terms of all points, NaN where a point does not have one."""

@@ -65,4 +65,5 @@ def _problem(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Problem:
         np.tile([0, run.steps + 1], (count, 1)),
         run.period,
     )
-    return Problem(robot, windows, pair.coordinates, pair.engine, pair.threads)
+    # whole rollouts, as `separate.Judge` weighs them
+    return Problem(robot, windows, pair.coordinates, pair.engine, pair.threads, whole=True)

@@ -129,7 +129,7 @@ def _exchanged(rounds: list[Naming], number: int, other: Scored, last: Scored) -
     for later in range(number + 1, len(rounds)):
         scored = rounds[later].chosen
         if later == len(rounds) - 1:
-            scored = replace(scored, point=last.point, square=last.square)
+            scored = replace(scored, point=last.point)
         else:
             scored = replace(scored, point=_with(scored.point, number, term, other.point, last.point))
         out[later] = replace(rounds[later], chosen=scored)

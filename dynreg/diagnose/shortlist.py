@@ -17,14 +17,14 @@ MANY = 40  # terms from which a list is long: two joints, and all that can be wr
 PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
-REFINED = 0.2  # of the medium size, for probes of what acts on joints already, which else would stick
+REFINED = 0.2  # of the medium size, for probes of what acts on joints already: as much friction again, and they stick
 # Nats behind the best of its own start, by the finer time step, from which a term is not refitted with it. On a leg no
 # cause that won was more than 10 behind; the starts cannot be compared: one is calibrated, the other is not.
 BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
-# From the nameplate of a floating base the best terms walk on before the finer time step judges them: none of its many
-# nominal parameters is fitted yet, and one shared step leaves all terms about as bad.
-CAUGHT_UP, CATCHING_UP = 4, 3  # so many terms, so many iterations
+# From the nameplate of a floating base none of many nominal parameters is fitted yet, and one shared step leaves all
+# terms about as bad: so many of the best go on, by so many iterations. The others stay only where none got far.
+GO_ON, FURTHER = 4, 3
 
 
 def shortlisted(
@@ -46,9 +46,8 @@ def shortlisted(
     if problem.rough:
         nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
         done = _roughly_from(problem, base, terms, fit_on, effective)
-        done += _roughly_from(
-            problem, nameplate, terms, fit_on, effective, CATCHING_UP if problem.stands else 0
-        )
+        further = FURTHER if problem.stands else 0
+        done += _roughly_from(problem, nameplate, terms, fit_on, effective, further=further)
     else:
         done = _from(problem, base, terms, fit_on, effective, iterations, hopeless)
     best: dict[str, Point] = {}
@@ -90,19 +89,19 @@ def _roughly_from(
     terms: list[Term],
     fit_on: np.ndarray,
     effective: np.ndarray,
-    catching_up: int = 0,
+    further: int = 0,
 ) -> list[tuple[float, Point]]:
     """Objective, by the finer time step, and point of each of the most promising terms after one step of its refit.
 
     What the time step does to the start flatters all that stays near it: only the finer one judges.
-    catching_up : further iterations of the best terms, with derivatives of their own.
+    further : iterations by which the best terms go on, with derivatives of their own.
     """
     points, slopes = _started(problem, start, terms, fit_on, effective)
     points, cost = fit(problem, points[: PROBED // 2], fit_on, effective, iterations=1, leading=slopes)
-    if catching_up:
+    if further:
         points = [points[i] for i in np.argsort(cost, kind="stable")]
-        further, _ = fit(problem, points[:CAUGHT_UP], fit_on, effective, iterations=catching_up)
-        points = [*further, *points[CAUGHT_UP:]]
+        ahead, _ = fit(problem, points[:GO_ON], fit_on, effective, iterations=further)
+        points = [*ahead, *points[GO_ON:]]
     cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
     return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
 

@@ -26,7 +26,7 @@ def rezeroed(problem: Problem, raw: Windows, point: Point, chosen: np.ndarray) -
     columns = np.flatnonzero((sigma > 0) & np.isfinite(raw.run.initial[chosen]).all(axis=0))
     if not len(columns):
         return raw
-    problem = replace(problem, whole=True)
+    problem = replace(problem, whole=True)  # a zero is one of a whole episode
     groups = [raw.episode == e for e in np.unique(raw.episode[chosen])]
     off = np.zeros((len(raw), len(columns)))  # in standard deviations
     moved = lambda off: _moved(raw, columns, off * sigma[columns])  # noqa: E731

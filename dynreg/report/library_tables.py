@@ -30,7 +30,9 @@ def effects_table(result: EffectsList, near: bool = False) -> Group:
     groups = {tuple(sorted((e.id, *e.group))): e.separate_by for e in reversed(fitting) if e.group}
     if groups:
         rows = [(", ".join(group), how) for group, how in reversed(groups.items())]
-        parts.append(table(("effects", "what tells them apart"), rows, "the same to any usual log"))
+        parts.append(
+            table(("effects", "what tells them apart"), rows, "the same to any usual log, at the same joint")
+        )
     near_ones = [(e.id, ", ".join(e.near), e.separate_by) for e in fitting if e.near and near]
     if near_ones:
         columns = ("effect", "is near", "what tells them apart")

@@ -2,89 +2,163 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose import diagnose, interval, shortlist, trial
+from dynreg.diagnose.diagnose import pose, search
 from dynreg.diagnose.evidence import Evidence
 from dynreg.diagnose.fit import objective
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.name import calibrate, select
-from dynreg.diagnose.problem import Point
+from dynreg.diagnose.name import BEYOND, PER_PARAMETER, select
+from dynreg.diagnose.problem import SEGMENT, Point
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.diagnose.zeros import rezeroed
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
+
+SETTINGS = Settings(hold_out="test_0", threads=1, max_causes=1)
 
 
 @lru_cache
 def posed():
-    """A quadruped with a payload: the problem, its windows to fit and to select by, the hidden robot, the log."""
+    """A quadruped with a payload: the problem, its parts, the hidden robot, the log."""
     robot = load_robot("quadruped")
-    plan = protocol(robot, seed=1, seconds=4.0, episode=0.7, reach=0.3)
+    plan = protocol(robot, seed=1, seconds=6.5, episode=1.25, reach=0.3)
     hidden = hide(robot, (term("payload"),), "strong", 11)
     log = log_of(robot, hidden, plan)
-    problem, split = pose(None, robot, log, Settings(threads=1))
-    return problem, np.flatnonzero(split.fit), np.flatnonzero(split.select), hidden, log
+    problem, split = pose(None, robot, log, SETTINGS)
+    return problem, split, hidden, log
 
 
 def points(problem, hidden) -> list[Point]:
-    z = problem.coordinates.from_values(hidden.parameters)
-    return [
-        Point(Hypothesis(), z, np.zeros(0)),
-        Point(
-            Hypothesis(hidden.terms), z, np.ones(1) * hidden.values[0][0] / hidden.terms[0].effect.size.medium
-        ),
-    ]
+    """The true robot without its payload, and with it."""
+    c = problem.coordinates
+    effect = c.effect_coordinates(hidden.terms[0], hidden.values[0])
+    z = c.from_values(hidden.parameters)
+    return [Point(Hypothesis(), z, np.zeros(0)), Point(Hypothesis(hidden.terms), z, effect)]
 
 
 def test_segments_hold_all_of_a_rollout_and_share_its_samples():
-    problem, fit_on, _, hidden, _ = posed()
-    cut, whole = (
-        p.residuals(points(problem, hidden), fit_on) for p in (problem, replace(problem, whole=True))
-    )
+    problem, split, hidden, _ = posed()
+    fit_on = np.flatnonzero(split.fit)
+    uncut = replace(problem, whole=True)
+    cut, whole = (p.residuals(points(problem, hidden), fit_on) for p in (problem, uncut))
     assert cut.shape[1] == problem.segments * len(fit_on) > whole.shape[1] == len(fit_on)
-    joined = cut.reshape(2, len(fit_on), -1, cut.shape[-1])
-    rows = whole.shape[2]
+    joined, rows = cut.reshape(2, len(fit_on), -1, cut.shape[-1]), whole.shape[2]
     assert np.array_equal(joined[:, :, :rows], whole, equal_nan=True)
     assert np.isnan(joined[:, :, rows:]).all() and joined.shape[2] < rows + problem.segments
-    samples, known = problem.effective(cut[0]), replace(problem, whole=True).effective(whole[0])
-    assert samples.shape == (cut.shape[1], cut.shape[-1])
-    assert samples.reshape(len(fit_on), problem.segments, -1).sum(axis=1) == pytest.approx(known)
+    early, known = cut[0].copy(), whole[0].copy()
+    early[1 :: problem.segments, :, 0], known[:, cut.shape[2] :, 0] = (
+        np.nan,
+        np.nan,
+    )  # measured at first alone
+    for one, other in ((cut[0], whole[0]), (early, known)):
+        samples = problem.effective(one)
+        assert samples.reshape(len(fit_on), -1, one.shape[-1]).sum(axis=1) == pytest.approx(
+            uncut.effective(other)
+        )
+    assert (samples[1 :: problem.segments, 0] == 0).all() and (samples[:: problem.segments, 0] > 0).all()
 
 
-def test_only_a_robot_on_its_feet_has_segments():
-    robot = load_robot("leg")
-    log = log_of(robot, hide(robot, (), None, 11), protocol(robot, seed=1, seconds=5.0, episode=1.0))
-    problem, _ = pose(None, robot, log, Settings(threads=1))
-    assert replace(problem, rough=True).segments == 1 < posed()[0].segments
+def test_a_segment_is_as_long_wherever_rollouts_are_cut_and_only_feet_need_it():
+    problem, _, _, log = posed()
+    rows = problem.windows.measured.shape[1] - 1
+    assert problem.segments == round(rows * problem.windows.period / SEGMENT) == 2
+    short, _ = pose(None, problem.robot, log, replace(SETTINGS, horizon=0.5))
+    assert short.segments == 1
+    leg = load_robot("leg")
+    made = log_of(leg, hide(leg, (), None, 11), protocol(leg, seed=1, seconds=6.5, episode=1.25))
+    assert replace(pose(None, leg, made, Settings(threads=1))[0], rough=True).segments == 1
 
 
 def test_what_comes_after_a_slip_does_not_drown_what_came_before():
-    problem, fit_on, *_ = posed()
-    made = np.full((2, len(fit_on), 60, len(problem.use)), 0.02)
-    made[0, :, 40:], made[1, :, :40], made[1, :, 40:] = 1.0, 0.2, 0.9  # right until the slip; wrong all along
+    problem, split, *_ = posed()
+    made = np.full((2, int(split.fit.sum()), 40, len(problem.use)), 0.02)
+    made[0, :, 20:], made[1, :, :20], made[1, :, 20:] = 1.0, 0.2, 0.9  # right until the slip; wrong all along
     alike, costs = [Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))] * 2, []
     for one in (problem, replace(problem, whole=True)):
         residuals = one._in_segments(made)
-        costs.append(objective(one, alike, residuals, np.full(residuals.shape[1:4:2], 10.0)))
+        _, windows, _, channels = residuals.shape
+        costs.append(objective(one, alike, residuals, np.full((windows, channels), 10.0)))
     assert costs[0][0] < costs[0][1] and costs[1][0] > costs[1][1]
 
 
-def test_the_true_cause_gains_on_the_windows_to_select_by_and_the_verdict_is_of_whole_rollouts():
-    problem, fit_on, select_on, hidden, log = posed()
+class Fitted:
+    """A problem of two windows to fit and one to select by, in three segments; the payload helps on fit alone."""
+
+    segments, floor = 3, np.full(1, 1e-6)
+
+    def residuals(self, points, chosen):
+        out = np.ones((len(points), 3, 3, 20, 1))
+        for i, point in enumerate(points):
+            out[i, :2] *= 0.1 if point.hypothesis.terms else 1.0
+        return out.reshape(len(points), 9, 20, 1)
+
+    def effective(self, residual):
+        return np.full((9, 1), 20.0)
+
+
+def test_what_a_cause_gains_on_fit_alone_counts_no_more_than_where_rollouts_are_whole():
+    plain, fitted = (Point(Hypothesis(t), np.zeros(1), np.ones(len(t))) for t in ((), (term("payload"),)))
+    (scored,) = select(Fitted(), plain, [fitted], np.arange(2), np.arange(2, 3)).ranking
+    assert scored.nats == pytest.approx(BEYOND - PER_PARAMETER)
+
+
+def test_the_verdict_is_of_whole_rollouts():
+    problem, split, hidden, log = posed()
     plain, true = points(problem, hidden)
-    naming = select(problem, plain, [true], fit_on, select_on)
-    assert naming.chosen is not None and naming.chosen.key == "payload"
-    assert len(naming.chosen.square) == problem.segments * (len(fit_on) + len(select_on))
-    both = np.concatenate([fit_on, select_on])
-    told = [Evidence.of(p, log, true, both).ratio for p in (problem, replace(problem, whole=True))]
-    assert told[0] == told[1] < Evidence.of(problem, log, plain, both).ratio
+    told = [Evidence.of(p, log, true, split.chosen).ratio for p in (problem, replace(problem, whole=True))]
+    assert told[0] == told[1] < Evidence.of(problem, log, plain, split.chosen).ratio
 
 
-def test_few_terms_are_calibrated_in_segments_too():
-    problem, fit_on, *_ = posed()
-    base, effective = calibrate(replace(problem, corrections={}), fit_on, iterations=1, draws=0)
-    assert effective.shape == (problem.segments * len(fit_on), len(problem.use))
-    assert np.isfinite(base.nominal).all()
+def test_zeros_are_of_whole_episodes():
+    problem, split, hidden, _ = posed()
+    channels = [
+        c.model_copy(update={"zero": 0.02}) if "/position" in c.name else c
+        for c in problem.robot.file.channels
+    ]
+    robot = replace(problem.robot, file=problem.robot.file.model_copy(update={"channels": channels}))
+    initial = np.nan_to_num(problem.windows.run.initial)  # not only settled stances
+    windows = replace(problem.windows, run=replace(problem.windows.run, initial=initial))
+    found = rezeroed(replace(problem, robot=robot), windows, points(problem, hidden)[1], split.chosen)
+    moved = found.measured - windows.measured
+    assert np.abs(np.nan_to_num(moved)).max() < 0.1 and np.nanmax(np.abs(moved)) > 0
+
+
+def test_pulls_of_one_rollout_are_one():
+    """Intervals widen by what rollouts disagree in: parts that pull alike are no independent ones."""
+    problem, *_ = posed()
+    residual, slopes = np.ones((4, 20, len(problem.use))), np.ones((1, 4, 20, len(problem.use)))
+    effective = np.full((4, len(problem.use)), 10.0)
+    cut, apart = (
+        interval._agreement(p, residual, slopes, effective, np.eye(1))
+        for p in (problem, replace(problem, whole=True))
+    )
+    assert problem.segments == 2 and cut == pytest.approx(apart / 2)
+
+
+def test_a_search_and_the_share_of_what_can_be_won_count_in_segments_too(monkeypatch):
+    monkeypatch.setattr(diagnose, "DRAWS", 0)  # one start of the calibration takes less time
+    problem, split, hidden, _ = posed()
+    parts = [np.flatnonzero(p) for p in (split.fit, split.select)]
+    fresh = replace(problem, corrections={})
+    found = search(None, fresh, [], *parts, SETTINGS, needed=5.0)
+    assert found.accepted == 0 and np.isfinite(found.base.nominal).all()
+    plain, true = points(problem, hidden)
+    assert trial._share(fresh, split, hidden, replace(found, base=plain, extended=true)) > 0.5
+
+
+@pytest.mark.parametrize(("stands", "further"), [(True, shortlist.FURTHER), (False, 0)])
+def test_only_from_the_nameplate_of_a_floating_base_the_best_go_on(monkeypatch, stands, further):
+    asked = []
+    monkeypatch.setattr(shortlist, "_roughly_from", lambda *a, further=0: asked.append((a[1], further)) or [])
+    base = Point(Hypothesis(), np.ones(2), np.zeros(0))
+    problem = SimpleNamespace(rough=True, stands=stands)
+    assert shortlist.shortlisted(problem, base, [], np.arange(1), np.ones((1, 1)), 3) == []
+    (first, begun), (second, later) = asked
+    assert (first is base, begun) == (True, 0)
+    assert (second.nominal.tolist(), later) == ([0.0, 0.0], further)

@@ -12,7 +12,6 @@ from dynreg.diagnose.problem import Point
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
-SQUARE = np.ones((1, 1))
 PLAIN, RICH, LATER = "load_friction", "stribeck_load_friction", "thermal_fade"
 
 
@@ -22,7 +21,7 @@ def point(*keys: str) -> Point:
 
 
 def scored(nats: float, *keys: str) -> Scored:
-    return Scored(point(*keys), nats, SQUARE)
+    return Scored(point(*keys), nats)
 
 
 @pytest.fixture
@@ -36,11 +35,11 @@ def rounds() -> list[Naming]:
 def revised(rounds: list[Naming], gained: float, monkeypatch: pytest.MonkeyPatch) -> list[Naming]:
     """`rounds` revised where the equivalent, beside the later cause, gains so many nats."""
     monkeypatch.setattr(settle, "fit", lambda problem, points, *a, **k: (points, np.zeros(len(points))))
-    ranked = lambda problem, base, fitted, *a: Naming(scored(0.0), [Scored(fitted[0], gained, SQUARE)])  # noqa: E731
+    ranked = lambda problem, base, fitted, *a: Naming(scored(0.0), [Scored(fitted[0], gained)])  # noqa: E731
     monkeypatch.setattr(settle, "select", ranked)
     windows = np.arange(1)
     return settle.revise(
-        SimpleNamespace(robot=load_robot("servo_pendulum")), rounds, windows, windows, SQUARE
+        SimpleNamespace(robot=load_robot("servo_pendulum")), rounds, windows, windows, np.ones((1, 1))
     )
 
 

@@ -128,6 +128,7 @@ def test_what_a_probe_reaches_with_the_other_sign_ranks_a_term_only_where_rollou
     keys = [own[0].hypothesis.key for own in starts]
     (tilts,) = [own for own in starts if own[0].hypothesis.key == "gravity_tilt"]
     assert sorted(keys) == sorted(t.key for t in terms)
+    # the best by first order, then the best of the probes themselves
     assert keys.index("gravity_tilt") == (1 if rough else len(terms) - 1)
     assert any(p.effect[-1] == -1.0 for p in tilts) is rough
 
@@ -151,7 +152,7 @@ def test_from_the_nameplate_the_best_terms_walk_on_before_they_are_judged():
     nameplate = Point(Hypothesis(), np.zeros(len(base.nominal)), np.zeros(0))
     terms = single_terms(problem.robot, ("payload", "coulomb_friction"))
     begun, further = (
-        shortlist._roughly_from(rough, nameplate, terms, fit_on, effective, catching_up=n) for n in (0, 3)
+        shortlist._roughly_from(rough, nameplate, terms, fit_on, effective, further=n) for n in (0, 3)
     )
     fine = lambda found: [  # noqa: E731
         objective(rough, [p], rough.fine.residuals([p], fit_on), effective)[0] for _, p in found

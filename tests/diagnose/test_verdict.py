@@ -15,7 +15,7 @@ from dynreg.sim.robot import load_robot
 def scored(*keys: str) -> Scored:
     terms = tuple(term(k) for k in keys)
     z = np.ones(sum(len(t.effect.parameters) for t in terms))
-    return Scored(Point(Hypothesis(terms), np.zeros(1), z), 50.0, np.ones((1, 1)))
+    return Scored(Point(Hypothesis(terms), np.zeros(1), z), 50.0)
 
 
 def named(cause: str, *equivalent: str) -> tuple[Naming, ...]:

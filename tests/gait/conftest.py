@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from dynreg.data.recording import Recording
 from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Simulators, Trials
+from dynreg.sim.excitation import excitation
+from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import Robot, load_robot, packaged_robots
 
 SECONDS = 1.0
@@ -35,6 +38,13 @@ def brief_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def brief(brief_folder: Path) -> Robot:
     return load_robot(brief_folder)
+
+
+@pytest.fixture(scope="session")
+def short_log(brief: Robot) -> Recording:
+    """What the nominal robot logs of thirty commands."""
+    actions = excitation(brief, seed=1, episodes=1, steps=30).actions[0]
+    return SimulatedRobot(brief, brief.space.nominal, seed=1).run(actions, brief.rate).recording
 
 
 @pytest.fixture

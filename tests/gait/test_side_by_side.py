@@ -16,7 +16,6 @@ from dynreg.errors import LogError, UsageError
 from dynreg.gait.play import commands
 from dynreg.results import Gait
 from dynreg.session import Session
-from dynreg.sim.excitation import excitation
 from dynreg.sim.layout import BASE
 from dynreg.sim.real import RealTrial, SimulatedRobot
 
@@ -32,12 +31,11 @@ class Played:
 
 
 @pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory, brief) -> Iterator[Played]:
+def played(tmp_path_factory: pytest.TempPathFactory, brief, short_log) -> Iterator[Played]:
     with session.open(tmp_path_factory.mktemp("runs") / "registry") as opened:
-        real = SimulatedRobot(brief, brief.space.nominal, seed=1)
-        log = real.run(excitation(brief, seed=1, episodes=1, steps=30).actions[0], brief.rate).recording
-        opened.ingest(log, brief, name="log")
+        opened.ingest(short_log, brief, name="log")
         gait = opened.gait("log", on="nominal", rollouts=22, threads=1)
+        real = SimulatedRobot(brief, brief.space.nominal, seed=1)
         trial = real.run(commands(gait)[1], gait.rate)
         opened.ingest(trial.recording, brief, name="trial", gait="@last")
         yield Played(opened, gait, opened.registry.latest("gait").id, trial)

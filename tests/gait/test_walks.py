@@ -26,12 +26,10 @@ ROLLOUTS = 22  # two batches of CMA-ES in one simulator
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory: pytest.TempPathFactory, brief) -> Iterator[Session]:
+def opened(tmp_path_factory: pytest.TempPathFactory, brief, short_log) -> Iterator[Session]:
     """A registry with a short log of a quadruped, "log", and two simulators."""
     with session.open(tmp_path_factory.mktemp("gaits") / "registry") as made:
-        real = SimulatedRobot(brief, brief.space.nominal, seed=1)
-        log = real.run(excitation(brief, seed=1, episodes=1, steps=30).actions[0], brief.rate).recording
-        made.ingest(log, brief, name="log")
+        made.ingest(short_log, brief, name="log")
         for torque in (1.3, 1.5):
             values = brief.space.as_dict(brief.space.nominal) | {"torque": torque}
             made.registry.put_simulator(SimConfig(brief.hash, brief.name, values).as_dict())
