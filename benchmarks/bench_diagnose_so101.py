@@ -251,21 +251,20 @@ def table(title: str, errors: dict) -> None:
         )
 
 
-def lag_table(rows: dict, found: dict) -> None:
+def lag_table(rows: dict, seen: dict) -> None:
     """Print the lag of each joint by pace, in the log and in simulators, and the parts of it that these have."""
     print("lag [ms]: median (least to most, motions); delay + lag + damping / stiffness of the simulators")
     for joint in rows:
-        for source, by_joint in found.items():
+        for source in ("measured", "plain", "extended"):
             told = []
-            for pace, motions in by_joint.get(joint, {}).items():
+            for pace, motions in seen.get(source, {}).get(joint, {}).items():
                 ms = 1000 * np.array(list(motions.values()))
                 if len(ms):
                     told.append(f"{pace} {np.median(ms):.0f} ({ms.min():.0f} to {ms.max():.0f}, {len(ms)})")
             if source != "measured":
                 parts = parts_of_lag(rows[joint]["simulators"][source], joint)
                 told.append(" + ".join(f"{1000 * s:.0f}" for s in parts.values()))
-            if told:
-                print(f"  {joint:12}{source:10}" + "; ".join(told))
+            print(f"  {joint:12}{source:10}" + "; ".join(told))
 
 
 def main() -> None:
@@ -275,7 +274,9 @@ def main() -> None:
     parser.add_argument("--windows", type=int, default=WINDOWS)
     parser.add_argument("--max-causes", type=int, default=4)
     parser.add_argument("--budget", type=int, default=1000, help="simulations of CMA-ES for each joint")
-    parser.add_argument("--no-whole", action="store_true", help="leave out the whole motions in MuJoCo")
+    parser.add_argument(
+        "--no-whole", action="store_true", help="leave out whole motions: their errors, simulated lags"
+    )
     given = parser.parse_args()
     logs = sorted((DATA / "sage_so101_arm").glob("*.parquet"))
     if not logs:
@@ -295,13 +296,13 @@ def main() -> None:
         rows = {j: rows[j] for j in JOINTS if j in rows}
         table("5 s from measured states, each joint alone [rad]", {j: rows[j]["errors"] for j in rows})
         loaded = reg.registry.recording(recording)
-        found = {"measured": {j: lags(loaded, j) for j in rows}}
+        seen = {"measured": {j: lags(loaded, j) for j in rows}}
         if len(rows) == len(JOINTS) and not given.no_whole:
             for model in ("plain", "extended"):
                 made = simulated(robot, loaded, rows, model)
-                found[model] = {j: lags(made[j], j) for j in rows}
-        lag_table(rows, found)
-        document: dict = {"joints": rows, "lag": found}
+                seen[model] = {j: lags(made[j], j) for j in rows}
+        lag_table(rows, seen)
+        document: dict = {"joints": rows, "lag": seen}
         if len(rows) == len(JOINTS) and not given.no_whole:
             document["whole"] = {}
             for engine in ("joint", "mujoco"):

@@ -14,7 +14,7 @@ import numpy as np
 
 from dynreg.diagnose.fit import bounds
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.problem import Point, Problem, Spent
 from dynreg.sim.effects import term
 
 LADDER = {"M1": (), "M3": ("load_friction",), "M4": ("stribeck_load_friction",)}
@@ -78,7 +78,7 @@ def identify(problem: Problem, train: np.ndarray, test: np.ndarray) -> Peer | No
         print("mujoco.sysid: skipped, what it needs is not installed (pip install 'mujoco[sysid]')")
         return None
     began = time.perf_counter()
-    problem = replace(problem, engine="mujoco", candidates=0)
+    problem = replace(problem, engine="mujoco", spent=Spent())
     space = [problem.robot.space.parameters[i] for i in problem.coordinates.free]
     parameters = sysid.ParameterDict()
     for p in space:
@@ -100,7 +100,7 @@ def identify(problem: Problem, train: np.ndarray, test: np.ndarray) -> Peer | No
             parameters, residual, optimizer="mujoco", verbose=False, x_scale=scale, max_iters=ITERATIONS
         )
     best = points(fitted.as_vector()[:, None])
-    evaluations, seconds = problem.candidates, time.perf_counter() - began
+    evaluations, seconds = problem.spent.candidates, time.perf_counter() - began
     return Peer(
         "mujoco.sysid",
         float(errors(problem, best, train)[0]),
