@@ -19,6 +19,11 @@ FINE = 8  # of a long list, where rollouts are rough: those that are refitted wi
 SHARED = 1  # by so many iterations with shared derivatives,
 FINISHED = 3  # and those that are polished with their own,
 POLISHED = 3  # by so many
+# Of a floating base on its feet: terms that take one step on the windows to fit by derivatives of the finer time step,
+# those of them that take one on all windows, and those that take two more; iterations of the model without a term, and
+# of it from where the best of them ended. The numbers are what two minutes allow.
+STANDING = (5, 3, 2)
+STANDING_START, STANDING_RIVAL = 4, 2
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
@@ -125,6 +130,9 @@ def _one_round(
         rough, cost = fit(problem, starts, fit_on, effective, iterations=1, leading=slopes)
         best = _best_of_each(rough, cost)[:FINALISTS]
         fitted, _ = fit(problem, best, fit_on, effective, iterations=iterations, hopeless=HOPELESS)
+    if many and problem.stands:
+        start, fitted = _standing(problem, base, fitted[:FINE], fit_on, select_on)
+        return select(problem.fine, start, fitted, fit_on, select_on, together=True)
     # the model without the term gets the same chance: it starts where the best of the others ended, too
     rivals = fitted[: 1 if many else 3]
     others = [base, *(Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in rivals)]
@@ -162,6 +170,32 @@ def _finished(
     rivals = [Point(start.hypothesis, p.nominal, p.effect[: len(start.effect)]) for p in fitted]
     rival = _best(fine, rivals, windows)
     return _best(fine, [start, *polish(problem, [rival], fit_on, iterations=POLISHED)[0]], windows), fitted
+
+
+def _standing(
+    problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray, select_on: np.ndarray
+) -> tuple[Point, list[Point]]:
+    """As `_finished`, of a floating base on its feet: fitted on all windows, by derivatives of the finer time step.
+
+    On half of the windows wrong causes fit what disturbs them better than the true one does, and the usual time step's
+    derivatives stop far from the optimum, that of the model without the term above all: what it lacks any cause gains.
+    """
+    fine, windows = problem.fine, np.concatenate([fit_on, select_on])
+    effective = problem.effective(fine.residuals([start], windows)[0])
+    first = effective[: len(fit_on) * problem.segments]
+
+    def best(points: list[Point], many: int) -> list[Point]:
+        cost = objective(problem, points, fine.residuals(points, windows), effective)
+        return [points[i] for i in np.argsort(cost, kind="stable")[:many]]
+
+    fitted, _ = fit(fine, best(fitted, STANDING[0]), fit_on, first, iterations=1)
+    fitted, _ = fit(fine, best(fitted, STANDING[1]), windows, effective, iterations=1)
+    fitted, _ = fit(fine, best(fitted, STANDING[2]), windows, effective, iterations=2)
+    fitted = best(fitted, len(fitted))
+    (start,), _ = fit(fine, [start], windows, effective, iterations=STANDING_START)
+    rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
+    (rival,), _ = fit(fine, [rival], windows, effective, iterations=STANDING_RIVAL)
+    return best([start, rival], 1)[0], fitted
 
 
 def _best(problem: Problem, points: list[Point], windows: np.ndarray) -> Point:
@@ -205,11 +239,18 @@ def screen(
 
 
 def select(
-    problem: Problem, base: Point, fitted: list[Point], fit_on: np.ndarray, select_on: np.ndarray
+    problem: Problem,
+    base: Point,
+    fitted: list[Point],
+    fit_on: np.ndarray,
+    select_on: np.ndarray,
+    *,
+    together: bool = False,
 ) -> Naming:
     """Score on all windows, drop what is below half its weak size, prefer fewer parameters among equals.
 
     What a term gains where it was fitted counts only as far as the windows to select by confirm it.
+    together : all were fitted on all windows, and nothing confirms anything: the threshold alone tells chance.
     """
     windows = np.concatenate([fit_on, select_on])
     everything = problem.residuals([base, *fitted], windows)
@@ -219,7 +260,8 @@ def select(
     many = len(fit_on) * problem.segments
     gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
     on_fit, on_select = (g - g[0] for g in gained)
-    likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
+    confirmed = on_fit if together else np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND)
+    likelihood = confirmed + on_select
     start = Scored(base, 0.0)
     best: dict[str, Scored] = {}
     for i, point in enumerate(fitted, start=1):

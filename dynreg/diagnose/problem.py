@@ -14,6 +14,7 @@ from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
 FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
+FINER_STANDING = 4  # of a floating base on its feet, whose slips a finer one tells no better
 SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
@@ -109,10 +110,15 @@ class Problem:
         """Whether the engine's integrator is so coarse that its time step misleads the search."""
         return self.running == "mujoco"
 
+    @property
+    def finer(self) -> int:
+        """How many times finer the time step is that tells what the model's gets wrong; 1 where none is needed."""
+        return FINER_STANDING if self.stands and self.coarse else FINER.get(self.running, 1)
+
     @cached_property
     def _finer(self) -> Robot:
         table = self.robot.file.robot
-        table = table.model_copy(update={"timestep": table.timestep / FINER[self.running]})
+        table = table.model_copy(update={"timestep": table.timestep / self.finer})
         return replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
 
     @property
@@ -131,10 +137,10 @@ class Problem:
 
         MuJoCo's integrator is of first order: half a time step late looks like a soft joint. That of the joint engine
         is of second order, yet delays and speed limits are found more precisely than that. Rollouts with a time step
-        `FINER` times finer say by how much (contacts follow no order: nothing is extrapolated). The engines of planar
+        `finer` times finer say by how much (contacts follow no order: nothing is extrapolated). The engines of planar
         bases need none of it.
         """
-        if self.running not in FINER:
+        if self.finer == 1:
             return
         change = self._rollouts(self._finer, points, chosen) - self._rollouts(self.robot, points, chosen)
         scaled = change[..., 1:, self.use] / self.windows.spread[self.use]

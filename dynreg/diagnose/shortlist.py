@@ -23,7 +23,7 @@ REFINED = 0.2  # of the medium size, for probes of what acts on joints already: 
 BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
 # From the nameplate of a floating base none of many nominal parameters is fitted yet, and one shared step leaves all
-# terms about as bad: so many of the best go on, by so many iterations. The others stay only where none got far.
+# terms about as bad: so many of the best go on, by so many iterations.
 GO_ON, FURTHER = 4, 3
 
 
@@ -39,15 +39,17 @@ def shortlisted(
     """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
-    are refitted start from the nameplate. Their refit is only begun: the finer time step ends it elsewhere.
+    are refitted start from the nameplate, and of a floating base all. Their refit is only begun: the finer time step
+    ends it elsewhere.
     iterations, hopeless : of the last refit where rollouts are smooth; a term that is so many nats behind the best is
     not fitted to the end.
     """
-    if problem.rough:
-        nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
+    nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
+    if problem.stands:
+        done = _roughly_from(problem, nameplate, terms, fit_on, effective, further=FURTHER)
+    elif problem.rough:
         done = _roughly_from(problem, base, terms, fit_on, effective)
-        further = FURTHER if problem.stands else 0
-        done += _roughly_from(problem, nameplate, terms, fit_on, effective, further=further)
+        done += _roughly_from(problem, nameplate, terms, fit_on, effective)
     else:
         done = _from(problem, base, terms, fit_on, effective, iterations, hopeless)
     best: dict[str, Point] = {}
@@ -103,7 +105,8 @@ def _roughly_from(
         ahead, _ = fit(problem, points[:GO_ON], fit_on, effective, iterations=further)
         points = [*ahead, *points[GO_ON:]]
     cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
-    return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + BEHIND]
+    behind = np.inf if further else BEHIND  # those that went on are ahead of the others by that alone
+    return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + behind]
 
 
 def _started(

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dynreg.diagnose import diagnose, interval, shortlist, trial
+from dynreg.diagnose import diagnose, interval, name, shortlist, trial
 from dynreg.diagnose.diagnose import pose, search
 from dynreg.diagnose.evidence import Evidence
 from dynreg.diagnose.fit import objective
@@ -108,6 +108,39 @@ def test_what_a_cause_gains_on_fit_alone_counts_no_more_than_where_rollouts_are_
     assert scored.nats == pytest.approx(BEYOND - PER_PARAMETER)
 
 
+def test_fitted_on_all_windows_together_what_a_cause_gains_counts_wherever_it_does():
+    plain, fitted = (Point(Hypothesis(t), np.zeros(1), np.ones(len(t))) for t in ((), (term("payload"),)))
+    (scored,) = select(Fitted(), plain, [fitted], np.arange(2), np.arange(2, 3), together=True).ranking
+    assert scored.nats == pytest.approx(6 * 0.5 * 20.0 * np.log(100.0) - PER_PARAMETER, abs=0.01)
+
+
+def test_with_and_without_a_term_a_standing_robot_is_fitted_on_all_windows_from_where_either_ended(
+    monkeypatch,
+):
+    problem, split, hidden, _ = posed()
+    monkeypatch.setattr(name, "STANDING_START", 1)
+    fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
+    _, true = points(problem, hidden)
+    off = Point(Hypothesis(), true.nominal + 0.7, np.zeros(0))
+    half = Point(true.hypothesis, true.nominal, 0.5 * true.effect)
+    start, (found,) = name._standing(problem, off, [half], fit_on, select_on)
+    assert start.hypothesis.key == "" and found.hypothesis.key == "payload"
+    fine, every = problem.fine, np.concatenate([fit_on, select_on])
+    tried = [off, Point(Hypothesis(), found.nominal, np.zeros(0)), start, half, found, true]
+    made = fine.residuals(tried, every)
+    cost = objective(problem, tried, made, problem.effective(made[-1]))
+    assert (
+        cost[2] < min(cost[0], cost[1]) and cost[4] < cost[3]
+    )  # the model without the term started where it ended, too
+    assert cost[4] < cost[2]
+
+
+def test_the_finer_time_step_is_four_times_as_fine_for_a_robot_on_its_feet():
+    problem, *_ = posed()
+    step = lambda one: one.robot.file.robot.timestep  # noqa: E731
+    assert problem.finer == 4 and step(problem) / step(problem.fine) == 4
+
+
 def test_the_verdict_is_of_whole_rollouts():
     problem, split, hidden, log = posed()
     plain, true = points(problem, hidden)
@@ -152,13 +185,14 @@ def test_a_search_and_the_share_of_what_can_be_won_count_in_segments_too(monkeyp
     assert trial._share(fresh, split, hidden, replace(found, base=plain, extended=true)) > 0.5
 
 
-@pytest.mark.parametrize(("stands", "further"), [(True, shortlist.FURTHER), (False, 0)])
-def test_only_from_the_nameplate_of_a_floating_base_the_best_go_on(monkeypatch, stands, further):
+@pytest.mark.parametrize(("stands", "starts"), [(True, [0.0]), (False, [1.0, 0.0])])
+def test_a_floating_base_is_searched_from_its_nameplate_alone_and_there_the_best_go_on(
+    monkeypatch, stands, starts
+):
     asked = []
     monkeypatch.setattr(shortlist, "_roughly_from", lambda *a, further=0: asked.append((a[1], further)) or [])
     base = Point(Hypothesis(), np.ones(2), np.zeros(0))
     problem = SimpleNamespace(rough=True, stands=stands)
     assert shortlist.shortlisted(problem, base, [], np.arange(1), np.ones((1, 1)), 3) == []
-    (first, begun), (second, later) = asked
-    assert (first is base, begun) == (True, 0)
-    assert (second.nominal.tolist(), later) == ([0.0, 0.0], further)
+    assert [point.nominal.tolist() for point, _ in asked] == [[z, z] for z in starts]
+    assert {further for _, further in asked} == {shortlist.FURTHER if stands else 0}
