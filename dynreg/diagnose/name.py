@@ -24,6 +24,7 @@ POLISHED = 3  # by so many
 # of it from where the best of them ended. The numbers are what two minutes allow.
 STANDING = (5, 3, 2)
 STANDING_START, STANDING_RIVAL = 4, 2
+CHAOS = 5.0  # nats that an iteration must gain for another one: less is a foot that slips a moment earlier
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
 ROUNDS = 2  # of naming, where the first found a better model without the term on its way:
@@ -190,11 +191,11 @@ def _standing(
 
     fitted, _ = fit(fine, best(fitted, STANDING[0]), fit_on, first, iterations=1)
     fitted, _ = fit(fine, best(fitted, STANDING[1]), windows, effective, iterations=1)
-    fitted, _ = fit(fine, best(fitted, STANDING[2]), windows, effective, iterations=2)
+    fitted, _ = fit(fine, best(fitted, STANDING[2]), windows, effective, iterations=2, tolerance=CHAOS)
     fitted = best(fitted, len(fitted))
-    (start,), _ = fit(fine, [start], windows, effective, iterations=STANDING_START)
+    (start,), _ = fit(fine, [start], windows, effective, iterations=STANDING_START, tolerance=CHAOS)
     rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
-    (rival,), _ = fit(fine, [rival], windows, effective, iterations=STANDING_RIVAL)
+    (rival,), _ = fit(fine, [rival], windows, effective, iterations=STANDING_RIVAL, tolerance=CHAOS)
     return best([start, rival], 1)[0], fitted
 
 
