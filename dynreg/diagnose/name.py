@@ -191,8 +191,9 @@ def _standing(
 
     fitted, _ = fit(fine, best(fitted, STANDING[0]), fit_on, first, iterations=1)
     fitted, _ = fit(fine, best(fitted, STANDING[1]), windows, effective, iterations=1)
-    fitted, _ = fit(fine, best(fitted, STANDING[2]), windows, effective, iterations=2, tolerance=CHAOS)
     fitted = best(fitted, len(fitted))
+    ahead, _ = fit(fine, fitted[: STANDING[2]], windows, effective, iterations=2, tolerance=CHAOS)
+    fitted = best([*ahead, *fitted[STANDING[2] :]], len(fitted))
     (start,), _ = fit(fine, [start], windows, effective, iterations=STANDING_START, tolerance=CHAOS)
     rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
     (rival,), _ = fit(fine, [rival], windows, effective, iterations=STANDING_RIVAL, tolerance=CHAOS)
