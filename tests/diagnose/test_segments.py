@@ -119,6 +119,7 @@ def test_with_and_without_a_term_a_standing_robot_is_fitted_on_all_windows_from_
 ):
     problem, split, hidden, _ = posed()
     monkeypatch.setattr(name, "STANDING_START", 1)
+    monkeypatch.setattr(name, "STANDING_RIVAL", 1)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     _, true = points(problem, hidden)
     off = Point(Hypothesis(), true.nominal + 0.7, np.zeros(0))
