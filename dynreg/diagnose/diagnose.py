@@ -192,9 +192,8 @@ def search(
     pooled = np.concatenate(
         [effective, np.tile(effective.mean(axis=0), (len(select_on) * problem.segments, 1))]
     )
-    if (
-        many and problem.stands
-    ):  # fitted on all windows already; the round that found no more went on with `current`
+    if many and problem.stands:
+        # fitted on all windows already; a last round that found no more has gone on with `current`
         current = current if len(rounds) == accepted else rounds[-1].start.point
         zeroed.refine([current], both)
         return Found(base, current, tuple(rounds), accepted, limit, zeroed)

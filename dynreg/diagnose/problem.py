@@ -181,6 +181,8 @@ class Problem:
 
     def _in_segments(self, rollouts: np.ndarray) -> np.ndarray:
         """(n, W, T, C) -> (n, W * segments, T / segments rounded up, C); NaN after the end."""
+        if self.segments == 1:  # of most robots: nothing is copied
+            return rollouts
         missing = -rollouts.shape[2] % self.segments
         padded = np.pad(rollouts, ((0, 0), (0, 0), (0, missing), (0, 0)), constant_values=np.nan)
         many, windows, rows, channels = padded.shape

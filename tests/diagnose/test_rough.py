@@ -47,7 +47,8 @@ def test_simulated_finely_the_true_parameters_leave_the_noise_on_the_ground_too(
 def test_only_rough_rollouts_are_simulated_finely():
     problem, _, _ = posed(0.2)
     assert replace(problem, rough=False).fine.robot is problem.robot
-    assert replace(problem, rough=True).fine.robot is not problem.robot
+    fine = replace(problem, rough=True).fine.robot
+    assert fine.file.robot.timestep == problem.robot.file.robot.timestep / 8
 
 
 def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():
