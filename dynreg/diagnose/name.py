@@ -20,10 +20,11 @@ SHARED = 1  # by so many iterations with shared derivatives,
 FINISHED = 3  # and those that are polished with their own,
 POLISHED = 3  # by so many
 # Of a floating base on its feet: terms that take one step on the windows to fit by derivatives of the finer time step,
-# those of them that take one on all windows, and those that take two more; iterations of the model without a term, and
+# those of them that take one on all windows, and those that take three more; iterations of the model without a term, and
 # of it from where the best of them ended. The numbers are what two minutes allow.
-STANDING = (5, 3, 2)
+STANDING = (6, 4, 3)
 STANDING_START, STANDING_RIVAL = 4, 2
+AWAY = 300.0  # nats behind the best, from which a term does not take these
 CHAOS = 5.0  # nats that an iteration must gain for another one: less is a foot that slips a moment earlier
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
@@ -189,11 +190,14 @@ def _standing(
         cost = objective(problem, points, fine.residuals(points, windows), effective)
         return [points[i] for i in np.argsort(cost, kind="stable")[:many]]
 
-    fitted, _ = fit(fine, best(fitted, STANDING[0]), fit_on, first, iterations=1)
-    fitted, _ = fit(fine, best(fitted, STANDING[1]), windows, effective, iterations=1)
-    fitted = best(fitted, len(fitted))
-    ahead, _ = fit(fine, fitted[: STANDING[2]], windows, effective, iterations=2, tolerance=CHAOS)
-    fitted = best([*ahead, *fitted[STANDING[2] :]], len(fitted))
+    fitted, _ = fit(fine, fitted[: STANDING[0]], fit_on, first, iterations=1)
+    fitted, cost = fit(fine, best(fitted, STANDING[1]), windows, effective, iterations=1)
+    fitted = [fitted[i] for i in np.argsort(cost, kind="stable")]
+    close = min(int((cost <= cost.min() + AWAY).sum()), STANDING[2])
+    ahead, _ = fit(
+        fine, fitted[:close], windows, effective, iterations=3, tolerance=CHAOS, hopeless=HOPELESS
+    )
+    fitted = best([*ahead, *fitted[close:]], len(fitted))
     (start,), _ = fit(fine, [start], windows, effective, iterations=STANDING_START, tolerance=CHAOS)
     rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
     (rival,), _ = fit(fine, [rival], windows, effective, iterations=STANDING_RIVAL, tolerance=CHAOS)
@@ -260,10 +264,12 @@ def select(
     rough = np.array([np.nansum(np.log(s)) for s in squares])
     effective = problem.effective(everything[int(rough.argmin())])
     many = len(fit_on) * problem.segments
-    gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
-    on_fit, on_select = (g - g[0] for g in gained)
-    confirmed = on_fit if together else np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND)
-    likelihood = confirmed + on_select
+    if together:
+        likelihood = _by_either(problem, everything, squares)
+    else:
+        gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
+        on_fit, on_select = (g - g[0] for g in gained)
+        likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
     start = Scored(base, 0.0)
     best: dict[str, Scored] = {}
     for i, point in enumerate(fitted, start=1):
@@ -283,6 +289,19 @@ def select(
         within = max(NEAR * top, NATS)
         naming.equivalent = [s for s in ranking if s.nats >= top - within and s is not naming.chosen]
     return naming
+
+
+def _by_either(problem: Problem, residuals: np.ndarray, squares: np.ndarray) -> np.ndarray:
+    """(n,) what each gains on the first, by the independent samples of its own residual or of the first's.
+
+    The less of both: where every window slips on its own, which of them count for more makes up gains of 100 nats.
+    """
+    samples = [problem.effective(r) for r in residuals]
+    gains = []
+    for square, own in zip(squares, samples, strict=True):
+        pair = np.stack([squares[0], square])
+        gains.append(min(float(np.diff(log_likelihood(pair, e))[0]) for e in (samples[0], own)))
+    return np.array(gains)
 
 
 def _best_of_each(points: list[Point], cost: np.ndarray) -> list[Point]:

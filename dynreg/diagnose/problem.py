@@ -14,7 +14,8 @@ from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
 FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
-FINER_STANDING = 4  # of a floating base on its feet, whose slips a finer one tells no better
+FINER_STANDING = 4  # of a floating base on its feet, whose slips a finer one tells no better,
+SLOPING = 2  # nor twice that time step their derivatives, for which alone it is fine enough
 SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 
@@ -64,6 +65,7 @@ class Problem:
     spent : what was simulated so far, shared with problems made from this one.
     corrections : {keys of terms: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
     whole : whether a floating base's rollouts are left uncut: see `segments`.
+    sloping : the robot whose rollouts tell derivatives; None where it is `robot`.
     """
 
     robot: Robot
@@ -74,6 +76,7 @@ class Problem:
     corrections: dict[frozenset[str], np.ndarray] = field(default_factory=dict)
     rough: bool | None = None
     whole: bool = False
+    sloping: Robot | None = None
     spent: Spent = field(default_factory=Spent)
 
     def __post_init__(self):
@@ -117,16 +120,20 @@ class Problem:
 
     @cached_property
     def _finer(self) -> Robot:
-        table = self.robot.file.robot
-        table = table.model_copy(update={"timestep": table.timestep / self.finer})
-        return replace(self.robot, file=self.robot.file.model_copy(update={"robot": table}))
+        return _stepped(self.robot, self.finer)
 
     @property
     def fine(self) -> "Problem":
         """Where rollouts are rough the same with the finer time step, without corrections; else itself."""
         if not (self.rough and self.coarse):
             return self
-        return replace(self, robot=self._finer, corrections={})
+        sloping = _stepped(self.robot, self.finer / SLOPING) if self.stands else None
+        return replace(self, robot=self._finer, corrections={}, sloping=sloping)
+
+    @property
+    def sloped(self) -> "Problem":
+        """The problem by whose rollouts derivatives are taken: most often itself."""
+        return self if self.sloping is None else replace(self, robot=self.sloping, sloping=None)
 
     def states(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T+1, S) rollouts of the points through the chosen windows."""
@@ -219,6 +226,13 @@ class Problem:
         if not table:
             return None
         return Terms(tuple(t for t, _ in table.values()), tuple(v for _, v in table.values()))
+
+
+def _stepped(robot: Robot, finer: float) -> Robot:
+    """The robot with a time step so many times finer."""
+    table = robot.file.robot
+    table = table.model_copy(update={"timestep": table.timestep / finer})
+    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
 
 
 def mean_squares(residuals: np.ndarray, floor: np.ndarray) -> np.ndarray:

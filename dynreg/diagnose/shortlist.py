@@ -6,6 +6,8 @@ tried at several sizes; their number is halved after every step of their refits,
 parameters are those of the calibrated model.
 """
 
+from itertools import zip_longest
+
 import numpy as np
 
 from dynreg.diagnose.fit import bounds, fit, objective, sensitivities
@@ -23,8 +25,10 @@ REFINED = 0.2  # of the medium size, for probes of what acts on joints already: 
 BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
 # From the nameplate of a floating base none of many nominal parameters is fitted yet, and one shared step leaves all
-# terms about as bad: so many of the best go on, by so many iterations.
-GO_ON, FURTHER = 4, 3
+# terms about as bad: so many of the best go on, by so many iterations. A cause that nominal parameters can make up for
+# is found from there, one in a single joint from the calibrated model.
+GO_ON, FURTHER = 5, 3
+GAINED = 20.0  # nats, by the finer time step, that a term from the calibrated model must have gained
 
 
 def shortlisted(
@@ -39,14 +43,17 @@ def shortlisted(
     """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
-    are refitted start from the nameplate, and of a floating base all. Their refit is only begun: the finer time step
-    ends it elsewhere.
+    are refitted start from the nameplate. Their refit is only begun: the finer time step ends it elsewhere. Those of a
+    floating base come in turn from the nameplate and from `base`: where they are on their way says little.
     iterations, hopeless : of the last refit where rollouts are smooth; a term that is so many nats behind the best is
     not fitted to the end.
     """
     nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
     if problem.stands:
-        done = _roughly_from(problem, nameplate, terms, fit_on, effective, further=FURTHER)
+        ahead = _roughly_from(problem, nameplate, terms, fit_on, effective, further=FURTHER)
+        near = _roughly_from(problem, base, terms, fit_on, effective)
+        without = objective(problem, [base], problem.fine.residuals([base], fit_on), effective)[0]
+        return _in_turn(ahead, [(c, p) for c, p in near if c < without - GAINED])
     elif problem.rough:
         done = _roughly_from(problem, base, terms, fit_on, effective)
         done += _roughly_from(problem, nameplate, terms, fit_on, effective)
@@ -56,6 +63,17 @@ def shortlisted(
     for _, point in sorted(done, key=lambda d: d[0]):
         best.setdefault(point.hypothesis.key, point)
     return list(best.values())
+
+
+def _in_turn(*lists: list[tuple[float, Point]]) -> list[Point]:
+    """The best of each list in turn, each of its terms once."""
+    sorted_ = [[p for _, p in sorted(own, key=lambda d: d[0])] for own in lists]
+    out: dict[str, Point] = {}
+    for row in zip_longest(*sorted_):
+        for point in row:
+            if point is not None:
+                out.setdefault(point.hypothesis.key, point)
+    return list(out.values())
 
 
 def _from(
