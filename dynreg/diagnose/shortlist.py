@@ -28,6 +28,7 @@ PULL = 3.0  # largest first change of a nominal coordinate
 # terms about as bad: so many of the best go on, by so many iterations. A cause that nominal parameters can make up for
 # is found from there, one in a single joint from the calibrated model.
 GO_ON, FURTHER = 5, 3
+CLEAR = 300.0  # nats ahead of the calibrated model, from which what starts at the nameplate needs nothing beside it
 GAINED = 20.0  # nats, by the finer time step, that a term from the calibrated model must have gained
 
 
@@ -51,8 +52,9 @@ def shortlisted(
     nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
     if problem.stands:
         ahead = _roughly_from(problem, nameplate, terms, fit_on, effective, further=FURTHER)
-        near = _roughly_from(problem, base, terms, fit_on, effective)
         without = objective(problem, [base], problem.fine.residuals([base], fit_on), effective)[0]
+        clear = min(cost for cost, _ in ahead) < without - CLEAR
+        near = [] if clear else _roughly_from(problem, base, terms, fit_on, effective)
         return _in_turn(ahead, [(c, p) for c, p in near if c < without - GAINED])
     elif problem.rough:
         done = _roughly_from(problem, base, terms, fit_on, effective)
