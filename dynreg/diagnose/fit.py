@@ -40,7 +40,8 @@ def fit(
     effective : (W, C) independent samples of each window and channel. leading : (L, W, T, C) derivatives of the first
     L coordinates where they are known well enough: only the others are measured, and fewer steps are tried.
     Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration (of a floating
-    base: one with derivatives to either side) gains less than `tolerance`, or when after two of them it is more than `hopeless` [nats] behind the best.
+    base: one with derivatives to either side) gains less than `tolerance`, or when after two of them it is more than
+    `hopeless` [nats] behind the best.
     """
     points = list(points)
     residuals = problem.residuals(points, chosen)

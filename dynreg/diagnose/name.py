@@ -19,12 +19,12 @@ FINE = 8  # of a long list, where rollouts are rough: those that are refitted wi
 SHARED = 1  # by so many iterations with shared derivatives,
 FINISHED = 3  # and those that are polished with their own,
 POLISHED = 3  # by so many
-# Of a floating base on its feet: terms that take one step on the windows to fit by derivatives of the finer time step,
-# those of them that take one on all windows, and those that take three more; iterations of the model without a term, and
-# of it from where the best of them ended. The numbers are what two minutes allow.
+# Of a floating base on its feet: terms that take one step by the finer time step on the windows to fit, those of them
+# that take one on all windows, and those that take three more; iterations of the model without a term, and of it from
+# where the best of them ended. The numbers are what two minutes allow.
 STANDING = (6, 4, 3)
 STANDING_START, STANDING_RIVAL = 4, 2
-AWAY = 300.0  # nats behind the best, from which a term does not take these
+AWAY = 300.0  # nats behind the best, from which a term does not take these three
 CHAOS = 5.0  # nats that an iteration must gain for another one: less is a foot that slips a moment earlier
 DRAWS = 4  # starts of the calibration besides the nameplate
 HOPELESS = 60.0  # nats behind the best, from which a hypothesis is not fitted to the end
@@ -194,9 +194,7 @@ def _standing(
     fitted, cost = fit(fine, best(fitted, STANDING[1]), windows, effective, iterations=1)
     fitted = [fitted[i] for i in np.argsort(cost, kind="stable")]
     close = min(int((cost <= cost.min() + AWAY).sum()), STANDING[2])
-    ahead, _ = fit(
-        fine, fitted[:close], windows, effective, iterations=3, tolerance=CHAOS, hopeless=HOPELESS
-    )
+    ahead, _ = fit(fine, fitted[:close], windows, effective, iterations=3, tolerance=CHAOS, hopeless=HOPELESS)
     fitted = best([*ahead, *fitted[close:]], len(fitted))
     (start,), _ = fit(fine, [start], windows, effective, iterations=STANDING_START, tolerance=CHAOS)
     rival = Point(start.hypothesis, fitted[0].nominal, fitted[0].effect[: len(start.effect)])
@@ -261,12 +259,12 @@ def select(
     windows = np.concatenate([fit_on, select_on])
     everything = problem.residuals([base, *fitted], windows)
     squares = mean_squares(everything, problem.floor)
-    rough = np.array([np.nansum(np.log(s)) for s in squares])
-    effective = problem.effective(everything[int(rough.argmin())])
-    many = len(fit_on) * problem.segments
     if together:
         likelihood = _by_either(problem, everything, squares)
     else:
+        rough = np.array([np.nansum(np.log(s)) for s in squares])
+        effective = problem.effective(everything[int(rough.argmin())])
+        many = len(fit_on) * problem.segments
         gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
         on_fit, on_select = (g - g[0] for g in gained)
         likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select

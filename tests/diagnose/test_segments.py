@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 from functools import lru_cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dynreg.diagnose import diagnose, interval, name, shortlist, trial
+from dynreg.diagnose import diagnose, interval, name, trial
 from dynreg.diagnose.diagnose import pose, search
 from dynreg.diagnose.evidence import Evidence
 from dynreg.diagnose.fit import objective
@@ -215,16 +214,3 @@ def test_a_long_list_is_searched_finely_and_a_round_that_finds_no_more_is_not_lo
     every = np.flatnonzero(split.fit | split.select)
     usual, fine = (p.residuals([found.extended], every) for p in (found.problem, found.problem.fine))
     assert np.nanmedian(np.abs(usual - fine)) == 0.0
-
-
-@pytest.mark.parametrize(("stands", "starts"), [(True, [0.0]), (False, [1.0, 0.0])])
-def test_a_floating_base_is_searched_from_its_nameplate_alone_and_there_the_best_go_on(
-    monkeypatch, stands, starts
-):
-    asked = []
-    monkeypatch.setattr(shortlist, "_roughly_from", lambda *a, further=0: asked.append((a[1], further)) or [])
-    base = Point(Hypothesis(), np.ones(2), np.zeros(0))
-    problem = SimpleNamespace(rough=True, stands=stands)
-    assert shortlist.shortlisted(problem, base, [], np.arange(1), np.ones((1, 1)), 3) == []
-    assert [point.nominal.tolist() for point, _ in asked] == [[z, z] for z in starts]
-    assert {further for _, further in asked} == {shortlist.FURTHER if stands else 0}
