@@ -11,12 +11,13 @@ from dynreg.diagnose.hypothesis import effect_bounds
 from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
 
 # Central differences in fit coordinates: wide, for dry friction has kinks; one-sided ones are too biased to walk along
-# the valleys in which masses, gains and inertias make up for each other.
+# the valleys in which masses, gains and inertias make up for each other. Of a floating base on its feet they are
+# one-sided all the same: slips bend its rollouts more than the bias does, and it takes half the time.
 STEP = 0.07
 ROUGH = 1.0  # where feet stick and slip: the rollouts are rough on a smaller scale
 WIDER, UNEVEN = 0.3, 0.3  # derivatives over this width and over STEP differ by more than this share there
-SIDES = 2  # of a floating base's derivatives, which are taken to one of them in turn
-NARROW = 0.3  # of the width: a bound that is nearer leaves too little
+SIDES = 2  # of a floating base's differences: towards the nameplate, and from it
+ROOM = 0.3  # of the width, that a bound must leave for a difference to that side
 DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
 PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
 REACH = 2.0  # largest change of a coordinate in one iteration
@@ -194,27 +195,26 @@ def _slopes(
 ) -> list[np.ndarray]:
     """Of each point the derivatives (P' + K, W, T, C) of its residuals; the `leading` ones are taken as they are.
 
-    step : the difference's half width, by default as the rollouts are rough or not. A floating base's differences are
-    taken to one side, which takes half the time: slips bend them more than their sides differ. side : 0 towards the
-    nameplate, 1 away from it.
+    step : the difference's half width, and the whole one of a floating base's, which are taken to one side; by default
+    as the rollouts are rough or not. side : that side, 0 towards the nameplate, 1 from it.
     """
     first = 0 if leading is None else len(leading)
     step = step or (ROUGH if problem.rough else STEP)
     ends = [_ends(problem, point, step, side) for point in points]
     moved = []
-    for point, (up, down) in zip(points, ends, strict=True):
+    for point, (one, two) in zip(points, ends, strict=True):
         for i in range(first, len(point.z)):
-            for end in (up,) if problem.stands else (up, down):
+            for end in (one,) if problem.stands else (one, two):
                 z = point.z.copy()
                 z[i] = end[i]
                 moved.append(point.moved(z))
-    still = list(points) if problem.stands else []
-    made = problem.sloped.residuals([*still, *moved], chosen)
-    out, at = [], len(still)
-    for number, (point, (up, down)) in enumerate(zip(points, ends, strict=True)):
+    here = list(points) if problem.stands else []
+    made = problem.sloped.residuals([*here, *moved], chosen)
+    out, at = [], len(here)
+    for number, (point, (one, two)) in enumerate(zip(points, ends, strict=True)):
         own = made[at:][: (len(point.z) - first) * (1 if problem.stands else 2)]
         change = own - made[number] if problem.stands else own[::2] - own[1::2]
-        width = (up - down)[first:]
+        width = (one - two)[first:]
         slope = change / np.where(np.abs(width) > 1e-9, width, 1e-9)[:, None, None, None]
         out.append(slope if leading is None else np.concatenate([leading, slope]))
         at += len(own)
@@ -222,9 +222,9 @@ def _slopes(
 
 
 def _ends(problem: Problem, point: Point, step: float, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (D,) between which each one's difference is taken: `step` to both sides, as far as bounds let it.
+    """Coordinates (D,), first and second, whose residuals' difference is taken: `step` to both sides, within bounds.
 
-    A floating base's: from where it is to the side, or to the other one where a bound leaves too little.
+    A floating base's: `step` to the side, or to the other one where a bound leaves too little, and where the point is.
     """
     limits = bounds(problem, point)
     up, down = np.minimum(point.z + step, limits[:, 1]), np.maximum(point.z - step, limits[:, 0])
@@ -232,7 +232,8 @@ def _ends(problem: Problem, point: Point, step: float, side: int) -> tuple[np.nd
         return up, down
     upwards = (point.z > 0) == bool(side)
     this, other = np.where(upwards, up, down), np.where(upwards, down, up)
-    return np.where(np.abs(this - point.z) > NARROW * step, this, other), point.z
+    room, rest = np.abs(this - point.z), np.abs(other - point.z)
+    return np.where(room > np.minimum(ROOM * step, rest), this, other), point.z
 
 
 def _steps(

@@ -177,7 +177,7 @@ def _finished(
 def _standing(
     problem: Problem, start: Point, fitted: list[Point], fit_on: np.ndarray, select_on: np.ndarray
 ) -> tuple[Point, list[Point]]:
-    """As `_finished`, of a floating base on its feet: fitted on all windows, by derivatives of the finer time step.
+    """As `_finished`, of a floating base on its feet: fitted on all windows, all steps tried with the finer time step.
 
     On half of the windows wrong causes fit what disturbs them better than the true one does, and the usual time step's
     derivatives stop far from the optimum, that of the model without the term above all: what it lacks any cause gains.

@@ -14,8 +14,8 @@ from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
 FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
-FINER_STANDING = 4  # of a floating base on its feet, whose slips a finer one tells no better,
-SLOPING = 2  # nor twice that time step their derivatives, for which alone it is fine enough
+FINER_STANDING = 4  # of a floating base on its feet, whose slips a finer one tells no better;
+SLOPING = 2  # times as long a step as that is fine enough for their derivatives
 SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
 

@@ -41,11 +41,11 @@ def shortlisted(
     iterations: int,
     hopeless: float = np.inf,
 ) -> list[Point]:
-    """`base` with one of `terms`, refitted: the best of them, best first, one point for each term.
+    """`base` with one of `terms`, refitted: the best of them, one point for each term, best first.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
     are refitted start from the nameplate. Their refit is only begun: the finer time step ends it elsewhere. Those of a
-    floating base come in turn from the nameplate and from `base`: where they are on their way says little.
+    floating base come in turn from the nameplate and from `base`, for where they are on their way says little.
     iterations, hopeless : of the last refit where rollouts are smooth; a term that is so many nats behind the best is
     not fitted to the end.
     """
@@ -56,7 +56,7 @@ def shortlisted(
         clear = min(cost for cost, _ in ahead) < without - CLEAR
         near = [] if clear else _roughly_from(problem, base, terms, fit_on, effective)
         return _in_turn(ahead, [(c, p) for c, p in near if c < without - GAINED])
-    elif problem.rough:
+    if problem.rough:
         done = _roughly_from(problem, base, terms, fit_on, effective)
         done += _roughly_from(problem, nameplate, terms, fit_on, effective)
     else:
@@ -69,9 +69,9 @@ def shortlisted(
 
 def _in_turn(*lists: list[tuple[float, Point]]) -> list[Point]:
     """The best of each list in turn, each of its terms once."""
-    sorted_ = [[p for _, p in sorted(own, key=lambda d: d[0])] for own in lists]
+    best_first = [[p for _, p in sorted(own, key=lambda d: d[0])] for own in lists]
     out: dict[str, Point] = {}
-    for row in zip_longest(*sorted_):
+    for row in zip_longest(*best_first):
         for point in row:
             if point is not None:
                 out.setdefault(point.hypothesis.key, point)

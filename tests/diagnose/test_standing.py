@@ -8,7 +8,7 @@ import pytest
 
 from dynreg.diagnose import fit as fitting
 from dynreg.diagnose import name, shortlist
-from dynreg.diagnose.fit import NARROW, ROUGH, fit
+from dynreg.diagnose.fit import ROOM, ROUGH, SIDES, fit
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.sim.effects import term
@@ -72,11 +72,10 @@ class Bent:
     power: float = 2.0
     stands: bool = True
     rough: bool = True
-    asked: tuple = ()
+    low: float = -9.0
 
     def __post_init__(self):
-        self.asked = []
-        self.coordinates = SimpleNamespace(nominal_bounds=np.array([[-9.0, 2.1]]))
+        self.coordinates = SimpleNamespace(nominal_bounds=np.array([[self.low, 2.1]]))
 
     @property
     def sloped(self) -> "Bent":
@@ -89,12 +88,14 @@ class Bent:
 @pytest.mark.parametrize(
     ("z", "side", "end"),
     [
+        (0.0, 0, ROUGH),
+        (0.0, 1, -ROUGH),
         (1.0, 0, 1.0 - ROUGH),
         (-1.0, 0, -1.0 + ROUGH),
         (1.0, 1, 1.0 + ROUGH),
         (2.1, 1, 2.1 - ROUGH),  # at its bound: to the other side
-        (1.0 + ROUGH * (1.1 - NARROW) + 0.01, 1, ROUGH * (1.1 - NARROW) + 0.01),  # too near to it
-        (1.0 + ROUGH * (1.1 - NARROW) - 0.01, 1, 2.1),  # a narrow difference, up to it
+        (1.0 + ROUGH * (1.1 - ROOM) + 0.01, 1, ROUGH * (1.1 - ROOM) + 0.01),  # too near to it
+        (1.0 + ROUGH * (1.1 - ROOM) - 0.01, 1, 2.1),  # a narrow difference, up to it
     ],
 )
 def test_derivatives_of_a_floating_base_are_differences_to_one_side(z, side, end):
@@ -102,24 +103,40 @@ def test_derivatives_of_a_floating_base_are_differences_to_one_side(z, side, end
     assert slope.item() == pytest.approx((end**3 - z**3) / (end - z))
 
 
+def test_between_narrow_bounds_the_difference_is_to_the_farther_one():
+    (slope,) = fitting._slopes(Bent(low=1.9), [plain(2.05)], np.arange(1))
+    assert slope.item() == pytest.approx((2.05**3 - 1.9**3) / 0.15)
+
+
 def test_others_take_both_sides():
     (slope,) = fitting._slopes(Bent(stands=False), [plain(1.0)], np.arange(1), side=1)
     assert slope.item() == pytest.approx((2.0**3 - 0.0) / 2.0)
 
 
-@pytest.mark.parametrize(("stands", "sides"), [(True, [0, 1]), (False, [0])])
-def test_a_floating_base_goes_on_until_derivatives_to_either_side_gain_nothing(monkeypatch, stands, sides):
+@pytest.mark.parametrize(
+    ("stands", "gains", "sides"),
+    [(True, 0, [0, 1]), (False, 0, [0]), (True, 2, [0, 1, 0, 1]), (True, 1, [0, 1, 0]), (False, 1, [0, 1])],
+)
+def test_a_floating_base_goes_on_until_derivatives_to_either_side_gain_nothing(
+    monkeypatch, stands, gains, sides
+):
+    """The iterations in `gains` (bits: first and second) gain, all others nothing."""
     asked = []
 
     def slopes(problem, points, chosen, leading, side):
         asked.append(side)
-        return [np.zeros((1, 1, 1, 1))]
+        return [None] * len(points)
+
+    def steps(problem, point, *_):
+        works = len(asked) <= 2 and gains >> (len(asked) - 1) & 1
+        return [point.moved(0.5 * point.z) if works else point]
 
     problem = Bent(stands=stands)
     problem.floor = np.full(1, 1e-6)
     monkeypatch.setattr(fitting, "_slopes", slopes)
-    fit(problem, [plain(0.0)], np.arange(1), np.ones((1, 1)), iterations=9)
-    assert asked == sides
+    monkeypatch.setattr(fitting, "_steps", steps)
+    fit(problem, [plain(2.0)], np.arange(1), np.ones((1, 1)), iterations=9)
+    assert SIDES == 2 and asked == sides
 
 
 def test_rollouts_of_a_fine_standing_robot_take_a_step_half_that_of_its_derivatives():
@@ -135,7 +152,7 @@ def test_rollouts_of_a_fine_standing_robot_take_a_step_half_that_of_its_derivati
 
 
 class Slipping:
-    """Two windows; the term helps in the first, of which its own residual has many samples and the other's few."""
+    """Two windows; the term helps in the first, of which the two residuals have these samples, and 10 of the second."""
 
     floor = np.full(1, 1e-9)
 
@@ -151,5 +168,8 @@ def test_a_gain_is_counted_by_the_samples_of_the_residual_that_has_fewer(of_plai
     residuals = np.ones((2, 2, 5, 1))
     residuals[1, 0] = 0.1
     problem = Slipping(of_plain, of_term)
-    gains = name._by_either(problem, residuals, name.mean_squares(residuals, problem.floor))
-    assert gains == pytest.approx([0.0, 0.5 * 4.0 * np.log(100.0)], rel=1e-6)
+    gain = 0.5 * np.log(100.0)
+    for order, least in ((slice(None), 4.0 * gain), (slice(None, None, -1), -400.0 * gain)):
+        ordered = residuals[order]
+        gains = name._by_either(problem, ordered, name.mean_squares(ordered, problem.floor))
+        assert gains == pytest.approx([0.0, least], rel=1e-6)
