@@ -10,6 +10,7 @@ from dynreg.rng import stream
 from dynreg.search.at_random import AtRandom
 from dynreg.search.cmaes import CmaEs
 from dynreg.search.drive import Limits, drive
+from dynreg.search.genetic import Genetic
 from dynreg.search.hill import HillClimber
 from dynreg.search.journal import Journal
 from dynreg.search.screened import ScreenedCmaEs
@@ -18,6 +19,7 @@ MAKE = {
     "hill": lambda rng: HillClimber(3, rng=rng, restarts=4),
     "cma": lambda rng: CmaEs(np.full(3, 0.5), rng=rng),
     "screened": lambda rng: ScreenedCmaEs(np.full(3, 0.5), rng=rng, screen=40),
+    "genetic": lambda rng: Genetic(3, rng=rng, population=20, tournament=3, elite=1),
     "random": lambda rng: AtRandom(3, rng=rng, batch=8),
 }
 
@@ -56,7 +58,7 @@ def test_searches_beat_chance_at_an_equal_budget(name: str) -> None:
     assert mean[name] > mean["random"]
 
 
-@pytest.mark.parametrize("name", ["hill", "cma"])
+@pytest.mark.parametrize("name", ["hill", "cma", "genetic"])
 def test_ask_and_tell_take_turns(name: str) -> None:
     search = MAKE[name](stream(0, name))
     with pytest.raises(UsageError, match="losses"):

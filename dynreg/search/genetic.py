@@ -1,0 +1,104 @@
+"""A real-coded genetic algorithm by ask and tell, in the unit cube: the search of the paper on wheeled robots.
+
+Pretorius et al.: parents are the best of tournaments, 80 % of the pairs are crossed by simulated binary crossover (Deb
+and Agrawal, Complex Systems 9, 1995), and genes are moved at random by mutation. What it leaves open is ours: `eta`,
+the width of a mutation, and how a gene beyond its range ends at the bound.
+"""
+
+import numpy as np
+
+from dynreg.errors import UsageError
+
+
+class Genetic:
+    """Generations of `population` candidates, each bred from the one before; the first is drawn evenly.
+
+    Parameters
+    ----------
+    dimensions : P. rng : of all draws. population : candidates of one ask, an even number. tournament : drawn with
+    replacement, the best of them becomes a parent. crossover : share of the pairs that are crossed. eta : how near
+    children of a crossing stay to their parents, from 0. mutation : chance of every gene to be moved. width : (P,) or
+    one: by up to so much of the range; 1 draws it anew (what is chosen, not tuned). elite : the best so many go on as
+    they are, in place of children. start : (P,) the first candidate, random without it.
+    """
+
+    def __init__(
+        self,
+        dimensions: int,
+        *,
+        rng: np.random.Generator,
+        population: int = 200,
+        tournament: int = 40,
+        crossover: float = 0.8,
+        eta: float = 5.0,
+        mutation: float = 0.05,
+        width: float | np.ndarray = 0.1,
+        elite: int = 0,
+        start: np.ndarray | None = None,
+    ):
+        if population < 2 or population % 2 or not 1 <= tournament or not 0 <= elite < population:
+            raise UsageError(
+                f"population {population}, tournament {tournament}, elite {elite}",
+                expected="an even population, a tournament of at least 1, an elite smaller than the population",
+                do="correct them",
+            )
+        self._rng, self._size, self._tournament, self._elite = rng, population, tournament, elite
+        self._crossover, self._eta, self._mutation = crossover, eta, mutation
+        self._width = np.broadcast_to(width, (dimensions,))
+        self._next = rng.uniform(size=(population, dimensions))
+        if start is not None:
+            self._next[0] = start
+        self._asked: np.ndarray | None = None
+
+    def ask(self) -> np.ndarray:
+        """(population, P) the generation to evaluate; raises UsageError when the last one was not told yet."""
+        if self._asked is not None:
+            raise UsageError("ask after ask", expected="tell between two asks", do="tell the losses first")
+        self._asked = self._next
+        return self._asked.copy()
+
+    def tell(self, losses: np.ndarray) -> None:
+        """Losses (population,), lower is better, NaN the worst, from which the next generation is bred.
+
+        Raises UsageError without an ask.
+        """
+        if self._asked is None or len(losses) != len(self._asked):
+            count = 0 if self._asked is None else len(self._asked)
+            raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
+        order = np.argsort(losses, kind="stable")  # NaN last
+        rank = np.empty(self._size, dtype=int)
+        rank[order] = np.arange(self._size)
+        children = self._mutated(self._crossed(self._parents(rank)))
+        children[: self._elite] = self._asked[order[: self._elite]]
+        self._next, self._asked = children, None
+
+    @property
+    def stopped(self) -> bool:
+        """Never: generations end with the budget."""
+        return False
+
+    def _parents(self, rank: np.ndarray) -> np.ndarray:
+        """(population, P) winners of as many tournaments; `rank` (population,) is 0 for the best."""
+        drawn = self._rng.integers(0, self._size, (self._size, self._tournament))
+        winners = drawn[np.arange(self._size), rank[drawn].argmin(axis=1)]
+        return self._asked[winners]
+
+    def _crossed(self, parents: np.ndarray) -> np.ndarray:
+        """Pairs of neighbours replaced by their two children, about the same mean, gene by gene near or far apart."""
+        first, second = parents[::2], parents[1::2]
+        u = self._rng.uniform(size=first.shape)
+        power = 1.0 / (self._eta + 1.0)
+        beta = np.where(u <= 0.5, (2.0 * u) ** power, (0.5 / (1.0 - u)) ** power)
+        crossed = self._rng.uniform(size=(len(first), 1)) < self._crossover
+        mean, apart = 0.5 * (first + second), 0.5 * beta * (first - second)
+        out = parents.copy()
+        out[::2] = np.where(crossed, mean + apart, first)
+        out[1::2] = np.where(crossed, mean - apart, second)
+        return np.clip(out, 0.0, 1.0)
+
+    def _mutated(self, genes: np.ndarray) -> np.ndarray:
+        """Every gene moved with the chance of a mutation; those of width 1 are drawn anew."""
+        hit = self._rng.uniform(size=genes.shape) < self._mutation
+        draw = self._rng.uniform(size=genes.shape)
+        moved = np.where(self._width >= 1.0, draw, genes + self._width * (2.0 * draw - 1.0))
+        return np.clip(np.where(hit, moved, genes), 0.0, 1.0)
