@@ -133,7 +133,7 @@ def _one_round(
         best = _best_of_each(rough, cost)[:FINALISTS]
         fitted, _ = fit(problem, best, fit_on, effective, iterations=iterations, hopeless=HOPELESS)
     if many and problem.stands:
-        start, fitted = _standing(problem, base, fitted[:FINE], fit_on, select_on)
+        start, fitted = _standing(problem, base, fitted, fit_on, select_on)
         return select(problem.fine, start, fitted, fit_on, select_on, together=True)
     # the model without the term gets the same chance: it starts where the best of the others ended, too
     rivals = fitted[: 1 if many else 3]

@@ -120,14 +120,14 @@ class Problem:
 
     @cached_property
     def _finer(self) -> Robot:
-        return _stepped(self.robot, self.finer)
+        return self.robot.stepped(self.finer)
 
     @property
     def fine(self) -> "Problem":
         """Where rollouts are rough the same with the finer time step, without corrections; else itself."""
         if not (self.rough and self.coarse):
             return self
-        sloping = _stepped(self.robot, self.finer / SLOPING) if self.stands else None
+        sloping = self.robot.stepped(self.finer / SLOPING) if self.stands else None
         return replace(self, robot=self._finer, corrections={}, sloping=sloping)
 
     @property
@@ -226,13 +226,6 @@ class Problem:
         if not table:
             return None
         return Terms(tuple(t for t, _ in table.values()), tuple(v for _, v in table.values()))
-
-
-def _stepped(robot: Robot, finer: float) -> Robot:
-    """The robot with a time step so many times finer."""
-    table = robot.file.robot
-    table = table.model_copy(update={"timestep": table.timestep / finer})
-    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
 
 
 def mean_squares(residuals: np.ndarray, floor: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.search.turns import may_ask, may_tell
 
 
 class CmaEs:
@@ -35,16 +35,13 @@ class CmaEs:
 
     def ask(self) -> np.ndarray:
         """(n, P) candidates to evaluate; raises UsageError when the last ones were not told yet."""
-        if self._asked is not None:
-            raise UsageError("ask after ask", expected="tell between two asks", do="tell the losses first")
+        may_ask(self._asked)
         self._asked = self._search.ask()
         return np.array(self._asked)
 
     def tell(self, losses: np.ndarray) -> None:
         """Losses (n,) of the candidates asked for, lower is better; raises UsageError without an ask."""
-        if self._asked is None or len(losses) != len(self._asked):
-            count = 0 if self._asked is None else len(self._asked)
-            raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
+        may_tell(self._asked, losses)
         self._search.tell(self._asked, [float(x) for x in losses])
         self._asked = None
 

@@ -8,6 +8,7 @@ the width of a mutation, and how a gene beyond its range ends at the bound.
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.search.turns import may_ask, may_tell
 
 
 class Genetic:
@@ -52,8 +53,7 @@ class Genetic:
 
     def ask(self) -> np.ndarray:
         """(population, P) the generation to evaluate; raises UsageError when the last one was not told yet."""
-        if self._asked is not None:
-            raise UsageError("ask after ask", expected="tell between two asks", do="tell the losses first")
+        may_ask(self._asked)
         self._asked = self._next
         return self._asked.copy()
 
@@ -62,9 +62,7 @@ class Genetic:
 
         Raises UsageError without an ask.
         """
-        if self._asked is None or len(losses) != len(self._asked):
-            count = 0 if self._asked is None else len(self._asked)
-            raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
+        may_tell(self._asked, losses)
         order = np.argsort(losses, kind="stable")  # NaN last
         rank = np.empty(self._size, dtype=int)
         rank[order] = np.arange(self._size)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.search.turns import may_ask, may_tell
 
 
 class HillClimber:
@@ -36,8 +36,7 @@ class HillClimber:
 
     def ask(self) -> np.ndarray:
         """(restarts, P) one candidate of every climber; raises UsageError when the last ones were not told yet."""
-        if self._asked is not None:
-            raise UsageError("ask after ask", expected="tell between two asks", do="tell the losses first")
+        may_ask(self._asked)
         start = self._rng.uniform(size=self._at.shape)
         if self._first is not None:
             start[0], self._first = self._first, None
@@ -48,9 +47,7 @@ class HillClimber:
 
     def tell(self, losses: np.ndarray) -> None:
         """Losses (restarts,) of the candidates asked for, lower is better; raises UsageError without an ask."""
-        if self._asked is None or len(losses) != len(self._asked):
-            count = 0 if self._asked is None else len(self._asked)
-            raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
+        may_tell(self._asked, losses)
         better = losses < self._losses
         self._at = np.where(better[:, None], self._asked, self._at)
         self._losses = np.where(better, losses, self._losses)

@@ -4,8 +4,8 @@
 time step, a torque disturbance, sensor noise and quantisation.
 """
 
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -118,12 +118,9 @@ def finer(robot: Robot) -> Robot:
     MuJoCo's other integrators are of first order: what they hold over a time step acts half of it too early, and the
     delay that a diagnosis finds would rightly be shorter than the hidden one.
     """
-    change: dict[str, Any] = {"timestep": robot.file.robot.timestep / FINER}
     model = robot.model
-    if not (model.npair or model.geom_contype.any() or model.geom_conaffinity.any()):
-        change["integrator"] = "rk4"
-    table = robot.file.robot.model_copy(update=change)
-    return replace(robot, file=robot.file.model_copy(update={"robot": table}))
+    collides = model.npair or model.geom_contype.any() or model.geom_conaffinity.any()
+    return robot.stepped(FINER, **({} if collides else {"integrator": "rk4"}))
 
 
 def sensed(robot: Robot, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:

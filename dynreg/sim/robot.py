@@ -1,7 +1,7 @@
 """Robots as folders: an MJCF model and a robot.toml."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -82,6 +82,12 @@ class Robot:
     def substeps(self, period: float | np.ndarray) -> np.ndarray:
         """Physics time steps in commands of `period` [s]: at least one, none longer than the stated time step."""
         return np.maximum(np.ceil(np.asarray(period) / self.file.robot.timestep - 1e-9), 1).astype(int)
+
+    def stepped(self, finer: float, **changes: object) -> "Robot":
+        """The robot with a physics time step so many times finer, and these entries of [robot] changed."""
+        table = self.file.robot
+        table = table.model_copy(update={"timestep": table.timestep / finer, **changes})
+        return replace(self, file=self.file.model_copy(update={"robot": table}))
 
     @property
     def recording_spec(self) -> RecordingSpec:

@@ -137,12 +137,6 @@ def test_with_and_without_a_term_a_standing_robot_is_fitted_on_all_windows_from_
     assert cost[4] < min(cost[2], cost[3])
 
 
-def test_the_finer_time_step_is_four_times_as_fine_for_a_robot_on_its_feet():
-    problem, *_ = posed()
-    step = lambda one: one.robot.file.robot.timestep  # noqa: E731
-    assert problem.finer == 4 and step(problem) / step(problem.fine) == 4
-
-
 def test_the_verdict_is_of_whole_rollouts():
     problem, split, hidden, log = posed()
     plain, true = points(problem, hidden)

@@ -147,8 +147,35 @@ def test_rollouts_of_a_fine_standing_robot_take_a_step_half_that_of_its_derivati
         Problem(load_robot(r), SimpleNamespace(weight=np.ones(1), spread=np.ones(1)), None)
         for r in ("quadruped", "leg")
     )
+    assert standing.finer == 4
     assert step(standing) / step(standing.fine) == 4 and step(standing) / step(standing.fine.sloped) == 2
     assert standing.sloped is standing and hanging.fine.sloped is hanging.fine
+
+
+def test_what_is_far_behind_does_not_go_on_to_the_end(monkeypatch):
+    costs = {"": 0.0, "payload": 10.0, "gravity_tilt": 10.0 + name.AWAY, "com_offset": 11.0 + name.AWAY}
+    asked = []
+
+    def cost_of(points):
+        return np.array([costs[p.hypothesis.key] for p in points])
+
+    def fitted(problem, points, chosen, effective, *, iterations, **settings):
+        asked.append(([p.hypothesis.key for p in points], len(chosen), iterations))
+        return list(points), cost_of(points)
+
+    monkeypatch.setattr(name, "fit", fitted)
+    monkeypatch.setattr(name, "objective", lambda problem, points, *_: cost_of(points))
+    fine = SimpleNamespace(residuals=lambda points, chosen: np.zeros((len(points), 3, 1, 1)))
+    problem = SimpleNamespace(fine=fine, segments=1, effective=lambda residual: np.ones((3, 1)))
+    terms = hypotheses("com_offset", "gravity_tilt", "payload")
+    _, out = name._standing(problem, plain(0.0), terms, np.arange(2), np.arange(2, 3))
+    near = ["payload", "gravity_tilt"]
+    assert asked[:3] == [
+        (["com_offset", "gravity_tilt", "payload"], 2, 1),
+        ([*near, "com_offset"], 3, 1),
+        (near, 3, 3),
+    ]
+    assert [p.hypothesis.key for p in out] == [*near, "com_offset"]
 
 
 class Slipping:
