@@ -23,6 +23,8 @@ STEP = 0.1  # of the range, 1 sigma, of the paper
 SCREENED = (
     0.2  # of the candidates, drawn before CMA-ES sets out from the best: most gaits fall, and cost little
 )
+BATCH = 10  # candidates at a time
+SIGMA = 0.12  # first step of CMA-ES, of the range
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
 DRAWS = 5  # runs of each of them then, about, over all simulators and their motor noise
 FINALISTS = 5  # at least, or none is tried again
@@ -110,9 +112,12 @@ def seek(
         helpless[:] &= fallen(grades).all(axis=0)
         return judge(grades)
 
+    # CMA-ES lives with noise that is another for every batch, and finds what walks whatever the noise; climbers
+    # compare candidates of different batches
+    draws_anew = finalists > 0 and settings.method == "cma"
     found = drive(
         search,
-        lambda unit: trials.grades(gaits(unit)),
+        lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
         watched,
         Limits(evaluations, settings.patience, settings.target),
         journal=kept,
@@ -127,7 +132,7 @@ def seek(
 
 
 class _Seen:
-    """A search whose candidates are remembered with their losses."""
+    """A search whose candidates are remembered with their losses. asks : how often it was asked."""
 
     def __init__(self, search: Search):
         self._search = search
@@ -138,6 +143,14 @@ class _Seen:
     def stopped(self) -> bool:
         return self._search.stopped
 
+    @property
+    def asks(self) -> int:
+        return len(self._asked)
+
+    @property
+    def middle(self) -> np.ndarray | None:
+        return self._search.middle
+
     def ask(self) -> np.ndarray:
         self._asked.append(self._search.ask().copy())
         return self._asked[-1].copy()
@@ -147,10 +160,12 @@ class _Seen:
         self._search.tell(losses)
 
     def best(self, count: int) -> np.ndarray:
-        """(n, P) at most `count` candidates, no two of them the same, the best first."""
+        """(n, P) at most `count` candidates, no two of them the same: what the search bets on, then the best first."""
         losses = np.concatenate(self._losses)
         order = np.argsort(losses, kind="stable")
         candidates = np.concatenate(self._asked[: len(self._losses)])[order]
+        if self.middle is not None:
+            candidates = np.concatenate([self.middle[None], candidates])
         _, first = np.unique(candidates, axis=0, return_index=True)
         return candidates[np.sort(first)[:count]]
 
@@ -183,20 +198,26 @@ def _judge(settings: SearchSettings) -> Callable[[np.ndarray], tuple[np.ndarray,
 
 
 def _search(trials: Trials, settings: SearchSettings) -> tuple[Search, int]:
-    """The search and its number of candidates at a time; all begin at the robot's `start`, where it has one."""
+    """The search and its number of candidates at a time; all try the robot's own gaits, where it has some, first."""
     from dynreg.search.at_random import AtRandom
+    from dynreg.search.cmaes import CmaEs
     from dynreg.search.hill import HillClimber
-    from dynreg.search.screened import ScreenedCmaEs
+    from dynreg.search.screened import Screened, around
 
     space = trials.space
-    rng = stream(settings.seed, "gait", settings.method)
+    rng, size, turns = stream(settings.seed, "gait", settings.method), len(space), space.periodic
+    starts = space.starts
+
+    def climb(best: np.ndarray) -> Search:
+        first = best if len(starts) else None
+        return HillClimber(size, rng=rng, restarts=RESTARTS, step=STEP, periodic=turns, start=first)
+
     if settings.method == "hill":
-        climber = HillClimber(
-            len(space), rng=rng, restarts=RESTARTS, step=STEP, periodic=space.periodic, start=space.start
-        )
-        return climber, RESTARTS
+        return Screened(starts, climb, batch=RESTARTS), RESTARTS
     if settings.method == "random":
-        return AtRandom(len(space), rng=rng, batch=10, start=space.start), 10
-    middle = np.full(len(space), 0.5) if space.start is None else space.start
+        return Screened(starts, lambda _: AtRandom(size, rng=rng, batch=BATCH), batch=BATCH), BATCH
     screen = int(SCREENED * settings.rollouts / len(trials.simulators))
-    return ScreenedCmaEs(middle, rng=rng, screen=screen, batch=10), 10
+    whole = BATCH * max(screen // BATCH, -(-len(starts) // BATCH), 1)
+    candidates = np.concatenate([starts, around(starts, whole - len(starts), rng, turns)])
+    begin = lambda best: CmaEs(best, sigma=SIGMA, rng=rng, batch=BATCH, periodic=turns)  # noqa: E731
+    return Screened(candidates, begin, batch=BATCH), BATCH

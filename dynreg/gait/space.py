@@ -34,8 +34,8 @@ class GaitSpace:
     """The gaits that a robot can be told.
 
     columns : (L, R) number of the action of every leg and role. signs : (L, R). pose : (A,) [rad] at rest.
-    low, high : (A,) position limits [rad]. speed : (A,) rate limits [rad/s]. first : {gene: value} where searches
-    begin.
+    low, high : (A,) position limits [rad]. speed : (A,) rate limits [rad/s]. first : {gene: value} of the gaits that
+    searches try first.
     """
 
     robot: str
@@ -50,7 +50,7 @@ class GaitSpace:
     low: np.ndarray
     high: np.ndarray
     speed: np.ndarray
-    first: Mapping[str, float]
+    first: tuple[Mapping[str, float], ...]
 
     def __len__(self) -> int:
         return len(self.genes)
@@ -80,12 +80,11 @@ class GaitSpace:
         return (genes - self.bounds[:, 0]) / (self.bounds[:, 1] - self.bounds[:, 0])
 
     @property
-    def start(self) -> np.ndarray | None:
-        """(G,) where searches begin, in the unit cube; None where robot.toml does not say."""
-        if not self.first:
-            return None
+    def starts(self) -> np.ndarray:
+        """(n, G) the gaits that searches try first, in the unit cube; none where robot.toml names none."""
         middle = self.as_dict(self.bounds.mean(axis=1))
-        return self.to_unit(self.from_dict({**middle, **self.first}))
+        genes = [self.from_dict({**middle, **gait}) for gait in self.first]
+        return self.to_unit(np.array(genes).reshape(-1, len(self)))
 
     def as_dict(self, genes: np.ndarray) -> dict[str, float]:
         """{name: value} of one gait (G,)."""
@@ -215,7 +214,7 @@ def gait_space(robot: Robot) -> GaitSpace:
         low,
         high,
         speed,
-        table.start,
+        tuple(table.start),
     )
 
 

@@ -56,7 +56,8 @@ class Trials:
     """Runs gaits in k simulators; counts the runs.
 
     rate : commands a second [Hz]. Every simulator draws its motor noise once, the same for all gaits, so that
-    gaits are compared and not their luck. Raises RobotError where the robot cannot walk or commands are too rare.
+    gaits are compared and not their luck; a `draw` above 0 is another noise. Raises RobotError where the robot cannot
+    walk or commands are too rare.
     """
 
     def __init__(
@@ -87,13 +88,12 @@ class Trials:
         self.rollouts = self.physics_steps = 0
         self._threads, self._seed = threads, seed
         self.times = np.arange(max(round(task.seconds * rate), 1)) / rate
-        seeds = np.array([stream_seed(seed, "gait noise", i) % 2**62 for i in range(len(simulators))])
-        self._noise = motor_noise(seeds, 1, len(self.times), len(robot.actions))
+        self._noise = self._drawn(0)
         self._arenas: dict[int, Arena] = {}
 
-    def walk(self, genes: np.ndarray, *, feet: bool = False) -> Walk:
+    def walk(self, genes: np.ndarray, *, feet: bool = False, draw: int = 0) -> Walk:
         """What gaits (n, G) do in every simulator: (k, n); with `feet`, which of them touch the ground when."""
-        run = self._run(genes)
+        run = self._run(genes, draw)
         if len(genes) not in self._arenas:
             self._arenas = {len(genes): self._arena(run)}
         walk = self._arenas[len(genes)].walk(run, feet=feet)
@@ -101,9 +101,9 @@ class Trials:
         self.physics_steps += walk.physics_steps
         return walk
 
-    def grades(self, genes: np.ndarray) -> np.ndarray:
+    def grades(self, genes: np.ndarray, draw: int = 0) -> np.ndarray:
         """(n, k) of gaits (n, G); see `Task.grade`."""
-        return self.task.grade(self.walk(genes)).T
+        return self.task.grade(self.walk(genes, draw=draw)).T
 
     def again(self, genes: np.ndarray, draws: int) -> np.ndarray:
         """(n, draws k) grades of gaits (n, G) with `draws` other draws of every simulator's motor noise."""
@@ -124,10 +124,16 @@ class Trials:
         arena = self._arena(run)
         return arena.model(simulator), arena.poses(run)[simulator, 0]
 
-    def _run(self, genes: np.ndarray) -> Run:
+    def _drawn(self, draw: int) -> np.ndarray:
+        """(k, 1, T, A) motor noise."""
+        which = ("gait noise", draw) if draw else ("gait noise",)
+        seeds = np.array([stream_seed(self._seed, *which, i) % 2**62 for i in range(len(self.simulators))])
+        return motor_noise(seeds, 1, len(self.times), len(self.robot.actions))
+
+    def _run(self, genes: np.ndarray, draw: int) -> Run:
         actions = self.space.targets(genes, self.times)
-        noise = np.broadcast_to(self._noise, (len(self.simulators), *actions.shape))
-        return Run(actions, period=1.0 / self.rate, noise=noise)
+        noise = self._drawn(draw) if draw else self._noise
+        return Run(actions, period=1.0 / self.rate, noise=np.broadcast_to(noise, (len(noise), *actions.shape)))
 
     def _arena(self, run: Run) -> "Arena":
         from dynreg.sim.engines.mujoco_engine import Arena

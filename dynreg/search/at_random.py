@@ -6,28 +6,22 @@ import numpy as np
 class AtRandom:
     """Uniform draws.
 
-    dimensions : P. batch : candidates of one ask. rng : of all draws. start : (P,) the first candidate.
+    dimensions : P. batch : candidates of one ask. rng : of all draws.
     """
 
-    def __init__(
-        self,
-        dimensions: int,
-        *,
-        rng: np.random.Generator,
-        batch: int = 10,
-        start: np.ndarray | None = None,
-    ):
-        self._rng, self._shape, self._first = rng, (batch, dimensions), start
+    def __init__(self, dimensions: int, *, rng: np.random.Generator, batch: int = 10):
+        self._rng, self._shape = rng, (batch, dimensions)
 
     def ask(self) -> np.ndarray:
         """(batch, P) candidates to evaluate."""
-        asked = self._rng.uniform(size=self._shape)
-        if self._first is not None:
-            asked[0], self._first = self._first, None
-        return asked
+        return self._rng.uniform(size=self._shape)
 
     def tell(self, losses: np.ndarray) -> None:
         """Losses of the candidates asked for: they change nothing."""
+
+    @property
+    def middle(self) -> None:
+        """None: it bets on the best that it saw."""
 
     @property
     def stopped(self) -> bool:

@@ -12,6 +12,7 @@ class CmaEs:
     ----------
     start : (P,) where to begin. sigma : first step size in the unit cube. seed : of its random draws, which come
     from numpy's global generator; with `rng` they come from that one alone. batch : candidates of one ask.
+    periodic : (P,) dimensions that run round: they have no bounds, and what is asked lies in [0, 1) all the same.
     """
 
     def __init__(
@@ -22,10 +23,13 @@ class CmaEs:
         seed: int = 0,
         rng: np.random.Generator | None = None,
         batch: int | None = None,
+        periodic: np.ndarray | None = None,
     ):
         import cma
 
-        options = {"bounds": [0.0, 1.0], "seed": seed % (2**31 - 1) + 1, "verbose": -9, "tolflatfitness": 50}
+        self._round = np.zeros(len(start), dtype=bool) if periodic is None else periodic
+        bounds = [[None if free else edge for free in self._round] for edge in (0.0, 1.0)]
+        options = {"bounds": bounds, "seed": seed % (2**31 - 1) + 1, "verbose": -9, "tolflatfitness": 50}
         if rng is not None:
             options |= {"seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape)}
         if batch is not None:
@@ -37,7 +41,7 @@ class CmaEs:
         """(n, P) candidates to evaluate; raises UsageError when the last ones were not told yet."""
         may_ask(self._asked)
         self._asked = self._search.ask()
-        return np.array(self._asked)
+        return self._inside(np.array(self._asked))
 
     def tell(self, losses: np.ndarray) -> None:
         """Losses (n,) of the candidates asked for, lower is better; raises UsageError without an ask."""
@@ -58,4 +62,12 @@ class CmaEs:
     @property
     def best(self) -> np.ndarray:
         """(P,) the best candidate so far."""
-        return np.array(self._search.result.xbest)
+        return self._inside(np.array(self._search.result.xbest))
+
+    @property
+    def middle(self) -> np.ndarray:
+        """(P,) the middle of what is asked next: where losses are noisy a better bet than the best candidate."""
+        return self._inside(self._search.result.xfavorite)
+
+    def _inside(self, x: np.ndarray) -> np.ndarray:
+        return np.where(self._round, np.mod(x, 1.0), x)

@@ -13,6 +13,7 @@ class Search(Protocol):
     """What proposes candidates in the unit cube and learns from their losses."""
 
     stopped: bool
+    middle: np.ndarray | None  # (P,) its bet where losses are noisy; None where it has none
 
     def ask(self) -> np.ndarray:
         """(n, P) candidates to evaluate."""

@@ -71,6 +71,10 @@ class Genetic:
         self._next, self._asked = children, None
 
     @property
+    def middle(self) -> None:
+        """None: it bets on the best that it saw."""
+
+    @property
     def stopped(self) -> bool:
         """Never: generations end with the budget."""
         return False

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, Strict, field_validator, model_validator
 
 from dynreg.sim.table import Table
 
@@ -32,14 +32,20 @@ class LegTable(Table):
 class GaitTable(Table):
     """[gait]: bounds of the sinusoidal gait: `frequency` [Hz]; `ramp` [s] from the reset pose into it.
 
-    start : {gene: value} of a gait where searches begin; genes that are not named stand in the middle.
+    start : {gene: value} of gaits that searches try first, one or a list; genes that are not named stand in the
+    middle.
     """
 
     frequency: Range
     ramp: float = Field(default=1.0, gt=0)
     roles: list[RoleTable] = Field(min_length=1)
     legs: list[LegTable] = Field(min_length=2)
-    start: dict[str, float] = Field(default_factory=dict)
+    start: list[dict[str, float]] = Field(default_factory=list)
+
+    @field_validator("start", mode="before")
+    @classmethod
+    def _one_is_a_list(cls, given):
+        return [given] if isinstance(given, dict) else given
 
     @model_validator(mode="after")
     def _parts(self):
@@ -74,7 +80,7 @@ class GaitTable(Table):
             bounds |= {f"amplitude_{role.name}": role.amplitude, f"offset_{role.name}": role.offset}
         phases = [*self.roles, *self.legs[1:]]
         bounds |= {f"phase_{turning.name}": (-math.pi, math.pi) for turning in phases}
-        for name, value in self.start.items():
+        for name, value in (item for gait in self.start for item in gait.items()):
             if name not in bounds:
                 raise ValueError(f"start names {name!r}, not one of {list(bounds)}")
             if not bounds[name][0] <= value <= bounds[name][1]:

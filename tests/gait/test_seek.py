@@ -17,7 +17,7 @@ BUDGET = {"cma": 44, "hill": 30, "random": 40}  # two or three batches in two si
 
 def first_gaits(trials: Trials, count: int = 3) -> np.ndarray:
     space = trials.space
-    unit = np.tile(space.start, (count, 1))
+    unit = np.tile(space.starts[0], (count, 1))
     unit[:, 3] += 0.1 * np.arange(count)
     return space.feasible(space.from_unit(unit))
 

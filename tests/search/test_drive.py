@@ -13,12 +13,20 @@ from dynreg.search.drive import Limits, drive
 from dynreg.search.genetic import Genetic
 from dynreg.search.hill import HillClimber
 from dynreg.search.journal import Journal
-from dynreg.search.screened import ScreenedCmaEs
+from dynreg.search.screened import Screened, around
+
+
+def screened(rng: np.random.Generator, many: int, *, batch: int = 10, sigma: float = 0.12) -> Screened:
+    """CMA-ES after `many` candidates, the middle first."""
+    middle = np.full((1, 3), 0.5)
+    candidates = np.concatenate([middle, around(middle, many - 1, rng)])
+    return Screened(candidates, lambda best: CmaEs(best, sigma=sigma, rng=rng, batch=None), batch=batch)
+
 
 MAKE = {
     "hill": lambda rng: HillClimber(3, rng=rng, restarts=4),
     "cma": lambda rng: CmaEs(np.full(3, 0.5), rng=rng),
-    "screened": lambda rng: ScreenedCmaEs(np.full(3, 0.5), rng=rng, screen=40),
+    "screened": lambda rng: screened(rng, 40),
     "genetic": lambda rng: Genetic(3, rng=rng, population=20, tournament=3, elite=1),
     "random": lambda rng: AtRandom(3, rng=rng, batch=8),
 }
@@ -43,7 +51,7 @@ def test_every_search_climbs_and_keeps_its_budget(name: str) -> None:
 def test_no_batch_is_begun_that_the_budget_has_no_room_for() -> None:
     """Batches of 5 while it screens, of 7 then."""
     for budget, used in ((10, 10), (16, 10), (17, 17), (23, 17), (24, 24)):
-        search = ScreenedCmaEs(np.full(3, 0.5), rng=stream(0, "sizes"), screen=10, batch=5)
+        search = screened(stream(0, "sizes"), 10, batch=5)
         asked = []
         found = drive(search, lambda x: asked.append(len(x)) or hump(x), judge, Limits(budget))  # noqa: B023
         assert found.evaluations == sum(asked) == used and found.ended == "budget"
@@ -136,8 +144,8 @@ def test_a_journal_of_another_search_or_of_none_is_refused(tmp_path: Path) -> No
 
 def test_a_screened_search_sets_out_from_the_best_that_it_saw() -> None:
     """Nothing but a narrow hump, which the middle does not see."""
-    search = ScreenedCmaEs(np.full(3, 0.5), rng=stream(3, "narrow"), screen=60, batch=10, sigma=0.02)
-    assert np.array_equal(search.ask()[0], np.full(3, 0.5))
+    search = screened(stream(3, "narrow"), 60, sigma=0.02)
+    assert np.array_equal(search.ask()[0], np.full(3, 0.5)) and search.middle is None
     search.tell(np.arange(10.0))
     best = None
     for _ in range(5):
@@ -145,3 +153,30 @@ def test_a_screened_search_sets_out_from_the_best_that_it_saw() -> None:
         search.tell(np.arange(10.0) - 1.0)
         best = asked[0] if best is None else best
     assert np.abs(search.ask() - best).max() < 0.2
+    assert np.abs(search.middle - best).max() < 0.2
+
+
+def test_draws_about_starts_go_round_where_a_dimension_does() -> None:
+    starts, rng = np.array([[0.99, 0.99], [0.01, 0.01]]), stream(5, "around")
+    draws = around(starts, 400, rng, np.array([False, True]))
+    about, anywhere = draws[::2], draws[1::2]
+    assert draws.shape == (400, 2) and (draws >= 0).all() and (draws <= 1).all()
+    assert {*np.round(np.median(about[::2], axis=0), 1)} & {0.9, 1.0}  # of the first start
+    assert np.median(about[1::2, 0]) < 0.15  # and of the second
+    edges = (about == 0.0) | (about == 1.0)
+    assert edges[:, 0].mean() > 0.3 and not edges[:, 1].any()
+    assert abs(anywhere.mean() - 0.5) < 0.05
+    assert around(np.empty((0, 2)), 4, rng).shape == (4, 2)
+
+
+def test_cma_es_passes_the_seam_of_a_dimension_that_runs_round() -> None:
+    """The top lies at 0.1, the start at 0.95: 0.15 away across the seam, and uphill only that way."""
+    away = lambda x: np.minimum(np.mod(x - 0.1, 1.0), np.mod(0.1 - x, 1.0))  # noqa: E731
+    turning = np.array([True, False])
+    search = CmaEs(np.array([0.95, 0.5]), sigma=0.03, rng=stream(2, "seam"), periodic=turning)
+    for _ in range(40):
+        asked = search.ask()
+        assert (asked >= 0).all() and (asked <= 1).all()
+        search.tell(away(asked[:, 0]) ** 2 + (asked[:, 1] - 0.4) ** 2)
+    assert away(search.best[0]) < 0.01 and abs(search.best[1] - 0.4) < 0.05
+    assert away(search.middle[0]) < 0.02 and 0.0 <= search.middle[0] < 1.0
