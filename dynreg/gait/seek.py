@@ -26,16 +26,18 @@ SCREENED = (
 BATCH = 10  # candidates at a time
 SIGMA = 0.12  # first step of CMA-ES, of the range
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
-DRAWS = 5  # runs of each of them then, about, over all simulators and their motor noise
-FINALISTS = 5  # at least, or none is tried again
+ROUNDS = 3  # of that: each keeps the better half and tries them twice as often (successive halving, Jamieson 2016)
+DRAWS = 2  # of the first round, over all simulators
+FINALISTS = 4  # at least, or none is tried again
+DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simulator is the robot
 
 
 @dataclass(frozen=True)
 class SearchSettings:
     """How a gait is sought. rollouts : runs of one simulator, in all; patience, target : see `drive.Limits`.
 
-    again : share of the rollouts in which the best gaits are tried once more, with other motor noise: of many gaits
-    the best is also the one that was luckiest with the noise of the search.
+    again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
+    little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
 
     method: str = METHODS[0]
@@ -55,11 +57,13 @@ class SearchSettings:
         if not 0.0 <= self.again < 1.0:
             raise UsageError(f"again = {self.again}", expected="a share from 0 to below 1", do="give one")
 
-    def finals(self, k: int) -> tuple[int, int]:
-        """How many gaits are tried again in k simulators, and with how many draws of their motor noise."""
+    def finals(self, k: int) -> tuple[tuple[int, int], ...]:
+        """Rounds in which the best gaits are tried again in k simulators: how many gaits, with how many draws."""
         draws = max(DRAWS // k, 1)
-        finalists = int(self.again * self.rollouts) // (k * draws)
-        return (finalists, draws) if finalists >= FINALISTS else (0, draws)
+        gaits = int(self.again * self.rollouts) // (ROUNDS * k * draws)
+        if gaits < FINALISTS:
+            return ()
+        return tuple((gaits >> r, draws << r) for r in range(ROUNDS) if gaits >> r > 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +98,10 @@ def seek(
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
     space, k = trials.space, len(trials.simulators)
-    finalists, draws = settings.finals(k)
+    finals = settings.finals(k)
     asked, batch = _search(trials, settings)
     search = _Seen(asked)
-    evaluations = settings.rollouts // k - finalists * draws
+    evaluations = settings.rollouts // k - sum(gaits * draws for gaits, draws in finals)
     if evaluations < batch:
         raise UsageError(
             f"{settings.rollouts} rollouts in {k} simulators",
@@ -114,7 +118,7 @@ def seek(
 
     # CMA-ES lives with noise that is another for every batch, and finds what walks whatever the noise; climbers
     # compare candidates of different batches
-    draws_anew = finalists > 0 and settings.method == "cma"
+    draws_anew = bool(finals) and settings.method == "cma"
     found = drive(
         search,
         lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
@@ -123,8 +127,8 @@ def seek(
         journal=kept,
         progress=(lambda done, total: progress("search", done, total)) if progress else None,
     )
-    if finalists:
-        found = _best_again(trials, settings, found, search.best(finalists), draws)
+    if finals:
+        found = _best_again(trials, settings, found, search.best(finals[0][0]), finals)
     genes = gaits(found.best[None])
     walk = trials.walk(genes, feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
@@ -171,14 +175,27 @@ class _Seen:
 
 
 def _best_again(
-    trials: Trials, settings: SearchSettings, found: Found, finalists: np.ndarray, draws: int
+    trials: Trials,
+    settings: SearchSettings,
+    found: Found,
+    finalists: np.ndarray,
+    finals: tuple[tuple[int, int], ...],
 ) -> Found:
-    """What was found with the best of the finalists (n, P) by what they are worth with other motor noise."""
-    space = trials.space
-    grades = trials.again(space.feasible(space.from_unit(finalists)), draws)
-    values, losses = _judge(settings)(grades)
-    at = int(np.lexsort((losses, -values))[0])
-    return replace(found, best=finalists[at], grades=grades[at], value=float(values[at]))
+    """What was found with the best of the finalists (n, P): where the minimum counts, the one that falls least often.
+
+    Its value is accepted over the simulators of the mean over draws; its grades are those of all its draws.
+    """
+    space, seen = trials.space, np.empty((len(finalists), 0, len(trials.simulators)))
+    for gaits, draws in finals:
+        finalists, seen = finalists[:gaits], seen[:gaits]
+        genes = space.feasible(space.from_unit(finalists))
+        new = trials.again(genes, draws, first=seen.shape[1], doubt=DOUBT)
+        seen = np.concatenate([seen, new], axis=1)
+        values = accepted(fitness(seen).mean(axis=1), settings.accept)
+        falls = fallen(seen).sum(axis=(1, 2)) if settings.accept == "min" else np.zeros(len(seen))
+        order = np.lexsort((-values, falls))
+        finalists, seen, values = finalists[order], seen[order], values[order]
+    return replace(found, best=finalists[0], grades=seen[0].ravel(), value=float(values[0]))
 
 
 def accepted(values: np.ndarray, how: str) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from dynreg.errors import RobotError
 from dynreg.gait.space import GaitSpace, gait_space
 from dynreg.gait.tasks import Task
-from dynreg.rng import stream_seed
+from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.robot import Robot
@@ -105,18 +105,30 @@ class Trials:
         """(n, k) of gaits (n, G); see `Task.grade`."""
         return self.task.grade(self.walk(genes, draw=draw)).T
 
-    def again(self, genes: np.ndarray, draws: int) -> np.ndarray:
-        """(n, draws k) grades of gaits (n, G) with `draws` other draws of every simulator's motor noise."""
-        terms = self.simulators.terms
+    def again(self, genes: np.ndarray, draws: int, *, first: int = 0, doubt: float = 0.0) -> np.ndarray:
+        """(n, draws, k) grades of gaits (n, G) with other draws of every simulator's motor noise.
+
+        first : draws with lower numbers were seen before. doubt : 1 sigma, as a share of the ranges, by which every
+        draw moves the parameters that the lab does not know, too.
+        """
+        k, space, terms = len(self.simulators), self.robot.space, self.simulators.terms
         if terms:
             terms = Terms(terms.terms, tuple(np.tile(v, (draws, 1)) for v in terms.values))
-        simulators = Simulators(np.tile(self.simulators.values, (draws, 1)), terms)
-        seed = stream_seed(self._seed, "again") % 2**62
-        other = Trials(self.robot, self.task, simulators, rate=self.rate, seed=seed, threads=self._threads)
+        values = np.tile(self.simulators.values, (draws, 1))
+        seeds = [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
+        if doubt:
+            moves = [stream(s, "doubt").standard_normal((k, len(space))) for s in seeds]
+            known = np.array([p.known for p in space.parameters])
+            moved = space.from_unit(space.to_unit(values) + doubt * np.concatenate(moves))
+            values = np.where(known, values, moved)
+        other = Trials(
+            self.robot, self.task, Simulators(values, terms), rate=self.rate, threads=self._threads
+        )
+        other._noise = np.concatenate([self._drawn(s) for s in seeds])
         found = other.grades(genes)
         self.rollouts += other.rollouts
         self.physics_steps += other.physics_steps
-        return found
+        return found.reshape(len(genes), draws, k)
 
     def poses(self, actions: np.ndarray, simulator: int) -> "tuple[MjModel, np.ndarray]":
         """The MuJoCo model of a simulator (its number), and its poses (T+1, nq) under joint commands (T, A)."""

@@ -78,7 +78,7 @@ def test_what_is_made_feasible_keeps_every_limit_at_every_time(seed: int) -> Non
 
 def test_a_gait_past_its_limits_is_refused_with_the_joint_and_the_limit(quadruped) -> None:
     space = gait_space(quadruped)
-    good = space.from_dict({**space.as_dict(space.bounds.mean(axis=1)), **space.first})
+    good = space.from_dict({**space.as_dict(space.bounds.mean(axis=1)), **space.first[0]})
     space.require(good)
     fast = good.copy()
     fast[[0, 2]] = 2.5, 0.6
@@ -101,6 +101,7 @@ BAD = {
     "frequency = [0.5, 2.5]": ("frequency = [2.5, 0.5]", "low 2.5 is not below high 0.5"),
     "frequency = 2.3": ("frequency = 23.0", r"start: frequency = 23.0 lies outside \[0.5, 2.5\]"),
     "phase_rr = 0.0": ("phase_tail = 0.0", "start names 'phase_tail', not one of"),
+    "frequency = 2.406": ("frequency = 0.0", "start: frequency = 0.0 lies outside"),  # of the second
     'shoulder = "fr_shoulder"': ('shoulder = "fl_shoulder"', "joint 'fl_shoulder' is in two places"),
     'name = "fr"': ('name = "elbow"', "two of the roles and legs have one name"),
     'name = "turn"': ('name = "forward"', "named twice"),
