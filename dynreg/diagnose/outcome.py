@@ -12,6 +12,7 @@ from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.gained import channel_errors, gain, worst_of
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.jitter import simulator_of
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.noted import experiments, inputs, notes, threshold_note
 from dynreg.diagnose.problem import Point, Problem
@@ -73,7 +74,10 @@ def outcome(
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     whole = gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
     kinds = {"calibrated": found.base, "extended": found.extended}
-    ids = [_register(registry, problem, point, recording, kind) for kind, point in kinds.items()]
+    ids = [
+        _register(registry, problem, point, recording, kind, split.chosen, settings.seed)
+        for kind, point in kinds.items()
+    ]
     covariance = _covariance(found.problem, found.extended, split.chosen)
     worst = worst_of(problem, errors)
     simulated = np.stack([states[0], states[1], states[-1]])
@@ -287,20 +291,22 @@ def _traces(
 
 
 def _register(
-    registry: Registry | None, problem: Problem, point: Point, recording: Recording, kind: str
+    registry: Registry | None,
+    problem: Problem,
+    point: Point,
+    recording: Recording,
+    kind: str,
+    chosen: np.ndarray,
+    seed: int,
 ) -> str | None:
     if registry is None:
         return None
     robot = problem.robot
-    values = robot.space.as_dict(problem.coordinates.values(point.nominal))
+    values, terms = simulator_of(problem, point, chosen, seed=seed)
     effects = {}
-    for term, row in zip(
-        point.hypothesis.terms,
-        problem.coordinates.effect_values(point.hypothesis, point.effect[None]),
-        strict=True,
-    ):
+    for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
         effects[term.key] = {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}
-    config = SimConfig(robot.hash, robot.name, values, effects).as_dict()
+    config = SimConfig(robot.hash, robot.name, robot.space.as_dict(values), effects).as_dict()
     return registry.put_simulator(
         config | {"lineage": {"made_by": "diagnose", "kind": kind, "recording": recording.id}}
     )

@@ -26,7 +26,9 @@ SCREENED = (
 BATCH = 10  # candidates at a time
 SIGMA = 0.12  # first step of CMA-ES, of the range
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
-ROUNDS = 3  # of that: each keeps the better half and tries them twice as often (successive halving, Jamieson 2016)
+ROUNDS = (
+    3  # of that: each keeps the better half and tries them twice as often (successive halving, Jamieson 2016)
+)
 DRAWS = 2  # of the first round, over all simulators
 FINALISTS = 4  # at least, or none is tried again
 DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simulator is the robot

@@ -145,7 +145,9 @@ class Trials:
     def _run(self, genes: np.ndarray, draw: int) -> Run:
         actions = self.space.targets(genes, self.times)
         noise = self._drawn(draw) if draw else self._noise
-        return Run(actions, period=1.0 / self.rate, noise=np.broadcast_to(noise, (len(noise), *actions.shape)))
+        return Run(
+            actions, period=1.0 / self.rate, noise=np.broadcast_to(noise, (len(noise), *actions.shape))
+        )
 
     def _arena(self, run: Run) -> "Arena":
         from dynreg.sim.engines.mujoco_engine import Arena

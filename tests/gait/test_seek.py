@@ -161,7 +161,9 @@ def test_of_the_last_gaits_the_one_that_falls_least_often_is_taken(trials, monke
     found = Found(unit[0], np.zeros(2), 0.0, (), 4, 0, "budget")
     of = lambda accept: _best_again(trials, SearchSettings(accept=accept), found, unit, ((4, 1), (2, 2)))  # noqa: E731
     assert np.array_equal(of("min").best, unit[1]) and of("min").value == pytest.approx(0.2)
-    assert np.array_equal(of("mean").best, unit[0]) and of("mean").value == pytest.approx((2 * 2 + 0) / 6 + 1.0)
+    assert np.array_equal(of("mean").best, unit[0]) and of("mean").value == pytest.approx(
+        (2 * 2 + 0) / 6 + 1.0
+    )
 
 
 def test_what_is_tried_again_has_other_noise_and_other_parameters(trials) -> None:
