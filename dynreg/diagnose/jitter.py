@@ -67,7 +67,7 @@ def jitter(
     )
     rows, sensor = np.tile(values, (len(seeds), 1)), np.sqrt(2.0) * sensor_noise(robot)
     found = 0.5 * (low + high)
-    for _ in range(ROUNDS):
+    for already in range(ROUNDS):
         rows[:, at] = found
         rows[0, at] = 0.0
         states = rollout(robot, rows, run, engine=engine, threads=threads, terms=tiled).states
@@ -75,7 +75,9 @@ def jitter(
         made = _scatter(states[1:] - states[:1])
         telling = (windows.weight > 0) & (made > SEEN * sensor) & np.isfinite(left)
         if not telling.any():
-            return values
+            if not already:  # not even the middle of the range moves a channel
+                return values
+            break  # what was found is too small to tell any better
         square = np.median((left[telling] ** 2 - sensor[telling] ** 2) / made[telling] ** 2)
         found = float(np.clip(found * np.sqrt(max(square, LEAST)), low, high))
     out = values.copy()

@@ -1,0 +1,97 @@
+"""Motor noise is read off what the best simulator leaves from row to row; what the log does not tell is left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.jitter import jitter, simulator_of
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.settings import Settings
+from dynreg.sim.effects import Terms, term
+from dynreg.sim.excitation import reset_pose
+from dynreg.sim.real import Budget, SimulatedRobot
+from dynreg.sim.robot import Robot, load_robot
+
+TRUE = 0.03  # rad
+
+
+def standing(robot: Robot, noise: float, effects: dict[str, tuple[float, ...]]) -> Problem:
+    """Three short logs of a robot that sways on its feet, with this motor noise and these effects, posed."""
+    values = robot.space.from_dict({"motor_noise": noise, "torque": 2.0})
+    terms = tuple(map(term, effects))
+    real = SimulatedRobot(
+        robot, values, terms, tuple(map(np.array, effects.values())), seed=4, budget=Budget(trials=3)
+    )
+    t = np.arange(60)[:, None] / robot.rate
+    straight = {
+        "_shoulder": -0.3,
+        "_elbow": 0.7,
+    }  # more so than in the stance, where two legs cannot carry it
+    up = np.array([next((v for part, v in straight.items() if part in a), 0.0) for a in robot.actions])
+    sway = 0.05 * np.sin(2 * np.pi * np.array([[0.9], [1.4], [1.9]])[:, None] * t)
+    pose_at = reset_pose(robot) + np.minimum(t / 0.4, 1.0) * up
+    logs = [real.run(pose_at + s, robot.rate, f"sway_{i}").recording for i, s in enumerate(sway)]
+    apart = 61 / robot.rate
+    episodes = tuple(
+        replace(log.episodes[0], time=log.episodes[0].time + i * apart) for i, log in enumerate(logs)
+    )
+    return pose(None, robot, replace(logs[0], episodes=episodes), Settings(threads=1))[0]
+
+
+@pytest.fixture(scope="module")
+def quadruped() -> Robot:
+    return load_robot("quadruped")
+
+
+def told(problem: Problem, values: np.ndarray, terms: Terms | None = None, **options) -> float:
+    at = problem.robot.space.names.index("motor_noise")
+    found = jitter(problem.robot, problem.windows, values, terms, np.arange(len(problem.windows)), **options)
+    others = np.arange(len(values)) != at
+    assert np.array_equal(found[others], values[others])
+    return float(found[at])
+
+
+@pytest.mark.parametrize("noise", [0.01, TRUE])
+def test_the_noise_of_the_commands_is_found_by_a_simulator_that_is_a_little_off(
+    quadruped: Robot, noise: float
+) -> None:
+    problem = standing(quadruped, noise, {})
+    near = quadruped.space.from_dict(
+        {"torque": 2.1, "torso_mass": 1.03 * quadruped.space.as_dict(quadruped.space.nominal)["torso_mass"]}
+    )
+    found = told(problem, near)
+    assert found == pytest.approx(noise, rel=0.25)
+    assert told(problem, near) == found  # the same draws again
+    assert told(problem, near, seed=1) != found
+
+
+def test_without_noise_next_to_none_is_found(quadruped: Robot) -> None:
+    problem = standing(quadruped, 0.0, {})
+    assert told(problem, quadruped.space.from_dict({"torque": 2.0})) < 0.004
+
+
+def test_the_simulator_of_a_point_has_its_effects_and_the_noise_that_they_leave(quadruped: Robot) -> None:
+    """Friction in the joints swallows half of the noise: who leaves it out takes the noise for smaller."""
+    problem = standing(quadruped, TRUE, {"coulomb_friction": (0.3,)})
+    friction = term("coulomb_friction")
+    point = Point(Hypothesis((friction,)), np.zeros(len(problem.coordinates)), np.ones(1))
+    values, terms = simulator_of(problem, point, np.arange(len(problem.windows)))
+    size = problem.coordinates.effect_values(point.hypothesis, point.effect[None])[0]
+    assert [t.key for t in terms.terms] == ["coulomb_friction"] and np.array_equal(terms.values[0], size)
+    at = quadruped.space.names.index("motor_noise")
+    with_it = told(problem, values, Terms((friction,), (np.array([[0.3]]),)))
+    assert abs(with_it - TRUE) < abs(told(problem, values) - TRUE)
+    assert values[at] == told(problem, values, terms) != problem.coordinates.values(point.nominal)[at]
+    plain, none = simulator_of(
+        problem, replace(point, hypothesis=Hypothesis(), effect=np.zeros(0)), np.arange(3)
+    )
+    assert none is None and plain[at] == told(problem, plain)
+
+
+def test_a_robot_without_motor_noise_keeps_its_parameters() -> None:
+    servo = load_robot("servo_pendulum")
+    values = servo.space.nominal
+    assert jitter(servo, None, values, None, None) is values
