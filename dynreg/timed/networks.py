@@ -1,0 +1,139 @@
+"""Three networks of 20 sigmoid neurons, one for each axis of the displacement, by Levenberg and Marquardt's method.
+
+Pretorius et al.: inputs are the command, the one before and its time; training ends after ten rises of the validation
+error in a row; of 30 random starts the one with the lowest validation error is kept.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from dynreg.errors import UsageError
+from dynreg.rng import stream
+from dynreg.timed.commands import AXES, Commands
+
+HIDDEN = 20
+RISES = 10  # of the validation error in a row
+STARTS = 30
+ITERATIONS = 500  # at most
+SPREAD = 0.5  # 1 sigma of a weight at the start
+
+
+@dataclass(frozen=True, eq=False)
+class Networks:
+    """Three networks 5-20-1: weights (3, 141) for standardised inputs and outputs.
+
+    mean, scale : (5,) of the inputs. out_mean, out_scale : (3,) of the displacements.
+    errors : (3,) mean squared validation error of each, in units of the displacements' variance.
+    """
+
+    weights: np.ndarray
+    mean: np.ndarray
+    scale: np.ndarray
+    out_mean: np.ndarray
+    out_scale: np.ndarray
+    errors: np.ndarray
+
+    def predict(self, commands: Commands) -> np.ndarray:
+        """(n, 3) displacements."""
+        inputs = (commands.table - self.mean) / self.scale
+        out = np.stack([_out(w, inputs)[0] for w in self.weights], axis=1)
+        return self.out_mean + self.out_scale * out
+
+
+def train(
+    commands: Commands,
+    moved: np.ndarray,
+    validation: tuple[Commands, np.ndarray],
+    *,
+    starts: int = STARTS,
+    seed: int = 0,
+) -> Networks:
+    """Networks of commands (n,) and displacements (n, 3); `validation` is the same of others.
+
+    Raises UsageError where there are fewer commands than weights of a network.
+    """
+    weights_of_one = 7 * HIDDEN + 1
+    if len(commands) < weights_of_one:
+        raise UsageError(
+            f"{len(commands)} commands to train networks of {weights_of_one} weights",
+            expected=f"at least {weights_of_one}",
+            do="record more commands",
+        )
+    inputs, targets = commands.table, moved
+    mean, scale = inputs.mean(axis=0), inputs.std(axis=0)
+    out_mean, out_scale = targets.mean(axis=0), targets.std(axis=0)
+    known = (inputs - mean) / scale, (targets - out_mean) / out_scale
+    unseen = (validation[0].table - mean) / scale, (validation[1] - out_mean) / out_scale
+    weights, errors = [], []
+    for axis, name in enumerate(AXES):
+        tried = [
+            _trained(
+                stream(seed, "networks", name, start),
+                (known[0], known[1][:, axis]),
+                (unseen[0], unseen[1][:, axis]),
+            )
+            for start in range(starts)
+        ]
+        best = min(range(starts), key=lambda i: tried[i][1])
+        weights.append(tried[best][0])
+        errors.append(tried[best][1])
+    return Networks(np.array(weights), mean, scale, out_mean, out_scale, np.array(errors))
+
+
+def _trained(
+    rng: np.random.Generator,
+    known: tuple[np.ndarray, np.ndarray],
+    unseen: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, float]:
+    """Weights (141,) with the lowest validation error on the way, and that error."""
+    from scipy.optimize import least_squares
+
+    first = SPREAD * rng.standard_normal(known[0].shape[1] * HIDDEN + 2 * HIDDEN + 1)
+    best, last, rises = (first, np.inf), np.inf, 0
+
+    def slopes(weights: np.ndarray) -> np.ndarray:
+        """MINPACK asks for them once for every step that it took: there the validation is watched."""
+        nonlocal best, last, rises
+        error = float(np.mean((_out(weights, unseen[0])[0] - unseen[1]) ** 2))
+        rises = rises + 1 if error > last else 0
+        last = error
+        if error < best[1]:
+            best = (weights.copy(), error)
+        if rises >= RISES:
+            raise _Enough
+        return _slopes(weights, known[0])
+
+    try:
+        least_squares(
+            lambda w: _out(w, known[0])[0] - known[1], first, jac=slopes, method="lm", max_nfev=ITERATIONS
+        )
+    except _Enough:
+        pass
+    return best
+
+
+class _Enough(Exception):
+    """The validation error rose ten times in a row."""
+
+
+def _out(weights: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) outputs and (n, H) activities for inputs (n, I)."""
+    into, bias, out = _parts(weights, inputs.shape[1])
+    active = expit(inputs @ into + bias)
+    return active @ out + weights[-1], active
+
+
+def _slopes(weights: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """(n, 141) derivatives of the outputs."""
+    out = _parts(weights, inputs.shape[1])[2]
+    active = _out(weights, inputs)[1]
+    slope = active * (1.0 - active) * out
+    into = (inputs[:, :, None] * slope[:, None]).reshape(len(inputs), -1)
+    return np.concatenate([into, slope, active, np.ones((len(inputs), 1))], axis=1)
+
+
+def _parts(weights: np.ndarray, inputs: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    at = inputs * HIDDEN
+    return weights[:at].reshape(inputs, HIDDEN), weights[at : at + HIDDEN], weights[at + HIDDEN : -1]
