@@ -191,7 +191,7 @@ def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
         "real": there,
         "fell": trial.fell,
         "success": not trial.fell and there >= task.success,
-        "simulated": sought.found.value,
+        "simulated": sought.finals.value if sought.finals else sought.found.value,
         "gaits": sought.found.evaluations,
         "genes": sought.genes.tolist(),
         "spent": asdict(real.spent),

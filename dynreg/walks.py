@@ -17,12 +17,11 @@ from dynreg.gait.play import commands, joints, require_new, require_playable, wr
 from dynreg.gait.seek import QUARTILE, SearchSettings, Sought, accepted, seek
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import YAW, X, Y, task_of
-from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.registry import Registry, ResultRecord
 from dynreg.registry.files import SEARCHES
 from dynreg.replay.known import known_values
-from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitStep, GaitTrial, Neighbours
+from dynreg.results import Cost, Fitness, Gait, GaitFinals, GaitGene, GaitStep, GaitTrial, Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.sim.film import draw, moments
@@ -116,7 +115,7 @@ def _document(
     asked: Asked, settings: WalkSettings, chosen: Chosen, trials: Trials, sought: Sought, seconds: float
 ) -> Gait:
     robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
-    values, how = sought.fitness, settings.search.accept
+    values, how, finals = sought.fitness, settings.search.accept, sought.finals
     return Gait(
         robot=robot.name,
         robot_hash=robot.hash,
@@ -142,8 +141,9 @@ def _document(
         fitness=Fitness(
             min=float(values.min()), mean=float(values.mean()), quantile=float(np.quantile(values, QUARTILE))
         ),
+        finals=finals and GaitFinals(runs=finals.runs, falls=finals.falls, value=finals.value),
         succeeded=bool(
-            not sought.fell.any() and not fallen(found.grades).any() and values.min() >= task.success
+            not sought.fell.any() and not (finals and finals.falls) and values.min() >= task.success
         ),
         trials=_trials(robot, chosen, trials.simulators.values, sought, trials.rate),
         method=settings.search.method,

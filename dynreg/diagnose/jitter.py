@@ -32,7 +32,10 @@ def simulator_of(
     told = problem.coordinates.effect_values(point.hypothesis, point.effect[None])
     terms = Terms(own, tuple(told)) if own else None
     where = {"engine": problem.engine, "threads": problem.threads, "seed": seed}
-    return jitter(problem.robot, problem.windows, values, terms, chosen, **where), terms
+    noisy = jitter(problem.robot, problem.windows, values, terms, chosen, **where)
+    if noisy is not values:
+        problem.spent.candidates += ROUNDS * (DRAWS + 1)
+    return noisy, terms
 
 
 def jitter(

@@ -35,7 +35,8 @@ from dynreg.results.diagnosis import (
 )
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.sim.config import SimConfig
-from dynreg.sim.effects import one_group
+from dynreg.sim.effects import Terms, one_group
+from dynreg.sim.robot import Robot
 
 if TYPE_CHECKING:
     from dynreg.diagnose.diagnose import Found
@@ -69,15 +70,17 @@ def outcome(
         problem, states, judged, evidence.repeats, "test" if split.test.any() else "select"
     )
     draws = posterior(found.problem, found.extended, split.chosen, seed=settings.seed)
-    parameters = _parameters(problem, found.extended, draws)
+    kinds = (
+        {"calibrated": found.base, "extended": found.extended}
+        if found.accepted
+        else {"calibrated": found.base}
+    )
+    made = {kind: simulator_of(problem, p, split.chosen, seed=settings.seed) for kind, p in kinds.items()}
+    parameters = _parameters(problem, found.extended, draws, list(made.values())[-1][0])
     looked, pairs = tied(found.problem, found, draws, split.chosen, settings)
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))
     whole = gain(problem, states[1], states[-1], judged) if causes and split.test.any() else None
-    kinds = {"calibrated": found.base, "extended": found.extended}
-    ids = [
-        _register(registry, problem, point, recording, kind, split.chosen, settings.seed)
-        for kind, point in kinds.items()
-    ]
+    ids = {kind: _register(registry, problem.robot, recording, kind, *own) for kind, own in made.items()}
     covariance = _covariance(found.problem, found.extended, split.chosen)
     worst = worst_of(problem, errors)
     simulated = np.stack([states[0], states[1], states[-1]])
@@ -126,8 +129,8 @@ def outcome(
             *notes(problem, recording, parameters, evidence, settings),
             *loose_ends(problem.coordinates, covariance),
         ),
-        calibrated_simulator=ids[0],
-        extended_simulator=ids[1] if found.accepted else None,
+        calibrated_simulator=ids["calibrated"],
+        extended_simulator=ids.get("extended"),
         engine=settings.engine or robot.file.robot.engines[0],
         seed=settings.seed,
         cost=Cost(
@@ -191,7 +194,8 @@ def _causes(
     return tuple(out)
 
 
-def _parameters(problem: Problem, point: Point, draws: Posterior) -> dict[str, Pulled]:
+def _parameters(problem: Problem, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
+    """Of the point; what no fit sees is as the simulator (P,) that comes of it has it."""
     c = problem.coordinates
     limits = c.nominal_bounds
     value = c.values(np.clip(point.nominal, *limits.T))
@@ -204,10 +208,13 @@ def _parameters(problem: Problem, point: Point, draws: Posterior) -> dict[str, P
             point.nominal[free[0]] <= limits[free[0], 0] + 1e-3
             or point.nominal[free[0]] >= limits[free[0], 1] - 1e-3
         )
+        best, least, most = value[i], min(low[i], value[i]), max(high[i], value[i])
+        if not len(free):
+            best = least = most = simulator[i]
         out[p.name] = Pulled(
-            value=float(value[i]),
-            low=float(min(low[i], value[i])),
-            high=float(max(high[i], value[i])),
+            value=float(best),
+            low=float(least),
+            high=float(most),
             unit=p.unit,
             nominal=float(p.nominal),
             at_bound=at_bound,
@@ -292,17 +299,14 @@ def _traces(
 
 def _register(
     registry: Registry | None,
-    problem: Problem,
-    point: Point,
+    robot: Robot,
     recording: Recording,
     kind: str,
-    chosen: np.ndarray,
-    seed: int,
+    values: np.ndarray,
+    terms: Terms | None,
 ) -> str | None:
     if registry is None:
         return None
-    robot = problem.robot
-    values, terms = simulator_of(problem, point, chosen, seed=seed)
     effects = {}
     for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
         effects[term.key] = {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}

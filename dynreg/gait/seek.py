@@ -1,7 +1,7 @@
 """The search for a gait on k simulators."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -68,15 +68,25 @@ class SearchSettings:
         return tuple((gaits >> r, draws << r) for r in range(ROUNDS) if gaits >> r > 1)
 
 
+@dataclass(frozen=True)
+class Finals:
+    """What the answer did when the best gaits were tried again: runs, falls, and the value that it was chosen by."""
+
+    runs: int
+    falls: int
+    value: float
+
+
 @dataclass(frozen=True, eq=False)
 class Sought:
     """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked.
 
-    found : with the grades and the value of the last trials of the best gaits, where they were tried again.
+    found : the search alone. finals : None where no gait was tried again.
     helpless : (k,) simulators in which every gait that was tried fell.
     """
 
     found: Found
+    finals: Finals | None
     genes: np.ndarray
     fitness: np.ndarray
     fell: np.ndarray
@@ -93,7 +103,7 @@ def seek(
     key: Mapping[str, Any] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Sought:
-    """The gait with the highest accepted fitness; the same settings give the same gait.
+    """The gait that is worth most, of the best ones tried again where there are `finals`; the same each time.
 
     journal : a file to go on from when the search was interrupted (`resume`); `key` is what makes it this search.
     It is the caller's to remove, when the result is safe.
@@ -118,9 +128,10 @@ def seek(
         helpless[:] &= fallen(grades).all(axis=0)
         return judge(grades)
 
-    # CMA-ES lives with noise that is another for every batch, and finds what walks whatever the noise; climbers
-    # compare candidates of different batches
-    draws_anew = bool(finals) and settings.method == "cma"
+    # CMA-ES lives with noise that is another for every batch, and finds what walks whatever the noise. Climbers
+    # compare candidates of different batches; so does who ends a search early
+    early = settings.patience is not None or settings.target is not None
+    draws_anew = bool(finals) and settings.method == "cma" and not early
     found = drive(
         search,
         lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
@@ -129,12 +140,13 @@ def seek(
         journal=kept,
         progress=(lambda done, total: progress("search", done, total)) if progress else None,
     )
+    best, again = found.best, None
     if finals:
-        found = _best_again(trials, settings, found, search.best(finals[0][0]), finals)
-    genes = gaits(found.best[None])
+        best, again = _best_again(trials, settings, search.best(finals[0][0]), finals)
+    genes = gaits(best[None])
     walk = trials.walk(genes, feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
-    return Sought(found, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, helpless, walk)
+    return Sought(found, again, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, helpless, walk)
 
 
 class _Seen:
@@ -177,27 +189,25 @@ class _Seen:
 
 
 def _best_again(
-    trials: Trials,
-    settings: SearchSettings,
-    found: Found,
-    finalists: np.ndarray,
-    finals: tuple[tuple[int, int], ...],
-) -> Found:
-    """What was found with the best of the finalists (n, P): where the minimum counts, the one that falls least often.
+    trials: Trials, settings: SearchSettings, finalists: np.ndarray, rounds: tuple[tuple[int, int], ...]
+) -> tuple[np.ndarray, Finals]:
+    """The best (P,) of the finalists (n, P), and what it did: where the minimum counts, the one that falls least often.
 
-    Its value is accepted over the simulators of the mean over draws; its grades are those of all its draws.
+    Of those that fall alike, and for other ways to accept of all, the one with the highest value: accepted over the
+    simulators of the mean over draws. What does not reach the task's `success` comes after all that do.
     """
     space, seen = trials.space, np.empty((len(finalists), 0, len(trials.simulators)))
-    for gaits, draws in finals:
+    for gaits, draws in rounds:
         finalists, seen = finalists[:gaits], seen[:gaits]
         genes = space.feasible(space.from_unit(finalists))
         new = trials.again(genes, draws, first=seen.shape[1], doubt=DOUBT)
         seen = np.concatenate([seen, new], axis=1)
         values = accepted(fitness(seen).mean(axis=1), settings.accept)
-        falls = fallen(seen).sum(axis=(1, 2)) if settings.accept == "min" else np.zeros(len(seen))
-        order = np.lexsort((-values, falls))
-        finalists, seen, values = finalists[order], seen[order], values[order]
-    return replace(found, best=finalists[0], grades=seen[0].ravel(), value=float(values[0]))
+        falls = fallen(seen).sum(axis=(1, 2))
+        short = values < trials.task.success
+        order = np.lexsort((-values, falls, short) if settings.accept == "min" else (-values,))
+        finalists, seen, values, falls = finalists[order], seen[order], values[order], falls[order]
+    return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
 
 
 def accepted(values: np.ndarray, how: str) -> np.ndarray:

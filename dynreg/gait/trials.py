@@ -118,9 +118,10 @@ class Trials:
         seeds = [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
         if doubt:
             moves = [stream(s, "doubt").standard_normal((k, len(space))) for s in seeds]
-            known = np.array([p.known for p in space.parameters])
-            moved = space.from_unit(space.to_unit(values) + doubt * np.concatenate(moves))
-            values = np.where(known, values, moved)
+            unit = space.to_unit(values)
+            # what lies outside the ranges is there on purpose, and must not be drawn into them
+            stays = np.array([p.known for p in space.parameters]) | (unit < 0.0) | (unit > 1.0)
+            values = np.where(stays, values, space.from_unit(unit + doubt * np.concatenate(moves)))
         other = Trials(
             self.robot, self.task, Simulators(values, terms), rate=self.rate, threads=self._threads
         )

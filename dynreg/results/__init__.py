@@ -20,7 +20,7 @@ from dynreg.results.diagnosis import (
     cause_key,
 )
 from dynreg.results.experiment import Experiment, LimitKept
-from dynreg.results.gait import Fitness, Gait, GaitGene, GaitJoint, GaitStep, GaitTrial
+from dynreg.results.gait import Fitness, Gait, GaitFinals, GaitGene, GaitJoint, GaitStep, GaitTrial
 from dynreg.results.library import EffectRow, EffectSize, EffectsList
 from dynreg.results.neighbours import (
     ChannelError,
@@ -75,6 +75,7 @@ __all__ = [
     "Fitness",
     "Gain",
     "Gait",
+    "GaitFinals",
     "GaitGene",
     "GaitJoint",
     "GaitStep",

@@ -52,7 +52,7 @@ class GaitTrial(Result):
 
 
 class GaitStep(Result):
-    """The best value after so many candidates."""
+    """The best value after so many candidates, with the motor noise that the search had: a lucky one, most often."""
 
     evaluations: int
     value: float
@@ -66,6 +66,17 @@ class Fitness(Result):
     quantile: float
 
 
+class GaitFinals(Result):
+    """What the answer did with other motor noise, parameters a little off: runs, falls, and the value that it reached.
+
+    value : accepted over the simulators of the mean over draws (0 for a fall).
+    """
+
+    runs: int
+    falls: int
+    value: float
+
+
 class Gait(Result):
     """Sinusoidal joint commands found by a search in k simulators.
 
@@ -73,8 +84,9 @@ class Gait(Result):
     for `seconds`, faded in from rest over `ramp` seconds; all that is needed to play the gait.
 
     recording : that the simulators were chosen for; on : how; source : the stored result that they came from.
-    succeeded : it fell in no simulator and reached `success` in all. value : what the search raised, by `accept`.
-    ended : why the search ended. notes : what else a reader must know.
+    value : what the search raises, by `accept`, of `trials`: one run in each simulator. finals : the runs by which the
+    best gaits were chosen from; null where there were none. succeeded : it reached `success` in all simulators and
+    fell neither there nor in the finals. ended : why the search ended. notes : what else a reader must know.
     """
 
     schema_: Literal["dynreg/gait/1"] = Field(default="dynreg/gait/1", alias="schema")
@@ -97,6 +109,7 @@ class Gait(Result):
     accept: Literal["min", "mean", "quantile"]
     value: float
     fitness: Fitness
+    finals: GaitFinals | None = None
     succeeded: bool
     trials: tuple[GaitTrial, ...]
     method: str
@@ -120,7 +133,14 @@ class Gait(Result):
 
     def __str__(self) -> str:
         falls = sum(t.fell for t in self.trials)
-        how = "succeeded" if self.succeeded else f"fell in {falls} of {self.k}" if falls else "too little"
+        if self.succeeded:
+            how = "succeeded"
+        elif falls:
+            how = f"fell in {falls} of {self.k}"
+        elif self.finals and self.finals.falls:
+            how = f"fell in {self.finals.falls} of {self.finals.runs} runs with other noise"
+        else:
+            how = "too little"
         simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
         return (
             f"{self.recording_name}: {self.task} {self.fitness.min:.3g} {self.unit} at worst, "

@@ -45,7 +45,9 @@ class GaitTable(Table):
     @field_validator("start", mode="before")
     @classmethod
     def _one_is_a_list(cls, given):
-        return [given] if isinstance(given, dict) else given
+        if isinstance(given, dict):
+            return [given] if given else []
+        return given
 
     @model_validator(mode="after")
     def _parts(self):

@@ -90,6 +90,23 @@ def test_a_gait_past_its_limits_is_refused_with_the_joint_and_the_limit(quadrupe
         space.require(outside)
 
 
+@pytest.mark.parametrize(
+    ("written", "many"),
+    [("", 0), ("start = {}", 0), ("start = { frequency = 1.5 }", 1), ("[gait.start]\nfrequency = 1.5", 1)],
+)
+def test_one_gait_to_start_with_may_be_a_table(written: str, many: int, brief_folder, tmp_path) -> None:
+    import re
+    import shutil
+
+    shutil.copytree(brief_folder, tmp_path / "one")
+    path = tmp_path / "one" / "robot.toml"
+    text = re.sub(r"\[\[gait\.start\]\][^\[]*", "", path.read_text(encoding="utf-8"))
+    path.write_text(text.replace("[[gait.roles]]", f"{written}\n[[gait.roles]]", 1), encoding="utf-8")
+    space = gait_space(load_robot(tmp_path / "one"))
+    assert space.starts.shape == (many, 13)
+    assert all(space.from_unit(s)[0] == pytest.approx(1.5) for s in space.starts)
+
+
 def test_a_robot_without_legs_has_no_gait() -> None:
     with pytest.raises(RobotError, match="no walking task"):
         gait_space(load_robot("servo_pendulum"))

@@ -1,5 +1,6 @@
 """Gaits in several simulators, and the search for them: alone as together, the same again, resumed to the bit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,10 @@ import pytest
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.methods import METHODS
-from dynreg.gait.seek import SearchSettings, _best_again, accepted, seek
+from dynreg.gait.seek import Finals, SearchSettings, _best_again, accepted, seek
+from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials, simulators_of
-from dynreg.search.drive import Found
 from dynreg.sim.config import SimConfig
 
 BUDGET = {"cma": 84, "hill": 40, "random": 60}  # some batches in two simulators
@@ -136,8 +137,10 @@ def test_the_best_gaits_are_tried_again_with_other_noise(trials, monkeypatch) ->
     assert all((asked[r + 1][0][0][:, None] == asked[r][0][0]).all(axis=2).any(axis=1).all() for r in (0, 1))
     last = asked[-1][0][0]
     assert (last == found.genes).all(axis=1).any()
-    seen = found.found.grades.reshape(7, 2)  # all that was seen of the best
-    assert found.found.value == pytest.approx(fitness(seen).mean(axis=0).min())
+    row = last[(last == found.genes).all(axis=1)][0]
+    seen = np.concatenate([out[int(np.flatnonzero((a[0] == row).all(axis=1))[0])] for a, _, out in asked])
+    assert found.finals.value == pytest.approx(fitness(seen).mean(axis=0).min())
+    assert (found.finals.runs, found.finals.falls) == (14, int(fallen(seen).sum()))
     once = seek(trials, SearchSettings(rollouts=100, seed=3, again=0.1))
     assert np.array_equal(once.genes, seek(trials, SearchSettings(rollouts=100, seed=3)).genes)
     with pytest.raises(UsageError, match="again = 1.0"):
@@ -145,25 +148,73 @@ def test_the_best_gaits_are_tried_again_with_other_noise(trials, monkeypatch) ->
 
 
 def test_of_the_last_gaits_the_one_that_falls_least_often_is_taken(trials, monkeypatch) -> None:
-    """A fast gait that falls once in seven draws, and a slow one that never does."""
+    """A fast gait that falls once in six runs, a slow one that never does, and one that stands still."""
+    unit = trials.space.starts[[0, 0, 0]].copy()
+    unit[1:, 0] = 0.2, 0.5
 
     def graded(genes: np.ndarray, draws: int, *, first: int, doubt: float) -> np.ndarray:
-        out = np.full((len(genes), draws, 2), 0.2)
-        fast = genes[:, 0] > 2.0
-        out[fast] = 2.0
+        out = np.zeros((len(genes), draws, 2))
+        fast, slow = (np.isclose(genes[:, 0], trials.space.from_unit(u)[0]) for u in unit[:2])
+        out[slow], out[fast] = 0.4, 2.0
         if first == 0:
             out[fast, 0, 0] = -999.0
         return out
 
     monkeypatch.setattr(trials, "again", graded)
-    unit = trials.space.starts[[0, 0, 0, 0]].copy()
-    unit[1, 0] = 0.2
-    found = Found(unit[0], np.zeros(2), 0.0, (), 4, 0, "budget")
-    of = lambda accept: _best_again(trials, SearchSettings(accept=accept), found, unit, ((4, 1), (2, 2)))  # noqa: E731
-    assert np.array_equal(of("min").best, unit[1]) and of("min").value == pytest.approx(0.2)
-    assert np.array_equal(of("mean").best, unit[0]) and of("mean").value == pytest.approx(
-        (2 * 2 + 0) / 6 + 1.0
+    assert trials.task.success == 0.3
+    of = lambda accept: _best_again(trials, SearchSettings(accept=accept), unit, ((3, 1), (3, 2)))  # noqa: E731
+    slow, fast = Finals(6, 0, pytest.approx(0.4)), Finals(6, 1, pytest.approx((0.0 + 2.0 + 2.0) / 3))
+    best, finals = of("min")
+    assert np.array_equal(best, unit[1]) and finals == slow
+    trials.task.success = 0.5  # now the slow one is worth no more than the one that stands still
+    best, finals = of("min")
+    assert np.array_equal(best, unit[0]) and finals == fast
+    trials.task.success = 0.3
+    mean = of("mean")
+    assert np.array_equal(mean[0], unit[0]) and mean[1].value == pytest.approx(
+        ((0.0 + 2.0 + 2.0) / 3 + 2.0) / 2
     )
+
+
+@pytest.mark.parametrize(
+    ("method", "again", "patience", "anew"),
+    [
+        ("cma", 0.2, None, True),
+        ("cma", 0.0, None, False),
+        ("cma", 0.2, 900, False),
+        ("hill", 0.2, None, False),
+    ],
+)
+def test_only_a_search_that_compares_within_batches_draws_noise_anew(
+    method, again, patience, anew, trials, monkeypatch
+) -> None:
+    draws, grades = [], trials.grades
+    monkeypatch.setattr(trials, "grades", lambda genes, draw=0: draws.append(draw) or grades(genes, draw))
+    seek(trials, SearchSettings(method, rollouts=120, seed=1, again=again, patience=patience))
+    assert draws == ([*range(len(draws))] if anew else [0] * len(draws)) and len(draws) > 2
+
+
+@pytest.mark.parametrize("many", [0, 1, 3])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_robot_brings_any_number_of_gaits(many: int, method: str, trials) -> None:
+    trials.space = replace(trials.space, first=trials.space.first[:many])
+    found = seek(trials, SearchSettings(method, rollouts=60, seed=1))
+    assert 20 <= found.found.evaluations <= 30 and trials.rollouts <= 62
+
+
+def test_what_the_lab_knows_and_what_lies_outside_the_ranges_is_not_moved(trials, monkeypatch) -> None:
+    space = trials.robot.space
+    at = space.names.index("torque")
+    values = trials.simulators.values.copy()
+    values[1, at] = 0.9 * space.bounds[at, 0]
+    trials.simulators = Simulators(values)
+    made = []
+    monkeypatch.setattr(Trials, "grades", lambda self, genes: made.append(self) or np.zeros((len(genes), 6)))
+    trials.again(first_gaits(trials), 3, doubt=0.05)
+    moved = made[0].simulators.values != np.tile(values, (3, 1))
+    known = [i for i, p in enumerate(space.parameters) if p.known]
+    assert known and not moved[:, known].any() and not moved[1::2, at].any() and moved[::2, at].all()
+    assert moved.mean() > 0.7
 
 
 def test_what_is_tried_again_has_other_noise_and_other_parameters(trials) -> None:
@@ -197,4 +248,4 @@ def test_an_interrupted_search_with_finalists_goes_on_to_the_same_end(trials, tm
         seek(trials, settings, journal=path, progress=interrupt)
     gone_on = seek(trials, settings, journal=path, resume=True)
     assert gone_on.found.resumed > 20 and np.array_equal(gone_on.genes, whole.genes)
-    assert gone_on.found.value == whole.found.value
+    assert gone_on.finals == whole.finals
