@@ -37,6 +37,7 @@ def test_the_extended_simulator_is_registered_with_its_lineage(made):
     config = registry.registry.simulator(found.extended_simulator)
     assert set(config["effects"]) == {"cogging"} and config["robot"] == robot.hash
     assert config["lineage"]["made_by"] == "diagnose"
+    assert config["values"] == {name: p.value for name, p in found.parameters.items()}
 
 
 def test_a_recording_in_which_nothing_moves_is_refused(made):

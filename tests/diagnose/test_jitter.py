@@ -1,6 +1,7 @@
 """Motor noise is read off what the best simulator leaves from row to row; what the log does not tell is left alone."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ import pytest
 from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.jitter import jitter, simulator_of
+from dynreg.diagnose.outcome import _parameters
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.real import Budget, SimulatedRobot
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.space import ParameterSpace
 
 TRUE = 0.03  # rad
 
@@ -89,6 +92,25 @@ def test_the_simulator_of_a_point_has_its_effects_and_the_noise_that_they_leave(
         problem, replace(point, hypothesis=Hypothesis(), effect=np.zeros(0)), np.arange(3)
     )
     assert none is None and plain[at] == told(problem, plain)
+    draws = SimpleNamespace(
+        z=np.zeros((2, len(problem.coordinates))), quantiles=lambda x: (x.min(0), x.max(0))
+    )
+    row = _parameters(problem, point, draws, values)["motor_noise"]  # the result tells what the simulator has
+    assert row.value == row.low == row.high == values[at] != row.nominal
+    assert problem.spent.candidates == 30
+
+
+def test_more_noise_than_the_range_holds_ends_at_its_bound_and_still_robots_tell_nothing(
+    quadruped: Robot,
+) -> None:
+    problem = standing(quadruped, 0.05, {})
+    values, at = quadruped.space.from_dict({"torque": 2.0}), quadruped.space.names.index("motor_noise")
+    narrow = replace(quadruped.space.parameters[at], high=0.02)
+    parameters = (*quadruped.space.parameters[:at], narrow, *quadruped.space.parameters[at + 1 :])
+    problem.robot = replace(quadruped, space=ParameterSpace(parameters))
+    assert told(problem, values) == 0.02
+    problem.windows = replace(problem.windows, weight=0.0 * problem.windows.weight)
+    assert told(problem, values) == values[at]
 
 
 def test_a_robot_without_motor_noise_keeps_its_parameters() -> None:
