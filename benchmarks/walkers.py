@@ -16,7 +16,6 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import pose, search
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.hypothesis import single_terms
-from dynreg.diagnose.jitter import simulator_of
 from dynreg.diagnose.settings import Settings
 from dynreg.gait.tasks import Task, fitness, kinds, task_of
 from dynreg.gait.trials import Simulators, Trials
@@ -196,7 +195,7 @@ def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...
     verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
     simulators = []
     for point in (found.extended, found.base):
-        values, own = simulator_of(problem, point, split.chosen)
+        values, own = problem.simulator(point, split.chosen)
         simulators.append(Simulators(values[None], own))
     nats = tuple(r.chosen.nats if r.chosen else 0.0 for r in found.rounds)
     return Named(verdict, nats, tuple(t.key for t in found.extended.hypothesis.terms), *simulators)

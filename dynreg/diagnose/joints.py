@@ -75,7 +75,7 @@ def fixed_unseen(
     some = np.unique(np.linspace(0, len(windows) - 1, TRIED).round().astype(int))
     use = np.flatnonzero(windows.weight > 0)
     states = rollout(robot, tried, windows.run.take(some), engine=engine, threads=1).states[..., use]
-    noise = np.array([np.hypot(c.noise, c.quantum / np.sqrt(12)) for c in robot.file.channels])[use]
+    noise = robot.sensor_noise[use]
     change = np.sqrt(np.mean((states[1:] - states[:1]) ** 2, axis=(1, 2)))  # (P', C)
     hidden = (change < UNSEEN * np.maximum(noise, 1e-12)).all(axis=1)
     unseen = free[hidden.reshape(len(moved), -1).all(axis=0)]

@@ -12,7 +12,6 @@ from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.gained import channel_errors, gain, worst_of
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
-from dynreg.diagnose.jitter import simulator_of
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.noted import experiments, inputs, notes, threshold_note
 from dynreg.diagnose.problem import Point, Problem
@@ -75,7 +74,7 @@ def outcome(
         if found.accepted
         else {"calibrated": found.base}
     )
-    made = {kind: simulator_of(problem, p, split.chosen, seed=settings.seed) for kind, p in kinds.items()}
+    made = {kind: problem.simulator(p, split.chosen, seed=settings.seed) for kind, p in kinds.items()}
     parameters = _parameters(problem, found.extended, draws, list(made.values())[-1][0])
     looked, pairs = tied(found.problem, found, draws, split.chosen, settings)
     causes = _causes(problem, found, stages, states, judged, draws, verdict, bool(split.test.any()))

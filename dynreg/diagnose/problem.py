@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
@@ -83,8 +84,7 @@ class Problem:
         if self.rough is None:
             self.rough = self.stands
         self.use = np.flatnonzero(self.windows.weight > 0)
-        noise = np.array([c.noise**2 + c.quantum**2 / 12 for c in self.robot.file.channels])
-        self.floor = noise[self.use] / self.windows.spread[self.use] ** 2
+        self.floor = (self.robot.sensor_noise[self.use] / self.windows.spread[self.use]) ** 2
 
     @property
     def running(self) -> str:
@@ -185,6 +185,22 @@ class Problem:
             scaled += np.array([self._correction(p.hypothesis)[chosen] for p in points])
         lost = ~np.isfinite(scaled) & np.isfinite(measured)
         return self._in_segments(np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0))
+
+    def simulator(
+        self, point: Point, chosen: np.ndarray, *, seed: int = 0
+    ) -> tuple[np.ndarray, Terms | None]:
+        """Parameters (P,) of the point's simulator, and its effects (of one row; None without).
+
+        It has the motor noise that the chosen windows tell: no fit sees that; see `replay.jitter`.
+        """
+        values, own = self.coordinates.values(point.nominal), point.hypothesis.terms
+        told = self.coordinates.effect_values(point.hypothesis, point.effect[None])
+        terms = Terms(own, tuple(told)) if own else None
+        where = {"engine": self.engine, "threads": self.threads, "seed": seed}
+        noisy = jitter(self.robot, self.windows, values, terms, chosen, **where)
+        if noisy is not values:
+            self.spent.candidates += CANDIDATES
+        return noisy, terms
 
     def _in_segments(self, rollouts: np.ndarray) -> np.ndarray:
         """(n, W, T, C) -> (n, W * segments, T / segments rounded up, C); NaN after the end."""

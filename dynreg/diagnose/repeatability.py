@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.signals import sensor_noise
 from dynreg.replay.windows import standing
 from dynreg.sim.robot import Robot
 
@@ -48,7 +47,7 @@ def repeatability(
     shift of at most 0.5 s, and they start alike there. A constant offset between two runs is not counted; of a planar
     base, the offset with which they start.
     """
-    stated = sensor_noise(robot)
+    stated = robot.sensor_noise
     pairs = repeated(robot, recording, tolerance=tolerance)
     out = []
     for c, channel in enumerate(robot.file.channels):
@@ -222,7 +221,7 @@ def _start_alike(
     a: np.ndarray, b: np.ndarray, robot: Robot, recording: Recording, columns: list[int], spread: np.ndarray
 ) -> bool:
     """Whether two first rows (C,) of state columns differ by no more than START and what the sensors' noise does."""
-    stated = dict(zip(robot.channels, sensor_noise(robot), strict=True))
+    stated = dict(zip(robot.channels, robot.sensor_noise, strict=True))
     noise = np.array([stated[recording.names[c]] for c in columns])
     difference = np.abs(a - b)
     allowed = np.maximum(START * spread[columns], 6.0 * noise)

@@ -50,7 +50,7 @@ def _problem(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Problem:
     """What the truth, disturbed, is measured as in `run`, ready to be fitted."""
     robot = pair.robot
     states = pair.simulate([truth], run, disturbed=True).states[0]
-    stated = np.sqrt([c.noise**2 + c.quantum**2 / 12 for c in robot.file.channels])
+    stated = robot.sensor_noise
     draw = stream(pair.seed, "excite", robot.name, "measured").standard_normal(states.shape)
     measured = states + np.where(stated > 0, stated, LEAST_NOISE) * draw
     weight = np.array([c.weight for c in robot.file.channels])

@@ -245,7 +245,7 @@ class Judge:
         """(n, E, T, C) weighted channels after the start, in units of their noise; zero where nothing can be used."""
         robot = self.pair.robot
         use = np.flatnonzero([c.weight > 0 for c in robot.file.channels])
-        stated = np.sqrt([c.noise**2 + c.quantum**2 / 12 for c in robot.file.channels])
+        stated = robot.sensor_noise
         scaled = made.states[:, :, 1:, use] / np.where(stated > 0, stated, LEAST_NOISE)[use]
         return np.clip(np.nan_to_num(scaled, posinf=0.0, neginf=0.0), -1e6, 1e6)
 

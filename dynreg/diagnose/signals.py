@@ -97,7 +97,7 @@ def position_column(robot: Robot, joint: str) -> int | None:
 
 def motion_of(robot: Robot, windows: Windows, joint: str) -> tuple[np.ndarray, np.ndarray, float]:
     """(W, T) positions and velocities of a joint at the commands, and 1 sigma of the velocities."""
-    measured, noise = windows.measured, sensor_noise(robot)
+    measured, noise = windows.measured, robot.sensor_noise
     nothing = np.full(measured.shape[:2], np.nan)
     p, v = position_column(robot, joint), velocity_column(robot, joint)
     position = nothing if p is None else measured[..., p]
@@ -107,11 +107,6 @@ def motion_of(robot: Robot, windows: Windows, joint: str) -> tuple[np.ndarray, n
         return position[:, :-1], slope[:, :-1], float(slope_noise)
     velocity = np.where(np.isfinite(measured[..., v]), measured[..., v], slope)
     return position[:, :-1], velocity[:, :-1], float(noise[v])
-
-
-def sensor_noise(robot: Robot) -> np.ndarray:
-    """(S,) standard deviation of each channel by its stated noise and quantum, in its unit; 0 where none is stated."""
-    return np.array([np.sqrt(c.noise**2 + c.quantum**2 / 12) for c in robot.file.channels])
 
 
 def window_ports(robot: Robot, windows: Windows) -> Ports:

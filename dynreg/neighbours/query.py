@@ -20,6 +20,7 @@ from dynreg.neighbours.synthesise import (
     replay_into,
 )
 from dynreg.registry import Registry
+from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.judged import gain
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, names, parts, seen
@@ -97,6 +98,7 @@ def query(
     replayer = Replayer(robot, cut, settings.threads)
     search = _Search(population, found, known, split, replayer, settings, report)
     search.run()
+    search.tell_noise(settings.threads)
     return _result(registry, population, recording, name, search, time.perf_counter() - began)
 
 
@@ -125,6 +127,7 @@ class _Search:
         self.known = space.to_unit(np.where(self.fixed, known, space.nominal))
         self.evidence: Evidence = empty_evidence(space, ~self.fixed)
         self.candidates: list[Candidate] = []
+        self.noisy = 0  # simulations that told the motor noise
 
     def run(self) -> None:
         """Nominal, guess and nearest first; then rounds of synthesis with what is left of the budget."""
@@ -146,6 +149,27 @@ class _Search:
             refine(self.evidence, replay, left, self.population.shared.seed)
         self.candidates += [Candidate("synthesised", None, u) for u in self.evidence.unit[self.first :]]
         self.report("replay", self.settings.budget, self.settings.budget)
+
+    def tell_noise(self, threads: int) -> None:
+        """Give the best synthesised candidate the motor noise that the log tells: replays have none, and cannot."""
+        made, space = self.best("synthesised"), self.population.shared.robot.space
+        if made is None:
+            return
+        values = space.from_unit(self.evidence.unit[made])
+        noisy = jitter(
+            self.population.shared.robot,
+            self.replayer.windows,
+            values,
+            None,
+            self.split.chosen,
+            threads=threads,
+        )
+        if noisy is values:
+            return
+        unit = self._with_known(space.to_unit(noisy))
+        self.evidence.unit[made] = unit
+        self.candidates[made] = replace(self.candidates[made], unit=unit)
+        self.noisy = CANDIDATES
 
     def best(self, *kinds: str) -> int | None:
         """The candidate of these kinds with the lowest error on fit and select."""
@@ -230,7 +254,7 @@ def _result(
         notes=notes + _bound_notes(synthesised),
         cost=Cost(
             evaluations=search.found.evaluations,
-            rollouts=len(evidence.unit),
+            rollouts=len(evidence.unit) + search.noisy,
             test_rollouts=len(test),
             seconds=seconds,
         ),

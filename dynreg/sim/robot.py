@@ -90,6 +90,11 @@ class Robot:
         return replace(self, file=self.file.model_copy(update={"robot": table}))
 
     @property
+    def sensor_noise(self) -> np.ndarray:
+        """(S,) standard deviation of each channel by its stated noise and quantum; 0 where none is stated."""
+        return np.array([np.sqrt(c.noise**2 + c.quantum**2 / 12) for c in self.file.channels])
+
+    @property
     def recording_spec(self) -> RecordingSpec:
         """What a log of this robot must hold."""
         channels = [ChannelSpec(c.name, c.unit, "state", False, c.low, c.high) for c in self.file.channels]

@@ -8,10 +8,10 @@ import pytest
 
 from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.jitter import jitter, simulator_of
 from dynreg.diagnose.outcome import _parameters
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
+from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.real import Budget, SimulatedRobot
@@ -81,23 +81,22 @@ def test_the_simulator_of_a_point_has_its_effects_and_the_noise_that_they_leave(
     problem = standing(quadruped, TRUE, {"coulomb_friction": (0.3,)})
     friction = term("coulomb_friction")
     point = Point(Hypothesis((friction,)), np.zeros(len(problem.coordinates)), np.ones(1))
-    values, terms = simulator_of(problem, point, np.arange(len(problem.windows)))
+    values, terms = problem.simulator(point, np.arange(len(problem.windows)))
     size = problem.coordinates.effect_values(point.hypothesis, point.effect[None])[0]
     assert [t.key for t in terms.terms] == ["coulomb_friction"] and np.array_equal(terms.values[0], size)
     at = quadruped.space.names.index("motor_noise")
     with_it = told(problem, values, Terms((friction,), (np.array([[0.3]]),)))
     assert abs(with_it - TRUE) < abs(told(problem, values) - TRUE)
     assert values[at] == told(problem, values, terms) != problem.coordinates.values(point.nominal)[at]
-    plain, none = simulator_of(
-        problem, replace(point, hypothesis=Hypothesis(), effect=np.zeros(0)), np.arange(3)
-    )
+    bare = replace(point, hypothesis=Hypothesis(), effect=np.zeros(0))
+    plain, none = problem.simulator(bare, np.arange(len(problem.windows)))
     assert none is None and plain[at] == told(problem, plain)
     draws = SimpleNamespace(
         z=np.zeros((2, len(problem.coordinates))), quantiles=lambda x: (x.min(0), x.max(0))
     )
     row = _parameters(problem, point, draws, values)["motor_noise"]  # the result tells what the simulator has
     assert row.value == row.low == row.high == values[at] != row.nominal
-    assert problem.spent.candidates == 30
+    assert problem.spent.candidates == 2 * CANDIDATES
 
 
 def test_more_noise_than_the_range_holds_ends_at_its_bound_and_still_robots_tell_nothing(

@@ -8,8 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynreg.diagnose.problem import Point, Problem
-from dynreg.diagnose.signals import sensor_noise
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Terms
@@ -19,23 +17,10 @@ from dynreg.sim.run import motor_noise
 
 DRAWS = 4  # rollouts with noise
 ROUNDS = 3
+CANDIDATES = ROUNDS * (DRAWS + 1)  # simulators that are run through the windows, in all
 LEAST = 1e-4  # of the square, in one round: none at all could not grow again
 SEEN = 1.0  # times the sensor's own noise that noise in the commands must move a channel from row to row, to count
 NORMAL = 0.6745  # median of the absolute value of a standard normal variable
-
-
-def simulator_of(
-    problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0
-) -> tuple[np.ndarray, Terms | None]:
-    """Parameters (P,) of the point's simulator, motor noise included, and its effects (of one row; None without)."""
-    values, own = problem.coordinates.values(point.nominal), point.hypothesis.terms
-    told = problem.coordinates.effect_values(point.hypothesis, point.effect[None])
-    terms = Terms(own, tuple(told)) if own else None
-    where = {"engine": problem.engine, "threads": problem.threads, "seed": seed}
-    noisy = jitter(problem.robot, problem.windows, values, terms, chosen, **where)
-    if noisy is not values:
-        problem.spent.candidates += ROUNDS * (DRAWS + 1)
-    return noisy, terms
 
 
 def jitter(
@@ -68,7 +53,7 @@ def jitter(
     tiled = (
         Terms(terms.terms, tuple(np.repeat(v, len(seeds), axis=0) for v in terms.values)) if terms else None
     )
-    rows, sensor = np.tile(values, (len(seeds), 1)), np.sqrt(2.0) * sensor_noise(robot)
+    rows, sensor = np.tile(values, (len(seeds), 1)), np.sqrt(2.0) * robot.sensor_noise
     found = 0.5 * (low + high)
     for already in range(ROUNDS):
         rows[:, at] = found
