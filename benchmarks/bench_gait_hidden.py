@@ -42,7 +42,7 @@ from dynreg.sim.effects import Terms, term
 from dynreg.sim.real import Budget, Spent
 from dynreg.sim.robot import load_robot
 
-TUNE, REPORT = 61, 20261204
+TUNE, REPORT = 61, 20261205
 RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "gait_hidden.json"
 SOURCES = (
