@@ -1,0 +1,97 @@
+"""Models of displacements compared: errors by axis, analysis of variance, Tukey's test and a paired one."""
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.results.comparison import Comparison, Pair, Spread, Variance
+from dynreg.timed.commands import AXES
+
+UNITS = ("cm", "cm", "deg")
+FACTORS = np.array([100.0, 100.0, np.degrees(1.0)])  # from m and rad
+
+
+def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Comparison:
+    """How far predictions {model: (n, 3)} are from displacements (n, 3) [m, m, rad].
+
+    Tukey's test takes the errors of the models for independent samples (Pretorius et al.); they are of the same
+    commands, so Wilcoxon's signed ranks, corrected by Holm's method, are told beside. Raises UsageError for fewer than
+    two models or three commands.
+    """
+    if len(predicted) < 2 or len(moved) < 3:
+        raise UsageError(
+            f"{len(predicted)} models on {len(moved)} commands",
+            expected="two models or more, on three commands or more",
+            do="name more models, or a longer recording",
+        )
+    errors = {name: np.abs(p - moved) * FACTORS for name, p in predicted.items()}
+    variance, pairs = [], []
+    for at, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True)):
+        whole, each = judged({name: e[:, at] for name, e in errors.items()}, axis, unit)
+        variance.append(whole)
+        pairs += each
+    return Comparison(
+        commands=len(moved),
+        models={name: dict(zip(AXES, map(_spread, e.T, UNITS), strict=True)) for name, e in errors.items()},
+        displacements=dict(zip(AXES, map(float, (np.abs(moved) * FACTORS).mean(axis=0)), strict=True)),
+        variance=tuple(variance),
+        pairs=tuple(pairs),
+    )
+
+
+def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Variance, list[Pair]]:
+    """The tests of errors {model: (n,)} on one axis, in `unit`."""
+    from scipy import stats
+
+    names, columns = list(errors), list(errors.values())
+    f, p = stats.f_oneway(*columns)
+    within = sum(len(c) - 1 for c in columns)
+    whole = Variance(axis=axis, f=float(f), between=len(columns) - 1, within=within, p=float(p))
+    tukey = stats.tukey_hsd(*columns)
+    interval = tukey.confidence_interval(0.95)
+    both = list(combinations(range(len(columns)), 2))
+    paired = _holm([_signed_ranks(columns[a] - columns[b]) for a, b in both])
+    pairs = [
+        Pair(
+            axis=axis,
+            first=names[a],
+            second=names[b],
+            difference=float(tukey.statistic[a, b]),
+            low=float(interval.low[a, b]),
+            high=float(interval.high[a, b]),
+            unit=unit,
+            tukey=float(tukey.pvalue[a, b]),
+            paired=chance,
+        )
+        for (a, b), chance in zip(both, paired, strict=True)
+    ]
+    return whole, pairs
+
+
+def _spread(errors: np.ndarray, unit: str) -> Spread:
+    return Spread(
+        mean=float(errors.mean()),
+        min=float(errors.min()),
+        max=float(errors.max()),
+        sd=float(errors.std(ddof=1)),
+        unit=unit,
+    )
+
+
+def _signed_ranks(differences: np.ndarray) -> float:
+    """p-value; 1 where the models predict the same."""
+    from scipy.stats import wilcoxon
+
+    return float(wilcoxon(differences).pvalue) if differences.any() else 1.0
+
+
+def _holm(chances: list[float]) -> list[float]:
+    """p-values that hold for all of them together (Holm, Scand. J. Stat. 6, 1979)."""
+    order = np.argsort(chances, kind="stable")
+    out, least = np.empty(len(chances)), 0.0
+    for rank, at in enumerate(order):
+        least = max(least, min(1.0, (len(chances) - rank) * chances[at]))
+        out[at] = least
+    return out.tolist()

@@ -1,0 +1,146 @@
+"""The navigation task of the paper on wheeled robots: visit four corners in any order and come back, in ten commands.
+
+Pretorius et al., equation 10. What it leaves open is ours: where blocks stand, that a block is visited by a point of
+the path inside it, how long commands last, and a gene that leaves a command out.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.rng import stream
+from dynreg.search.genetic import Genetic
+from dynreg.timed.commands import Commands, pose_after
+from dynreg.timed.models import Model
+
+COMMANDS = 10
+SPEED = 0.22  # m/s
+SECONDS = (0.1, 2.0)
+SAMPLE = 0.1  # s between points of a path
+AREA = np.array([1.2, 0.7])  # m
+BLOCK = 0.3  # m, a side
+CENTRES = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)]) * (AREA - BLOCK) / 2
+REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a block, k2 a second, k3 and k4 a centimetre
+CM = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """B sequences of ten commands; left, right [m/s], seconds, and which are left out: (B, 10)."""
+
+    left: np.ndarray
+    right: np.ndarray
+    seconds: np.ndarray
+    null: np.ndarray
+
+    @classmethod
+    def of(cls, unit: np.ndarray) -> "Plan":
+        """Of genes (B, 40) in the unit cube: four for each command."""
+        left, right, seconds, null = np.moveaxis(unit.reshape(len(unit), COMMANDS, 4), -1, 0)
+        return cls(
+            SPEED * (2.0 * left - 1.0),
+            SPEED * (2.0 * right - 1.0),
+            SECONDS[0] + seconds * (SECONDS[1] - SECONDS[0]),
+            null > 0.5,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Where B robots went: points (B, 10, S, 3) of each command, NaN after its end; end (B, 3); time (B,) [s]."""
+
+    points: np.ndarray
+    end: np.ndarray
+    time: np.ndarray
+
+
+def driven(plan: Plan, model: Model) -> Path:
+    """The path that a model predicts, from the middle, looking along x: points every 0.1 s, and each end."""
+    many = len(plan.left)
+    most = int(np.ceil(SECONDS[1] / SAMPLE - 1e-9))
+    times = np.minimum(SAMPLE * np.arange(1, most + 1), plan.seconds[..., None])  # (B, 10, S)
+    new = (times - SAMPLE * np.arange(most) > 1e-9) & ~plan.null[..., None]
+    before = _before(plan)
+    sides = (plan.left, plan.right)
+    flat = [np.broadcast_to(side[..., None], new.shape)[new] for side in (*sides, *before)]
+    moved = np.full((*new.shape, 3), np.nan)
+    moved[new] = model.predict(Commands(flat[0], flat[1], times[new], flat[2], flat[3]))
+    last = np.maximum(new.sum(axis=2) - 1, 0)
+    whole = np.where(
+        plan.null[..., None], 0.0, np.take_along_axis(moved, last[..., None, None], axis=2)[:, :, 0]
+    )
+    points, pose = np.empty_like(moved), np.zeros((many, 3))
+    for i in range(COMMANDS):
+        points[:, i] = pose_after(pose[:, None], moved[:, i])
+        pose = pose_after(pose, whole[:, i])
+    return Path(points, pose, np.where(plan.null, 0.0, plan.seconds).sum(axis=1))
+
+
+def _before(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+    """(B, 10) the speeds of the last command that was not left out; 0 before the first."""
+    out = (np.zeros_like(plan.left), np.zeros_like(plan.right))
+    held = [np.zeros(len(plan.left)), np.zeros(len(plan.left))]
+    for i in range(COMMANDS):
+        for number, side in enumerate((plan.left, plan.right)):
+            out[number][:, i] = held[number]
+            held[number] = np.where(plan.null[:, i], held[number], side[:, i])
+    return out
+
+
+def fitness(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """(B,) fitness of paths, and the blocks that each visited.
+
+    k1 n - k2 t - k3 f - k4 e: n blocks, t seconds, f [cm] from the end to the middle where all four were visited, else
+    to the middle of the nearest that was not, e [cm] the sum over points of how far outside the area they lie.
+    """
+    where = path.points[..., :2].reshape(len(path.end), -1, 2)
+    inside = (np.abs(where[:, :, None] - CENTRES) <= BLOCK / 2).all(axis=3)  # NaN is in no block
+    visited = inside.any(axis=1)
+    count = visited.sum(axis=1)
+    missed = np.linalg.norm(path.end[:, None, :2] - CENTRES, axis=2)
+    short = np.where(visited, np.inf, missed).min(axis=1)
+    short = np.where(count == 4, np.linalg.norm(path.end[:, :2], axis=1), short)
+    beyond = np.linalg.norm(np.maximum(np.abs(where) - AREA / 2, 0.0), axis=2)
+    outside = np.nansum(beyond, axis=1)
+    return REWARD * count - SLOWNESS * path.time - CM * (MISS * short + OUTSIDE * outside), count
+
+
+@dataclass(frozen=True, eq=False)
+class Evolved:
+    """The best genes (40,) of an evolution, their fitness in the model and the blocks visited there."""
+
+    genes: np.ndarray
+    fitness: float
+    blocks: int
+
+
+def evolve(
+    model: Model,
+    *,
+    generations: int = 10_000,
+    population: int = 200,
+    tournament: int = 40,
+    mutation: float = 0.15,
+    seed: int = 0,
+    progress: Callable[[int, float], None] | None = None,
+) -> Evolved:
+    """Ten commands that do best in a model, by the genetic algorithm."""
+    search = Genetic(
+        4 * COMMANDS,
+        rng=stream(seed, "navigation"),
+        population=population,
+        tournament=tournament,
+        mutation=mutation,
+    )
+    best: Evolved | None = None
+    for generation in range(generations):
+        asked = search.ask()
+        found, blocks = fitness(driven(Plan.of(asked), model))
+        search.tell(-found)
+        at = int(np.nanargmax(found))
+        if best is None or found[at] > best.fitness:
+            best = Evolved(asked[at], float(found[at]), int(blocks[at]))
+        if progress:
+            progress(generation + 1, best.fitness)
+    return best

@@ -1,0 +1,70 @@
+"""Comparisons of models: the paper's p-values from its table, errors in its units, tests that see what differs."""
+
+import numpy as np
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.rng import stream
+from dynreg.timed.commands import AXES
+from dynreg.timed.compare import _holm, compared, judged
+
+# Pretorius et al., Table III: mean and standard deviation of 230 absolute errors
+PUBLISHED = {
+    "dx": {"network": (0.4483, 0.5485), "dynamic": (0.3467, 0.6586), "kinematic": (1.0093, 1.7967)},
+    "dy": {"network": (0.6241, 0.6014), "dynamic": (0.3628, 0.4363), "kinematic": (1.2788, 1.5346)},
+    "dtheta": {"network": (3.0239, 3.3638), "dynamic": (4.1985, 3.9652), "kinematic": (13.2385, 10.1716)},
+}
+TUKEY = {"dx": 0.612, "dy": 0.013, "dtheta": 0.138}  # network against dynamic, as published
+
+
+def sample(mean: float, sd: float, seed: int) -> np.ndarray:
+    """(230,) numbers of exactly this mean and standard deviation."""
+    z = stream(seed, "sample").standard_normal(230)
+    return mean + sd * (z - z.mean()) / z.std(ddof=1)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_tukeys_test_gives_the_published_p_values(axis: str) -> None:
+    errors = {name: sample(*told, i) for i, (name, told) in enumerate(PUBLISHED[axis].items())}
+    whole, pairs = judged(errors, axis, "cm")
+    assert (whole.between, whole.within) == (2, 687) and whole.p < 1e-6
+    told = {(p.first, p.second): p for p in pairs}
+    near = told["network", "dynamic"]
+    assert near.tukey == pytest.approx(TUKEY[axis], abs=0.003)
+    assert near.difference == pytest.approx(PUBLISHED[axis]["network"][0] - PUBLISHED[axis]["dynamic"][0])
+    assert near.low < near.difference < near.high and (near.low < 0 < near.high) == (near.tukey > 0.05)
+    assert told["network", "kinematic"].tukey < 1e-5 and told["dynamic", "kinematic"].tukey < 1e-5
+
+
+def test_errors_are_told_in_centimetres_and_degrees() -> None:
+    moved = np.array([[0.01, -0.02, 0.1], [0.03, 0.04, -0.3], [0.0, 0.0, 0.2]])
+    off = np.array([0.01, -0.02, np.radians(5.0)]) * [[0.5], [1.0], [1.5]]
+    found = compared(moved, {"right": moved, "off": moved + off})
+    assert found.commands == 3
+    assert [found.models["off"][axis].mean for axis in AXES] == pytest.approx([1.0, 2.0, 5.0])
+    assert [found.models["off"][axis].unit for axis in AXES] == ["cm", "cm", "deg"]
+    assert found.models["right"]["dx"].max == 0.0
+    assert found.displacements == pytest.approx({"dx": 4 / 3, "dy": 2.0, "dtheta": np.degrees(0.2)})
+    assert len(found.to_frame()) == 6 and {*found.tables()} == {"errors", "analysis of variance", "pairs"}
+
+
+def test_a_paired_test_sees_what_tukeys_does_not() -> None:
+    """One model is always a little worse than the other, on commands that differ a thousand times as much."""
+    size = np.exp(stream(3, "sizes").normal(0.0, 2.0, 60))
+    same = {"a": size, "b": 1.01 * size, "c": size}
+    _, pairs = judged(same, "dx", "cm")
+    told = {(p.first, p.second): p for p in pairs}
+    assert told["a", "b"].paired < 1e-6 < 0.5 < told["a", "b"].tukey
+    assert told["a", "c"].paired == 1.0 and told["a", "c"].difference == 0.0
+
+
+def test_p_values_hold_together_by_holms_method() -> None:
+    assert _holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
+    assert _holm([0.5, 0.9]) == pytest.approx([1.0, 1.0]) and _holm([0.2]) == [0.2]
+
+
+def test_one_model_or_two_commands_are_refused() -> None:
+    moved = np.zeros((3, 3))
+    for given, predicted in ((moved, {"a": moved}), (moved[:2], {"a": moved[:2], "b": moved[:2]})):
+        with pytest.raises(UsageError, match="models on"):
+            compared(given, predicted)

@@ -1,0 +1,87 @@
+"""The navigation task: what a plan means, where its path leads, what it is worth, and that evolution raises that."""
+
+import numpy as np
+import pytest
+
+from dynreg.rng import stream
+from dynreg.timed.models import Kinematic, Unicycle
+from dynreg.timed.navigation import AREA, CENTRES, COMMANDS, Path, Plan, driven, evolve, fitness
+from dynreg.timed.unicycle import KHEPERA
+
+TRACK = 0.0884
+MODEL = Kinematic(TRACK)
+
+
+def plan(*commands: tuple[float, float, float]) -> Plan:
+    """Commands (left, right, seconds); the others are left out."""
+    table = np.zeros((1, COMMANDS, 3))
+    table[0, : len(commands)] = commands
+    return Plan(*np.moveaxis(table, -1, 0), np.arange(COMMANDS)[None] >= len(commands))
+
+
+def path(*points: tuple[float, float], time: float = 10.0) -> Path:
+    """All points in the first command; the robot ends at the last."""
+    where = np.full((1, COMMANDS, 20, 3), np.nan)
+    where[0, 0, : len(points), :2] = points
+    return Path(where, np.array([[*points[-1], 0.0]]), np.array([time]))
+
+
+def test_genes_are_commands_within_their_ranges() -> None:
+    unit = np.zeros((2, 40))
+    unit[1] = 1.0
+    low, high = Plan.of(unit).left, Plan.of(unit).seconds
+    assert (low[0] == -0.22).all() and (low[1] == 0.22).all()
+    assert high[0] == pytest.approx(0.1) and high[1] == pytest.approx(2.0)
+    assert not Plan.of(unit).null[0].any() and Plan.of(unit).null[1].all()
+
+
+def test_a_path_has_a_point_every_tenth_of_a_second_and_one_at_each_end() -> None:
+    found = driven(plan((0.2, 0.2, 0.25), (0.1, 0.1, 0.3)), MODEL)
+    first, second = found.points[0, 0], found.points[0, 1]
+    assert first[:3, 0] == pytest.approx([0.02, 0.04, 0.05]) and np.isnan(first[3:]).all()
+    assert second[:3, 0] == pytest.approx([0.06, 0.07, 0.08]) and np.isnan(second[3:]).all()
+    assert found.end[0] == pytest.approx([0.08, 0.0, 0.0]) and found.time[0] == pytest.approx(0.55)
+    assert np.isnan(found.points[0, 2:]).all()
+
+
+def test_left_out_commands_change_nothing_and_lags_go_on_over_them() -> None:
+    model = Unicycle(KHEPERA, TRACK)
+    gap = plan((0.2, 0.1, 0.5), (0.0, 0.0, 1.0), (0.1, 0.2, 0.7))
+    gap.null[0, 1] = True
+    without = driven(plan((0.2, 0.1, 0.5), (0.1, 0.2, 0.7)), model)
+    found = driven(gap, model)
+    assert np.array_equal(found.end, without.end) and found.time == without.time
+    stop = driven(plan((0.2, 0.1, 0.5), (0.0, 0.0, 1.0), (0.1, 0.2, 0.7)), model)
+    assert np.abs(stop.end - found.end).max() > 0.001
+
+
+def test_the_middle_of_commands_is_where_shorter_ones_end() -> None:
+    model = Unicycle(KHEPERA, TRACK)
+    whole = driven(plan((0.2, -0.1, 0.6), (0.1, 0.2, 0.73)), model)
+    part = driven(plan((0.2, -0.1, 0.6), (0.1, 0.2, 0.5)), model)
+    assert whole.points[0, 1, 4] == pytest.approx(part.end[0], abs=1e-9)
+
+
+def test_fitness_is_the_papers() -> None:
+    """Blocks, seconds, centimetres from where the robot should be, centimetres outside."""
+    middle = path((0.3, 0.0), (0.0, 0.0))
+    value, blocks = fitness(middle)
+    nearest = 100 * np.linalg.norm(CENTRES[0])
+    assert blocks[0] == 0 and value[0] == pytest.approx(-2.5 * 10.0 - 5.0 * nearest)
+    one, blocks = fitness(path((0.45, 0.2), (0.45, -0.1)))
+    assert blocks[0] == 2  # at 0.1 m beside its middle it is in the second block
+    home = path(*map(tuple, CENTRES), (0.03, 0.04), time=20.0)
+    value, blocks = fitness(home)
+    assert blocks[0] == 4 and value[0] == pytest.approx(4000.0 - 2.5 * 20.0 - 5.0 * 5.0)
+    far = path(*map(tuple, CENTRES), (AREA[0] / 2 + 0.03, AREA[1] / 2 + 0.04), (0.0, 0.0), time=20.0)
+    assert fitness(far)[0][0] == pytest.approx(4000.0 - 2.5 * 20.0 - 2.5 * 5.0)
+
+
+def test_evolution_finds_blocks_and_the_same_again() -> None:
+    given = {"generations": 40, "population": 60, "tournament": 12}
+    found = evolve(MODEL, **given)
+    drawn = fitness(driven(Plan.of(stream(1, "drawn").uniform(size=(60, 40))), MODEL))[0]
+    assert found.fitness > drawn.max() + 500 and found.blocks >= 2
+    value, blocks = fitness(driven(Plan.of(found.genes[None]), MODEL))
+    assert value[0] == found.fitness and blocks[0] == found.blocks
+    assert np.array_equal(evolve(MODEL, **given).genes, found.genes)
