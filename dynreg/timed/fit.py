@@ -1,6 +1,7 @@
 """The unicycle's six parameters from a log, by the genetic algorithm of the paper on wheeled robots."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from dynreg.timed.unicycle import unicycle
 
 # a1 to a6: the lags and drags of published robots from a Khepera to a wheelchair, and couplings beyond theirs
 RANGES = np.array([[0.01, 0.5], [0.01, 0.5], [-0.02, 0.02], [0.8, 1.2], [-0.1, 0.1], [0.8, 1.2]])
+STEP = 0.02  # s
 AT_ONCE = 20  # candidates in one batch: what fits the cache
 
 
@@ -37,38 +39,47 @@ def fit_unicycle(
     generations: int = 1000,
     population: int = 200,
     tournament: int = 40,
+    step: float = STEP,
     seed: int = 0,
 ) -> Fitted:
     """The six parameters that explain displacements (n, 3) of commands (n,) best.
 
     Of the best of every generation the one with the lowest error on `validation` is kept (Pretorius et al.).
+    step : time step [s] at most; twice that of the model is as good for lags that robots have, and half the work.
     """
     variance = moved.var(axis=0)
+    errors_of = partial(_errors, variance=variance, track=track, step=step)
     search = Genetic(6, rng=stream(seed, "fit unicycle"), population=population, tournament=tournament)
     best: tuple[float, float, np.ndarray] | None = None
     last, history = None, []
     for _ in range(generations):
         asked = RANGES[:, 0] + search.ask() * np.ptp(RANGES, axis=1)
-        errors = _errors(asked, commands, moved, variance, track)
+        errors = errors_of(asked, commands, moved)
         search.tell(errors)
         at = int(np.argmin(np.where(np.isfinite(errors), errors, np.inf)))
         history.append(float(errors[at]))
         if last is not None and np.array_equal(asked[at], last):
             continue
         last = asked[at]
-        unseen = float(_errors(last[None], *validation, variance, track)[0])
+        unseen = float(errors_of(last[None], *validation)[0])
         if best is None or unseen < best[0]:
             best = (unseen, history[-1], last)
     return Fitted(best[2], best[1], best[0], np.array(history))
 
 
 def _errors(
-    parameters: np.ndarray, commands: Commands, moved: np.ndarray, variance: np.ndarray, track: float
+    parameters: np.ndarray,
+    commands: Commands,
+    moved: np.ndarray,
+    *,
+    variance: np.ndarray,
+    track: float,
+    step: float,
 ) -> np.ndarray:
     """(B,) of parameters (B, 6); NaN where a simulation is no number."""
     out = np.empty(len(parameters))
     for at in range(0, len(parameters), AT_ONCE):
-        found = unicycle(commands, parameters[at : at + AT_ONCE], track)
+        found = unicycle(commands, parameters[at : at + AT_ONCE], track, step=step)
         with np.errstate(over="ignore", invalid="ignore"):
             out[at : at + AT_ONCE] = ((found - moved) ** 2 / variance).sum(axis=2).mean(axis=1)
     return out
