@@ -1,0 +1,77 @@
+"""What moved: which wheel, at which speeds, or only in turns, from the shifts of many commands.
+
+Every pattern is a factor on what wheels or turns do; a shift is what the closed form then moves more. The factor that
+explains the shifts best is found by least squares, and patterns are ranked by Schwarz's criterion beside no change.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from dynreg.timed.commands import Commands
+from dynreg.timed.kinematic import kinematic
+
+PATTERNS = ("left wheel", "right wheel", "all speeds", "turns only")
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One explanation: the factor (1 where nothing changed) with its standard error, and how much it explains.
+
+    share : of the squared shifts, each in units of its standard error. bic : Schwarz's criterion, less is better.
+    """
+
+    name: str
+    factor: float
+    error: float
+    share: float
+    bic: float
+
+
+def patterns(commands: Commands, shifts: np.ndarray, errors: np.ndarray, track: float) -> tuple[Pattern, ...]:
+    """Explanations of shifts (n, 3) of commands (n,) with standard errors (n, 3), the best first.
+
+    "no change" is among them. Shifts that are NaN were not measured.
+    """
+    known = np.isfinite(shifts) & np.isfinite(errors) & (errors > 0)
+    scaled = shifts[known] / errors[known]
+    total, many = float(scaled @ scaled), max(int(known.sum()), 1)
+    out = [Pattern("no change", 1.0, 0.0, 0.0, total)]
+    still = kinematic(commands, track)
+    for name in PATTERNS:
+
+        def left(x: np.ndarray, name: str = name) -> np.ndarray:
+            change = changed(commands, name, float(x[0]), track) - still
+            return (change[known] / errors[known]) - scaled
+
+        found = least_squares(left, [1.0], bounds=(0.2, 5.0))
+        rest = float(2.0 * found.cost)
+        slope = float(found.jac[:, 0] @ found.jac[:, 0])
+        out.append(
+            Pattern(
+                name,
+                float(found.x[0]),
+                float(1.0 / np.sqrt(slope)) if slope > 0 else float("inf"),
+                1.0 - rest / total if total > 0 else 0.0,
+                rest + float(np.log(many)),
+            )
+        )
+    return tuple(sorted(out, key=lambda p: p.bic))
+
+
+def changed(commands: Commands, pattern: str, factor: float, track: float) -> np.ndarray:
+    """(n, 3) displacements of commands (n,) once a pattern holds, by the closed form.
+
+    "left wheel" and "right wheel" turn by that factor, "all speeds" both; "turns only": the robot turns by it.
+    """
+    left = factor if pattern in ("left wheel", "all speeds") else 1.0
+    right = factor if pattern in ("right wheel", "all speeds") else 1.0
+    told = Commands(
+        left * commands.left,
+        right * commands.right,
+        commands.seconds,
+        commands.left_before,
+        commands.right_before,
+    )
+    return kinematic(told, track / factor if pattern == "turns only" else track)
