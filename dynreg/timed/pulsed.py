@@ -1,0 +1,69 @@
+"""A controller of pulsed neurons: 128 inputs, two motor neurons and a hidden one, which hear each other (396 numbers).
+
+Paper C. Neurons follow the spike response model (Gerstner): what comes in adds up through the kernel `heard`, a spike
+of its own silences a neuron for a while (`silence`), and it spikes where the sum is above its threshold. An input that
+is on spikes at every tick; the spikes of a motor neuron in one window are the number of its command.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+INPUTS, NEURONS, MOTORS = 128, 3, 2
+GENES = INPUTS * NEURONS + NEURONS**2 + NEURONS
+TICKS = 20  # ms in a window
+MEMBRANE, SYNAPSE, DELAY = 4.0, 10.0, 2.0  # ms
+THRESHOLD = 3.9  # the highest
+SPEEDS = 20  # commands of a motor
+
+
+@dataclass(frozen=True, eq=False)
+class Controllers:
+    """B controllers: weights of inputs (B, 3, 128) and of neurons (B, 3, 3) in [-1, 1], thresholds (B, 3).
+
+    The first two neurons drive the left and the right wheel.
+    """
+
+    inputs: np.ndarray
+    neurons: np.ndarray
+    thresholds: np.ndarray
+
+    @classmethod
+    def of(cls, unit: np.ndarray) -> "Controllers":
+        """Of genes (B, 396) in the unit cube."""
+        many, first = len(unit), INPUTS * NEURONS
+        weights = 2.0 * unit - 1.0
+        return cls(
+            weights[:, :first].reshape(many, NEURONS, INPUTS),
+            weights[:, first:-NEURONS].reshape(many, NEURONS, NEURONS),
+            THRESHOLD * unit[:, -NEURONS:],
+        )
+
+    def take(self, which: np.ndarray) -> "Controllers":
+        """Some of them."""
+        return Controllers(self.inputs[which], self.neurons[which], self.thresholds[which])
+
+    def commands(self, seen: np.ndarray) -> np.ndarray:
+        """(B, 2) numbers 0 to 19 of what the wheels are told, for what is seen (B, 128) of zeros and ones.
+
+        Every window begins at rest. No spike at all is the lowest command, too.
+        """
+        heard, silence = _kernels()
+        steady = np.cumsum(heard)  # of an input that spikes at every tick
+        drive = np.einsum("bni,bi->bn", self.inputs, seen.astype(float))
+        spikes = np.zeros((len(seen), NEURONS, TICKS))
+        for tick in range(TICKS):
+            ago = heard[1 : tick + 1][::-1]  # of the spikes at 0 to tick - 1
+            told = np.einsum("bnm,bmt,t->bn", self.neurons, spikes[:, :, :tick], ago)
+            own = spikes[:, :, :tick] @ silence[1 : tick + 1][::-1]
+            spikes[:, :, tick] = drive * steady[tick] + told + own > self.thresholds
+        return np.clip(spikes[:, :MOTORS].sum(axis=2).astype(int) - 1, 0, SPEEDS - 1)
+
+
+@cache
+def _kernels() -> tuple[np.ndarray, np.ndarray]:
+    """(ticks,) what a spike adds so many ticks later, to who hears it and to the neuron itself."""
+    since = np.arange(TICKS) - DELAY
+    heard = np.where(since >= 0, np.exp(-since / MEMBRANE) * (1.0 - np.exp(-since / SYNAPSE)), 0.0)
+    return heard, -np.exp(-np.arange(TICKS) / MEMBRANE)
