@@ -1,0 +1,202 @@
+"""Genetic algorithms on bits by ask and tell, in the unit cube: the operon algorithm of paper C, and a plain one.
+
+Both code every number by ten bits and choose parents by tournaments. Details of the operon algorithm that the paper
+does not print are ours: see `Operon`.
+"""
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.search.turns import may_ask, may_tell
+
+BITS = 10  # of a number
+LIST = 6  # values of a locus at most
+
+
+def numbers(bits: np.ndarray) -> np.ndarray:
+    """(..., P) in the unit cube of bits (..., 10 P), the highest first."""
+    weights = 2.0 ** np.arange(BITS - 1, -1, -1)
+    return bits.reshape(*bits.shape[:-1], -1, BITS) @ weights / (2.0**BITS - 1.0)
+
+
+class _Bits:
+    """What both have in common: turns, tournaments, and the best that go on as they are."""
+
+    def __init__(
+        self, dimensions: int, rng: np.random.Generator, population: int, tournament: int, elite: int
+    ):
+        if population < 1 or tournament < 1 or not 0 <= elite < population:
+            raise UsageError(
+                f"population {population}, tournament {tournament}, elite {elite}",
+                expected="at least one of each, and an elite smaller than the population",
+                do="correct them",
+            )
+        self._rng, self._size, self._tournament, self._elite = rng, population, tournament, elite
+        self._loci = BITS * dimensions
+        self._asked: np.ndarray | None = None
+
+    @property
+    def middle(self) -> None:
+        """None: it bets on the best that it saw."""
+
+    @property
+    def stopped(self) -> bool:
+        """Never."""
+        return False
+
+    def ask(self) -> np.ndarray:
+        """(population, P) the generation to evaluate; raises UsageError when the last one was not told yet."""
+        may_ask(self._asked)
+        self._asked = numbers(self._expressed())
+        return self._asked.copy()
+
+    def tell(self, losses: np.ndarray) -> None:
+        """Losses (population,), lower is better, NaN the worst; raises UsageError without an ask."""
+        may_tell(self._asked, losses)
+        order = np.argsort(losses, kind="stable")  # NaN last
+        rank = np.empty(self._size, dtype=int)
+        rank[order] = np.arange(self._size)
+        drawn = self._rng.integers(self._size, size=(self._size, self._tournament))
+        parents = order[rank[drawn].min(axis=1)]
+        self._breed(parents, order[: self._elite])
+        self._asked = None
+
+    def _expressed(self) -> np.ndarray:
+        """(population, 10 P) bits."""
+        raise NotImplementedError
+
+    def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
+        """Replace the generation by children of `parents` (population,); the first are `elite`, unchanged."""
+        raise NotImplementedError
+
+
+class BitGenetic(_Bits):
+    """The plain one: two-point crossover of bits and mutation.
+
+    dimensions : P. rng : of all draws. population, tournament, elite : as in `Genetic`. crossover : share of the
+    children that have two parents. mutation : chance of every bit to turn; None for one bit of all on average.
+    """
+
+    def __init__(
+        self,
+        dimensions: int,
+        *,
+        rng: np.random.Generator,
+        population: int = 50,
+        tournament: int = 6,
+        elite: int = 1,
+        crossover: float = 0.7,
+        mutation: float | None = None,
+    ):
+        super().__init__(dimensions, rng, population, tournament, elite)
+        self._crossover = crossover
+        self._mutation = 1.0 / self._loci if mutation is None else mutation
+        self._bits = rng.integers(2, size=(population, self._loci), dtype=np.uint8)
+
+    def _expressed(self) -> np.ndarray:
+        return self._bits
+
+    def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
+        kept, children = self._bits[elite], self._bits[parents]
+        cuts = np.sort(self._rng.integers(self._loci + 1, size=(self._size, 2)), axis=1)
+        at = np.arange(self._loci)
+        mixed = (
+            (at >= cuts[:, :1]) & (at < cuts[:, 1:]) & (self._rng.random((self._size, 1)) < self._crossover)
+        )
+        children = np.where(mixed, self._bits[self._rng.permutation(parents)], children)
+        children ^= (self._rng.random(children.shape) < self._mutation).astype(np.uint8)
+        children[: self._elite] = kept
+        self._bits = children
+
+
+class Operon(_Bits):
+    """The operon algorithm: loci are linked in operons, and hold lists of bits of which the first is expressed.
+
+    No crossover. Each child undergoes, each by its own chance: connection (two neighbouring operons become one),
+    division (one becomes two), duplication (in an operon, every list gets a copy of its first value behind it),
+    deletion (every list of an operon that has more than one loses one), inversion (the lists of an operon are turned
+    round, which expresses what was hidden). Every value, hidden ones too, turns by mutation.
+
+    dimensions : P. rng : of all draws. mutation : None for one locus of all on average. elite : optional in the paper.
+    """
+
+    def __init__(
+        self,
+        dimensions: int,
+        *,
+        rng: np.random.Generator,
+        population: int = 50,
+        tournament: int = 6,
+        elite: int = 1,
+        mutation: float | None = None,
+        connection: float = 0.3,
+        division: float = 0.3,
+        duplication: float = 0.6,
+        deletion: float = 0.3,
+        inversion: float = 0.3,
+    ):
+        super().__init__(dimensions, rng, population, tournament, elite)
+        self._mutation = 1.0 / self._loci if mutation is None else mutation
+        self._chances = (connection, division, duplication, deletion, inversion)
+        self._values = np.zeros((population, self._loci, LIST), dtype=np.uint8)
+        self._values[:, :, 0] = rng.integers(2, size=(population, self._loci))
+        self._length = np.ones((population, self._loci), dtype=np.int64)
+        self._ends = np.ones((population, self._loci), dtype=bool)  # whether an operon ends behind a locus
+
+    def _expressed(self) -> np.ndarray:
+        return self._values[:, :, 0]
+
+    def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
+        kept = [a[elite] for a in (self._values, self._length, self._ends)]
+        self._values, self._length, self._ends = (
+            a[parents] for a in (self._values, self._length, self._ends)
+        )
+        steps = (self._connect, self._divide, self._duplicate, self._delete, self._invert)
+        for child in range(self._elite, self._size):
+            for step, chance in zip(steps, self._chances, strict=True):
+                if self._rng.random() < chance:
+                    step(child)
+        there = np.arange(LIST) < self._length[:, :, None]
+        turned = self._rng.random(self._values.shape) < self._mutation
+        self._values ^= (turned & there).astype(np.uint8)
+        for own, best in zip((self._values, self._length, self._ends), kept, strict=True):
+            own[: self._elite] = best
+
+    def _operon(self, child: int) -> np.ndarray:
+        """Loci of a random operon."""
+        ends = np.flatnonzero(self._ends[child])
+        pick = int(self._rng.integers(len(ends)))
+        return np.arange(0 if pick == 0 else ends[pick - 1] + 1, ends[pick] + 1)
+
+    def _connect(self, child: int) -> None:
+        between = np.flatnonzero(self._ends[child, :-1])
+        if len(between):
+            self._ends[child, self._rng.choice(between)] = False
+
+    def _divide(self, child: int) -> None:
+        inside = np.flatnonzero(~self._ends[child])
+        if len(inside):
+            self._ends[child, self._rng.choice(inside)] = True
+
+    def _duplicate(self, child: int) -> None:
+        loci = self._operon(child)
+        loci = loci[self._length[child, loci] < LIST]
+        values = self._values[child, loci]
+        self._values[child, loci, 1:] = values[:, :-1]  # the first stays, its copy stands behind it
+        self._length[child, loci] += 1
+
+    def _delete(self, child: int) -> None:
+        loci = self._operon(child)
+        for locus in loci[self._length[child, loci] > 1]:
+            gone, length = int(self._rng.integers(self._length[child, locus])), self._length[child, locus]
+            row = self._values[child, locus]
+            row[gone : length - 1] = row[gone + 1 : length]
+            row[length - 1] = 0
+            self._length[child, locus] -= 1
+
+    def _invert(self, child: int) -> None:
+        loci = self._operon(child)
+        length = self._length[child, loci][:, None]
+        at = np.arange(LIST)
+        source = np.where(at < length, length - 1 - at, at)
+        self._values[child, loci] = np.take_along_axis(self._values[child, loci], source, axis=1)

@@ -1,0 +1,101 @@
+"""Genetic algorithms on bits: what they express, that they climb, and the operators of the operon algorithm."""
+
+import numpy as np
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.rng import stream
+from dynreg.search.bits import BITS, LIST, BitGenetic, Operon, numbers
+
+MAKE = {"plain": BitGenetic, "operon": Operon}
+
+
+def test_numbers_are_coded_by_ten_bits() -> None:
+    bits = np.zeros((2, 2 * BITS), dtype=np.uint8)
+    bits[1] = 1
+    bits[0, 0] = bits[0, 19] = 1
+    assert numbers(bits) == pytest.approx(np.array([[512 / 1023, 1 / 1023], [1.0, 1.0]]))
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_both_climb_and_do_the_same_again(name: str) -> None:
+    def losses(x: np.ndarray) -> np.ndarray:
+        return ((x - 0.3) ** 2).sum(axis=1)
+
+    ends = []
+    for _ in range(2):
+        search = MAKE[name](8, rng=stream(1, name), mutation=0.02)
+        first = losses(search.ask()).min()
+        search.tell(losses(search._asked))
+        for _ in range(60):
+            asked = search.ask()
+            assert asked.shape == (50, 8) and (asked >= 0).all() and (asked <= 1).all()
+            search.tell(losses(asked))
+        ends.append(losses(search.ask()).min())
+    assert ends[0] == ends[1] < 0.25 * first and not search.stopped and search.middle is None
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_the_elite_goes_on_as_it_is_and_nan_is_the_worst(name: str) -> None:
+    search = MAKE[name](3, rng=stream(2, name), population=8, tournament=2, elite=2, mutation=0.5)
+    asked = search.ask()
+    losses = np.array([5.0, np.nan, 1.0, 4.0, np.nan, 0.5, 3.0, 2.0])
+    search.tell(losses)
+    assert np.array_equal(search.ask()[:2], asked[[5, 2]])
+    with pytest.raises(UsageError, match="elite 8"):
+        MAKE[name](3, rng=stream(2, name), population=8, elite=8)
+
+
+def operons(search: Operon, child: int = 0) -> list[int]:
+    """Lengths of the operons."""
+    return np.diff(np.concatenate([[-1], np.flatnonzero(search._ends[child])])).tolist()
+
+
+@pytest.fixture
+def search() -> Operon:
+    return Operon(2, rng=stream(3, "operon"), population=2, elite=0)
+
+
+def test_operons_join_and_part(search: Operon) -> None:
+    assert operons(search) == [1] * 20
+    for _ in range(19):
+        search._connect(0)
+    assert operons(search) == [20] and operons(search, 1) == [1] * 20
+    search._connect(0)  # nothing left to join
+    assert operons(search) == [20] and np.array_equal(search._operon(0), np.arange(20))
+    search._divide(0)
+    assert len(operons(search)) == 2 and sum(operons(search)) == 20
+    search._divide(1)  # nothing to part
+    assert operons(search, 1) == [1] * 20
+
+
+def test_what_is_duplicated_can_change_unseen_and_be_turned_out(search: Operon) -> None:
+    for _ in range(19):
+        search._connect(0)
+    before = search._expressed()[0].copy()
+    search._duplicate(0)
+    assert np.array_equal(search._expressed()[0], before) and (search._length[0] == 2).all()
+    assert np.array_equal(search._values[0, :, 1], before)
+    search._values[0, 4, 1] ^= 1  # a mutation that nobody sees
+    assert np.array_equal(search._expressed()[0], before)
+    search._invert(0)
+    changed = np.flatnonzero(search._expressed()[0] != before)
+    assert changed.tolist() == [4] and search._values[0, 4, 1] == before[4]
+    for _ in range(10):
+        search._duplicate(0)
+    assert (search._length[0] == LIST).all()
+    for _ in range(10):
+        search._delete(0)
+    assert (search._length[0] == 1).all() and not search._values[0, :, 1:].any()
+    assert (search._length[1] == 1).all()
+
+
+def test_inversion_turns_lists_of_any_length(search: Operon) -> None:
+    search._ends[0, :-1] = False
+    search._values[0, 0, :3], search._length[0, 0] = [1, 0, 0], 3
+    search._values[0, 1, :2], search._length[0, 1] = [0, 1], 2
+    search._values[0, 2, 0] = 1
+    search._invert(0)
+    assert search._values[0, 0].tolist() == [0, 0, 1, 0, 0, 0]
+    assert search._values[0, 1].tolist() == [1, 0, 0, 0, 0, 0]
+    assert search._values[0, 2].tolist() == [1, 0, 0, 0, 0, 0]
