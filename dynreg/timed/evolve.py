@@ -1,0 +1,158 @@
+"""Paper C whole: controllers evolve in a displacement table, which the robot's own trials keep true, or do not.
+
+Every so many generations the best controller and the second are tried on the robot; what it did is tested against the
+table, which follows (`table.updated`).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynreg.errors import BudgetError
+from dynreg.rng import stream
+from dynreg.search.bits import BitGenetic, Operon
+from dynreg.timed.commands import Commands
+from dynreg.timed.goal import HEADINGS, Mover, Trials, cells, tried
+from dynreg.timed.kinematic import kinematic
+from dynreg.timed.pulsed import GENES, SPEEDS, Controllers
+from dynreg.timed.table import DisplacementTable, Rules, Tested, updated
+
+SAMPLE = 0.5  # s of a displacement
+FIRST = 10  # samples of every command, before anything evolves
+EVERY = 50  # generations between trials on the robot
+TRIED = 2  # controllers then
+METHODS = {"operon": Operon, "bits": BitGenetic}
+
+
+@dataclass(frozen=True)
+class Drift:
+    """From a generation on, factors on what the left and the right wheel do."""
+
+    generation: int
+    left: float
+    right: float
+
+
+@dataclass
+class HiddenWheels:
+    """The door to a robot on wheels with a secret: what it does to commands, and how that changes.
+
+    track [m]; scatter (3,) standard deviations of half a second's displacement [m, m, rad]; drifts in order of time.
+    budget : steps in all, None without a limit; `steps` counts them.
+    """
+
+    drifts: tuple[Drift, ...] = ()
+    track: float = 0.0884
+    scatter: tuple[float, float, float] = (0.002, 0.002, 0.03)
+    seed: int = 0
+    budget: int | None = None
+    generation: int = 0
+    steps: int = 0
+    _rng: np.random.Generator = field(init=False)
+
+    def __post_init__(self):
+        self._rng = stream(self.seed, "hidden wheels")
+
+    def move(self, cell: np.ndarray) -> np.ndarray:
+        """(n, 3) displacements of half a second of commands (n,); BudgetError, before anything moves."""
+        if self.budget is not None and self.steps + len(cell) > self.budget:
+            raise BudgetError(
+                f"{self.steps} of {self.budget} steps on the robot are spent",
+                expected=f"room for {len(cell)} more",
+                do="work with the samples that there are, or grant a larger budget",
+            )
+        self.steps += len(cell)
+        return self.truth(cell) + self._rng.standard_normal((len(cell), 3)) * self.scatter
+
+    def truth(self, cell: np.ndarray) -> np.ndarray:
+        """(n, 3) what commands (n,) do on average now: for judging, and no search may see it."""
+        left, right = (side[cell] for side in cells())
+        for drift in self.drifts:
+            if self.generation >= drift.generation:
+                left, right = drift.left * left, drift.right * right
+        return kinematic(Commands(left, right, np.full(len(cell), SAMPLE), left, right), self.track)
+
+
+@dataclass(frozen=True, eq=False)
+class Evolution:
+    """The best controller's genes (396,), its fitness in the table, the table at the end and what updates found.
+
+    error : (updates + 1,) mean distance [m] between the table's and the robot's mean displacement, over all commands.
+    """
+
+    genes: np.ndarray
+    fitness: float
+    table: DisplacementTable
+    updates: tuple[Tested, ...]
+    error: np.ndarray
+
+
+def measured(robot: HiddenWheels, each: int = FIRST) -> DisplacementTable:
+    """Every command of the robot, `each` times."""
+    cell = np.repeat(np.arange(SPEEDS**2), each)
+    return DisplacementTable.of(SPEEDS**2, cell, robot.move(cell))
+
+
+def evolve(
+    robot: HiddenWheels,
+    *,
+    update: bool = True,
+    rules: Rules | None = None,
+    method: str = "operon",
+    generations: int = 2000,
+    every: int = EVERY,
+    population: int = 50,
+    seed: int = 0,
+    progress: Callable[[int, float], None] | None = None,
+) -> Evolution:
+    """Controllers for the robot as it is at the end; without `update` the table stays what it was at the beginning."""
+    table, rng = measured(robot), stream(seed, "evolution", "draws")
+    search = METHODS[method](GENES, rng=stream(seed, "evolution", method), population=population)
+    updates, errors = [], [_error(table, robot)]
+    for generation in range(generations):
+        robot.generation = generation
+        asked = search.ask()
+        found = tried(Controllers.of(asked), _mover(table, rng)).fitness
+        search.tell(-found)
+        order = np.argsort(-found, kind="stable")
+        if progress:
+            progress(generation + 1, float(found[order[0]]))
+        if update and (generation + 1) % every == 0:
+            cell, values = _tried_on(robot, asked[order[:TRIED]])
+            table, tested = updated(table, cell, values, generation, rules)
+            updates.append(tested)
+            errors.append(_error(table, robot))
+    errors.append(_error(table, robot))
+    return Evolution(asked[order[0]], float(found[order[0]]), table, tuple(updates), np.array(errors))
+
+
+def judged(robot: HiddenWheels, genes: np.ndarray, times: int = 10) -> Trials:
+    """A controller (396,) on the robot, `times` for each heading."""
+    repeats = int(np.ceil(times * 2 / len(HEADINGS)))
+    return tried(Controllers.of(np.tile(genes, (repeats, 1))), robot.move)
+
+
+def _tried_on(robot: HiddenWheels, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cells (n,) and displacements (n, 3) of trials of controllers (B, 396) on the robot."""
+    told: list[np.ndarray] = []
+    moved: list[np.ndarray] = []
+
+    def logged(cell: np.ndarray) -> np.ndarray:
+        told.append(cell)
+        moved.append(robot.move(cell))
+        return moved[-1]
+
+    tried(Controllers.of(genes), logged)
+    return np.concatenate(told), np.concatenate(moved)
+
+
+def _mover(table: DisplacementTable, rng: np.random.Generator) -> Mover:
+    _, mean, deviation = table.moments()
+    return lambda cell: mean[cell] + deviation[cell] * rng.standard_normal((len(cell), 3))
+
+
+def _error(table: DisplacementTable, robot: HiddenWheels) -> float:
+    every = np.arange(table.cells)
+    apart = (table.moments()[1] - robot.truth(every))[:, :2]
+    return float(np.nanmean(np.hypot(*apart.T)))
