@@ -188,7 +188,7 @@ def _config(robot: Robot, given: dict) -> SimConfig:
 
 def _terms(config: SimConfig, times: int = 1) -> Terms | None:
     made = terms_of(config)
-    return Terms(made.terms, tuple(np.repeat(v, times, axis=0) for v in made.values)) if made.terms else None
+    return made.tiled(times) if made.terms else None
 
 
 def _plain_dict(config: SimConfig) -> dict:

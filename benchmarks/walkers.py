@@ -132,7 +132,7 @@ def _able(walker: Walker) -> np.ndarray:
         values = draws[first : first + BATCH]
         terms = walker.effects
         if terms:
-            terms = Terms(terms.terms, tuple(np.repeat(v, len(values), axis=0) for v in terms.values))
+            terms = terms.tiled(len(values))
         trials = Trials(robot, walker.task, Simulators(values, terms), rate=RATE, seed=walker.seed, threads=1)
         trot = trials.space.feasible(trials.space.from_unit(trials.space.starts[:1]))
         able = np.flatnonzero(fitness(trials.grades(trot)[0]) >= ABLE)

@@ -112,8 +112,7 @@ class Trials:
         draw moves the parameters that the lab does not know, too.
         """
         k, space, terms = len(self.simulators), self.robot.space, self.simulators.terms
-        if terms:
-            terms = Terms(terms.terms, tuple(np.tile(v, (draws, 1)) for v in terms.values))
+        terms = terms and terms.tiled(draws)
         values = np.tile(self.simulators.values, (draws, 1))
         seeds = [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
         if doubt:

@@ -50,15 +50,15 @@ def jitter(
     run = windows.run.take(chosen)
     seeds = np.array([stream_seed(seed, "jitter", i) % 2**62 for i in range(DRAWS + 1)])
     run = replace(run, noise=motor_noise(seeds, run.episodes, run.steps, len(robot.actions)))
-    tiled = (
-        Terms(terms.terms, tuple(np.repeat(v, len(seeds), axis=0) for v in terms.values)) if terms else None
-    )
+    every = terms and terms.tiled(len(seeds))
     rows, sensor = np.tile(values, (len(seeds), 1)), np.sqrt(2.0) * robot.sensor_noise
     found = 0.5 * (low + high)
     for already in range(ROUNDS):
         rows[:, at] = found
         rows[0, at] = 0.0
-        states = rollout(robot, rows, run, engine=engine, threads=threads, terms=tiled).states
+        states = rollout(
+            robot, rows, run, engine=engine, threads=threads, terms=terms and terms.tiled(len(seeds))
+        ).states
         left = _scatter(states[:1] - windows.measured[chosen])
         made = _scatter(states[1:] - states[:1])
         telling = (windows.weight > 0) & (made > SEEN * sensor) & np.isfinite(left)

@@ -205,6 +205,10 @@ class Terms:
     terms: tuple[Term, ...] = ()
     values: tuple[np.ndarray, ...] = ()
 
+    def tiled(self, times: int) -> "Terms":
+        """Those of the same B simulators, so many times one after the other."""
+        return Terms(self.terms, tuple(np.tile(v, (times, 1)) for v in self.values))
+
     def rows(self, number: int, repeat: int) -> Any:
         """Simulations that have term `number` when each simulator runs `repeat` episodes: a slice where possible."""
         has = np.repeat(np.isfinite(self.values[number]).all(axis=1), repeat)
