@@ -56,9 +56,7 @@ def jitter(
     for already in range(ROUNDS):
         rows[:, at] = found
         rows[0, at] = 0.0
-        states = rollout(
-            robot, rows, run, engine=engine, threads=threads, terms=terms and terms.tiled(len(seeds))
-        ).states
+        states = rollout(robot, rows, run, engine=engine, threads=threads, terms=every).states
         left = _scatter(states[:1] - windows.measured[chosen])
         made = _scatter(states[1:] - states[:1])
         telling = (windows.weight > 0) & (made > SEEN * sensor) & np.isfinite(left)
