@@ -34,10 +34,11 @@ class Commands:
 
     def take(self, which: np.ndarray) -> "Commands":
         """Some of them (indexes, a mask or a slice)."""
-        return Commands(*(column[which] for column in self._columns))
+        return Commands(*(column[which] for column in self.columns))
 
     @property
-    def _columns(self) -> tuple[np.ndarray, ...]:
+    def columns(self) -> tuple[np.ndarray, ...]:
+        """The five, (n,) each, in the order of the fields."""
         return self.left, self.right, self.seconds, self.left_before, self.right_before
 
 

@@ -1,0 +1,82 @@
+"""Timed commands out of a recording: what was told, for how long, and what the pose did meanwhile."""
+
+import numpy as np
+import pytest
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.errors import LogError, RobotError
+from dynreg.rng import stream
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.timed.commands import chained, drawn
+from dynreg.timed.kinematic import kinematic
+from dynreg.wheeled import POSE, told
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("diffdrive")
+
+
+def recording(robot: Robot, *episodes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Recording:
+    """Of times (T,), wheel speeds on the ground (T, 2) and poses (T, 3)."""
+    wheels = [f"{w}_wheel/velocity_command" for w in ("left", "right")]
+    channels = [Channel(n, u) for n, u in zip(POSE, ("m", "m", "rad"), strict=True)]
+    channels += [Channel(n, "rad/s") for n in wheels]
+    radius = robot.file.base.wheel_radius
+    rows = [np.concatenate([pose, speed / radius], axis=1) for _, speed, pose in episodes]
+    return Recording(
+        tuple(channels),
+        tuple(Episode(f"e{i}", e[0], r) for i, (e, r) in enumerate(zip(episodes, rows, strict=True))),
+    )
+
+
+def driven(robot: Robot, seed: int, many: int = 12) -> tuple:
+    """Commands, what they move, and the log of them with a row where each begins and one at the end."""
+    commands = drawn(many, stream(seed, "driven"))
+    moved = kinematic(commands, robot.file.base.track)
+    pose = chained(moved, np.array([0.3, -0.2, 2.5]))
+    time = 4.0 + np.concatenate([[0.0], np.cumsum(commands.seconds)])
+    speed = np.stack([commands.left, commands.right], axis=1)
+    return commands, moved, (time, np.concatenate([speed, speed[-1:]]), pose)
+
+
+def test_commands_and_displacements_come_back(robot: Robot) -> None:
+    both = [driven(robot, seed) for seed in (1, 2)]
+    found = told(robot, recording(robot, *(log for *_, log in both)))
+    assert np.allclose(found.commands.table, np.concatenate([c.table for c, *_ in both]))
+    assert np.allclose(found.moved, np.concatenate([m for _, m, _ in both]))
+    assert found.episode.tolist() == [0] * 12 + [1] * 12
+
+
+def test_rows_with_the_same_speeds_are_one_command_up_to_a_length(robot: Robot) -> None:
+    time = np.arange(11) / 10
+    speed = np.repeat([[0.1, 0.1], [0.1, 0.2]], [6, 5], axis=0)
+    pose = np.stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)], axis=1)
+    found = told(robot, recording(robot, (time, speed, pose)))
+    assert found.commands.seconds == pytest.approx([0.6, 0.4])
+    assert found.commands.right == pytest.approx([0.1, 0.2]) and found.commands.right_before == pytest.approx(
+        [0, 0.1]
+    )
+    assert found.moved[:, 1] == pytest.approx([0.6, 0.4])
+    short = told(robot, recording(robot, (time, speed, pose)), longest=0.3)
+    assert short.commands.seconds == pytest.approx([0.3, 0.3, 0.3, 0.1])
+    assert short.commands.right_before == pytest.approx([0.0, 0.1, 0.1, 0.2])
+
+
+def test_commands_without_a_pose_are_left_out(robot: Robot) -> None:
+    commands, moved, (time, speed, pose) = driven(robot, 3)
+    pose[4] = np.nan
+    found = told(robot, recording(robot, (time, speed, pose)))
+    stay = np.array([i for i in range(12) if i not in (3, 4)])
+    assert np.allclose(found.moved, moved[stay]) and np.allclose(found.commands.table, commands.table[stay])
+    with pytest.raises(LogError, match="no command has a pose"):
+        told(robot, recording(robot, (time, speed, np.full_like(pose, np.nan))))
+
+
+def test_other_robots_and_logs_without_a_pose_are_refused(robot: Robot) -> None:
+    log = recording(robot, driven(robot, 1)[2])
+    with pytest.raises(RobotError, match="'servo_pendulum' has no wheels"):
+        told(load_robot("servo_pendulum"), log)
+    blind = Recording(log.channels[1:], tuple(Episode(e.name, e.time, e.values[:, 1:]) for e in log.episodes))
+    with pytest.raises(LogError, match="no channel 'base/x'"):
+        told(robot, blind)
