@@ -1,14 +1,19 @@
 """Timed commands out of a recording: what was told, for how long, and what the pose did meanwhile."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import LogError, RobotError
 from dynreg.rng import stream
+from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.timed.commands import chained, drawn
+from dynreg.sim.run import Run
+from dynreg.timed.commands import Commands, chained, drawn
 from dynreg.timed.kinematic import kinematic
+from dynreg.timed.unicycle import PIONEER, unicycle
 from dynreg.wheeled import POSE, told
 
 
@@ -80,3 +85,21 @@ def test_other_robots_and_logs_without_a_pose_are_refused(robot: Robot) -> None:
     blind = Recording(log.channels[1:], tuple(Episode(e.name, e.time, e.values[:, 1:]) for e in log.episodes))
     with pytest.raises(LogError, match="no channel 'base/x'"):
         told(robot, blind)
+
+
+def test_the_dynamic_model_of_commands_is_the_engine(robot: Robot) -> None:
+    """Held commands from standstill, with couplings that can be seen: the same numbers from both."""
+    names = ("speed_lag", "yaw_lag", "centrifugal", "speed_drag", "coupling", "yaw_drag")
+    parameters = PIONEER * [1.0, 1.0, 10.0, 1.0, 10.0, 1.0]
+    base = robot.file.base.model_copy(update=dict(zip(names, parameters, strict=True)))
+    other = replace(robot, file=robot.file.model_copy(update={"base": base}))
+    speeds = stream(1, "held").uniform(-10.0, 10.0, (6, 2))
+    values = robot.space.from_dict(
+        {n: v for n, v in zip(names, parameters, strict=True) if n in robot.space.names}
+    )
+    run = Run(np.repeat(speeds[:, None], 50, axis=1), period=0.02)
+    state = rollout(other, values[None], run, engine="unicycle").states[0, :, -1]
+    still = np.zeros(6)
+    commands = Commands(*(base.wheel_radius * speeds).T, np.ones(6), still, still)
+    moved = unicycle(commands, parameters, base.track)
+    assert moved == pytest.approx(np.stack([-state[:, 5], state[:, 4], state[:, 6]], axis=1), abs=1e-12)

@@ -56,8 +56,8 @@ class Trials:
     """Runs gaits in k simulators; counts the runs.
 
     rate : commands a second [Hz]. Every simulator draws its motor noise once, the same for all gaits, so that
-    gaits are compared and not their luck; a `draw` above 0 is another noise. Raises RobotError where the robot cannot
-    walk or commands are too rare.
+    gaits are compared and not their luck; a `draw` above 0 is another noise; `noise` (k, 1, T, A) stands in place of
+    the first. Raises RobotError where the robot cannot walk or commands are too rare.
     """
 
     def __init__(
@@ -69,6 +69,7 @@ class Trials:
         rate: float,
         seed: int = 0,
         threads: int = 0,
+        noise: np.ndarray | None = None,
     ):
         if "mujoco" not in robot.file.robot.engines:
             raise RobotError(
@@ -88,7 +89,7 @@ class Trials:
         self.rollouts = self.physics_steps = 0
         self._threads, self._seed = threads, seed
         self.times = np.arange(max(round(task.seconds * rate), 1)) / rate
-        self._noise = self._drawn(0)
+        self._noise = self._drawn(0) if noise is None else noise
         self._arenas: dict[int, Arena] = {}
 
     def walk(self, genes: np.ndarray, *, feet: bool = False, draw: int = 0) -> Walk:
@@ -122,9 +123,13 @@ class Trials:
             stays = np.array([p.known for p in space.parameters]) | (unit < 0.0) | (unit > 1.0)
             values = np.where(stays, values, space.from_unit(unit + doubt * np.concatenate(moves)))
         other = Trials(
-            self.robot, self.task, Simulators(values, terms), rate=self.rate, threads=self._threads
+            self.robot,
+            self.task,
+            Simulators(values, terms),
+            rate=self.rate,
+            threads=self._threads,
+            noise=np.concatenate([self._drawn(s) for s in seeds]),
         )
-        other._noise = np.concatenate([self._drawn(s) for s in seeds])
         found = other.grades(genes)
         self.rollouts += other.rollouts
         self.physics_steps += other.physics_steps

@@ -4,6 +4,9 @@ Both code every number by ten bits and choose parents by tournaments. Details of
 does not print are ours: see `Operon`.
 """
 
+from abc import ABC, abstractmethod
+from typing import Any
+
 import numpy as np
 
 from dynreg.errors import UsageError
@@ -19,11 +22,23 @@ def numbers(bits: np.ndarray) -> np.ndarray:
     return bits.reshape(*bits.shape[:-1], -1, BITS) @ weights / (2.0**BITS - 1.0)
 
 
-class _Bits:
-    """What both have in common: turns, tournaments, and the best that go on as they are."""
+class _Bits(ABC):
+    """What both have in common: turns, tournaments, and the best that go on as they are.
+
+    dimensions : P. rng : of all draws. population : candidates of one ask. tournament : drawn with replacement, the
+    best of them becomes a parent. elite : the best so many go on unchanged. mutation : chance of every bit to turn;
+    None for one bit of all on average. Raises UsageError for sizes that do not fit each other.
+    """
 
     def __init__(
-        self, dimensions: int, rng: np.random.Generator, population: int, tournament: int, elite: int
+        self,
+        dimensions: int,
+        *,
+        rng: np.random.Generator,
+        population: int = 50,
+        tournament: int = 6,
+        elite: int = 1,
+        mutation: float | None = None,
     ):
         if population < 1 or tournament < 1 or not 0 <= elite < population:
             raise UsageError(
@@ -33,11 +48,13 @@ class _Bits:
             )
         self._rng, self._size, self._tournament, self._elite = rng, population, tournament, elite
         self._loci = BITS * dimensions
+        self._mutation = 1.0 / self._loci if mutation is None else mutation
         self._asked: np.ndarray | None = None
 
     @property
     def middle(self) -> None:
         """None: it bets on the best that it saw."""
+        return None
 
     @property
     def stopped(self) -> bool:
@@ -61,37 +78,25 @@ class _Bits:
         self._breed(parents, order[: self._elite])
         self._asked = None
 
+    @abstractmethod
     def _expressed(self) -> np.ndarray:
         """(population, 10 P) bits."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
         """Replace the generation by children of `parents` (population,); the first are `elite`, unchanged."""
-        raise NotImplementedError
 
 
 class BitGenetic(_Bits):
     """The plain one: two-point crossover of bits and mutation.
 
-    dimensions : P. rng : of all draws. population, tournament, elite : as in `Genetic`. crossover : share of the
-    children that have two parents. mutation : chance of every bit to turn; None for one bit of all on average.
+    crossover : share of the children that have two parents. common : what `_Bits` takes.
     """
 
-    def __init__(
-        self,
-        dimensions: int,
-        *,
-        rng: np.random.Generator,
-        population: int = 50,
-        tournament: int = 6,
-        elite: int = 1,
-        crossover: float = 0.7,
-        mutation: float | None = None,
-    ):
-        super().__init__(dimensions, rng, population, tournament, elite)
+    def __init__(self, dimensions: int, *, crossover: float = 0.7, **common: Any):
+        super().__init__(dimensions, **common)
         self._crossover = crossover
-        self._mutation = 1.0 / self._loci if mutation is None else mutation
-        self._bits = rng.integers(2, size=(population, self._loci), dtype=np.uint8)
+        self._bits = self._rng.integers(2, size=(self._size, self._loci), dtype=np.uint8)
 
     def _expressed(self) -> np.ndarray:
         return self._bits
@@ -117,31 +122,27 @@ class Operon(_Bits):
     deletion (every list of an operon that has more than one loses one), inversion (the lists of an operon are turned
     round, which expresses what was hidden). Every value, hidden ones too, turns by mutation.
 
-    dimensions : P. rng : of all draws. mutation : None for one locus of all on average. elite : optional in the paper.
+    common : what `_Bits` takes; an elite is optional in the paper.
     """
 
     def __init__(
         self,
         dimensions: int,
         *,
-        rng: np.random.Generator,
-        population: int = 50,
-        tournament: int = 6,
-        elite: int = 1,
-        mutation: float | None = None,
         connection: float = 0.3,
         division: float = 0.3,
         duplication: float = 0.6,
         deletion: float = 0.3,
         inversion: float = 0.3,
+        **common: Any,
     ):
-        super().__init__(dimensions, rng, population, tournament, elite)
-        self._mutation = 1.0 / self._loci if mutation is None else mutation
+        super().__init__(dimensions, **common)
         self._chances = (connection, division, duplication, deletion, inversion)
-        self._values = np.zeros((population, self._loci, LIST), dtype=np.uint8)
-        self._values[:, :, 0] = rng.integers(2, size=(population, self._loci))
-        self._length = np.ones((population, self._loci), dtype=np.int64)
-        self._ends = np.ones((population, self._loci), dtype=bool)  # whether an operon ends behind a locus
+        shape = (self._size, self._loci)
+        self._values = np.zeros((*shape, LIST), dtype=np.uint8)
+        self._values[:, :, 0] = self._rng.integers(2, size=shape)
+        self._length = np.ones(shape, dtype=np.int64)
+        self._ends = np.ones(shape, dtype=bool)  # whether an operon ends behind a locus
 
     def _expressed(self) -> np.ndarray:
         return self._values[:, :, 0]

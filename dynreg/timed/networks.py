@@ -14,6 +14,7 @@ from dynreg.rng import stream
 from dynreg.timed.commands import AXES, Commands
 
 HIDDEN = 20
+WEIGHTS = 7 * HIDDEN + 1  # of one network with five inputs
 RISES = 10  # of the validation error in a row
 STARTS = 30
 ITERATIONS = 500  # at most
@@ -54,11 +55,10 @@ def train(
 
     Raises UsageError where there are fewer commands than weights of a network.
     """
-    weights_of_one = 7 * HIDDEN + 1
-    if len(commands) < weights_of_one:
+    if len(commands) < WEIGHTS:
         raise UsageError(
-            f"{len(commands)} commands to train networks of {weights_of_one} weights",
-            expected=f"at least {weights_of_one}",
+            f"{len(commands)} commands to train networks of {WEIGHTS} weights",
+            expected=f"at least {WEIGHTS}",
             do="record more commands",
         )
     inputs, targets = commands.table, moved
@@ -90,7 +90,7 @@ def _trained(
     """Weights (141,) with the lowest validation error on the way, and that error."""
     from scipy.optimize import least_squares
 
-    first = SPREAD * rng.standard_normal(known[0].shape[1] * HIDDEN + 2 * HIDDEN + 1)
+    first = SPREAD * rng.standard_normal(WEIGHTS)
     best, last, rises = (first, np.inf), np.inf, 0
 
     def slopes(weights: np.ndarray) -> np.ndarray:
