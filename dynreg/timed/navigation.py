@@ -12,7 +12,7 @@ import numpy as np
 from dynreg.rng import stream
 from dynreg.search.genetic import Genetic
 from dynreg.timed.commands import Commands, pose_after
-from dynreg.timed.models import Model
+from dynreg.timed.models import Model, along
 
 COMMANDS = 10
 SPEED = 0.22  # m/s
@@ -57,19 +57,15 @@ class Path:
 
 def driven(plan: Plan, model: Model) -> Path:
     """The path that a model predicts, from the middle, looking along x: points every 0.1 s, and each end."""
-    many = len(plan.left)
-    most = int(np.ceil(SECONDS[1] / SAMPLE - 1e-9))
-    times = np.minimum(SAMPLE * np.arange(1, most + 1), plan.seconds[..., None])  # (B, 10, S)
-    new = (times - SAMPLE * np.arange(most) > 1e-9) & ~plan.null[..., None]
+    many, told = len(plan.left), ~plan.null
     before = _before(plan)
-    sides = (plan.left, plan.right)
-    flat = [np.broadcast_to(side[..., None], new.shape)[new] for side in (*sides, *before)]
-    moved = np.full((*new.shape, 3), np.nan)
-    moved[new] = model.predict(Commands(flat[0], flat[1], times[new], flat[2], flat[3]))
-    last = np.maximum(new.sum(axis=2) - 1, 0)
-    whole = np.where(
-        plan.null[..., None], 0.0, np.take_along_axis(moved, last[..., None, None], axis=2)[:, :, 0]
-    )
+    asked = Commands(*(column[told] for column in (plan.left, plan.right, plan.seconds, *before)))
+    found = along(model, asked, SAMPLE)
+    moved = np.full((many, COMMANDS, found.shape[1], 3), np.nan)
+    moved[told] = found
+    last = np.isfinite(found).all(axis=2).sum(axis=1) - 1
+    whole = np.zeros((many, COMMANDS, 3))
+    whole[told] = found[np.arange(len(found)), last]
     points, pose = np.empty_like(moved), np.zeros((many, 3))
     for i in range(COMMANDS):
         points[:, i] = pose_after(pose[:, None], moved[:, i])

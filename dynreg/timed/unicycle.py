@@ -30,23 +30,52 @@ def unicycle(commands: Commands, parameters: np.ndarray, track: float, *, step: 
     order = np.argsort(-count, kind="stable")  # those that still move are the first ones
     ranked = commands.take(order)
     steps, h = count[order], ranked.seconds / count[order]
-    told = np.stack([0.5 * (ranked.left + ranked.right), (ranked.right - ranked.left) / track])
-    before = np.stack(
-        [
-            0.5 * (ranked.left_before + ranked.right_before),
-            (ranked.right_before - ranked.left_before) / track,
-        ]
-    )
-    many = a.shape[1]
-    state = np.zeros((5, many, len(commands)))  # v, w, ahead, left, heading
-    state[:2] = before[:, None]
+    told, state = _begun(ranked, track, a.shape[1])
     with np.errstate(over="ignore", invalid="ignore"):
         for number in range(int(steps[0]) if len(steps) else 0):
             moving = int(np.searchsorted(-steps, -number, side="left"))
             state[..., :moving] = _stepped(state[..., :moving], told[:, None, :moving], a, h[:moving])
-    out = np.empty((many, len(commands), 3))
-    out[:, order] = np.stack([-state[3], state[2], state[4]], axis=-1)
+    out = np.empty((a.shape[1], len(commands), 3))
+    out[:, order] = _displacement(state)
     return out.reshape(*shape, len(commands), 3)
+
+
+def unicycle_along(
+    commands: Commands, parameters: np.ndarray, track: float, every: float, *, step: float = STEP
+) -> np.ndarray:
+    """(n, S, 3) displacements of commands (n,) after `every` [s], twice that, ... and at the end of each; NaN after.
+
+    parameters (6,). The time between two points is cut into equal steps of at most `step` [s].
+    """
+    a = parameters[:, None, None]
+    parts = max(int(np.ceil(every / step - 1e-9)), 1)
+    points = np.maximum(np.ceil(commands.seconds / every - 1e-9).astype(int), 1)
+    order = np.argsort(-points, kind="stable")
+    ranked, left = commands.take(order), points[order]
+    last = (ranked.seconds - (left - 1) * every) / parts  # the step of the last part, which is shorter
+    told, state = _begun(ranked, track, 1)
+    out = np.full((len(commands), int(left[0]) if len(left) else 0, 3), np.nan)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for number in range(out.shape[1]):
+            moving = int(np.searchsorted(-left, -number, side="left"))
+            h = np.where(left[:moving] == number + 1, last[:moving], every / parts)
+            for _ in range(parts):
+                state[..., :moving] = _stepped(state[..., :moving], told[:, None, :moving], a, h)
+            out[order[:moving], number] = _displacement(state[..., :moving])[0]
+    return out
+
+
+def _begun(commands: Commands, track: float, many: int) -> tuple[np.ndarray, np.ndarray]:
+    """What commands ask, (2, n) speed and yaw rate, and the states (5, many, n) that they begin with."""
+    told = np.stack([0.5 * (commands.left + commands.right), (commands.right - commands.left) / track])
+    state = np.zeros((5, many, len(commands)))  # v, w, ahead, left, heading
+    state[0] = 0.5 * (commands.left_before + commands.right_before)
+    state[1] = (commands.right_before - commands.left_before) / track
+    return told, state
+
+
+def _displacement(state: np.ndarray) -> np.ndarray:
+    return np.stack([-state[3], state[2], state[4]], axis=-1)
 
 
 def _stepped(state: np.ndarray, told: np.ndarray, a: np.ndarray, h: np.ndarray) -> np.ndarray:
