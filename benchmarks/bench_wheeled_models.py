@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynreg.results.comparison import Comparison
+from dynreg.results.comparison import Errors
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES, drawn
 from dynreg.timed.compare import FACTORS, compared
@@ -90,7 +90,7 @@ def _robot(number: int, name: str, truth: np.ndarray, seed: int, given: argparse
     return {"robot": name, "found": fitted.parameters.tolist(), **found.to_dict(), "models": models}
 
 
-def _show(found: Comparison) -> None:
+def _show(found: Errors) -> None:
     mean = {kind: [axes[axis].mean for axis in AXES] for kind, axes in found.models.items()}
     for kind, errors in mean.items():
         print(f"  {kind:10s} {errors[0]:6.3f} cm {errors[1]:6.3f} cm {errors[2]:7.3f} deg")

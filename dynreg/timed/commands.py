@@ -76,6 +76,15 @@ def pose_after(pose: np.ndarray, moved: np.ndarray) -> np.ndarray:
     )
 
 
+def displacement(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """(n, 3) to the right, ahead and turned, from poses (n, 3) to poses (n, 3): the inverse of `pose_after`."""
+    apart = end - begin
+    cos, sin = np.cos(begin[:, 2]), np.sin(begin[:, 2])
+    right = sin * apart[:, 0] - cos * apart[:, 1]
+    ahead = cos * apart[:, 0] + sin * apart[:, 1]
+    return np.stack([right, ahead, apart[:, 2]], axis=1)
+
+
 def chained(moved: np.ndarray, pose: np.ndarray | None = None) -> np.ndarray:
     """(..., n + 1, 3) poses along displacements (..., n, 3) in a row, from `pose` (3,) or the origin."""
     out = np.zeros((*moved.shape[:-2], moved.shape[-2] + 1, 3))

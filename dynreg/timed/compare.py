@@ -6,14 +6,14 @@ from itertools import combinations
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.results.comparison import Comparison, Pair, Spread, Variance
+from dynreg.results.comparison import Errors, Pair, Spread, Variance
 from dynreg.timed.commands import AXES
 
 UNITS = ("cm", "cm", "deg")
 FACTORS = np.array([100.0, 100.0, np.degrees(1.0)])  # from m and rad
 
 
-def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Comparison:
+def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:
     """How far predictions {model: (n, 3)} are from displacements (n, 3) [m, m, rad].
 
     Tukey's test takes the errors of the models for independent samples (Pretorius et al.); they are of the same
@@ -32,9 +32,9 @@ def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Comparis
         whole, each = judged({name: e[:, at] for name, e in errors.items()}, axis, unit)
         variance.append(whole)
         pairs += each
-    return Comparison(
+    return Errors(
         commands=len(moved),
-        models={name: dict(zip(AXES, map(_spread, e.T, UNITS), strict=True)) for name, e in errors.items()},
+        models={name: dict(zip(AXES, map(spread, e.T, UNITS), strict=True)) for name, e in errors.items()},
         displacements=dict(zip(AXES, map(float, (np.abs(moved) * FACTORS).mean(axis=0)), strict=True)),
         variance=tuple(variance),
         pairs=tuple(pairs),
@@ -70,12 +70,13 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
     return whole, pairs
 
 
-def _spread(errors: np.ndarray, unit: str) -> Spread:
+def spread(errors: np.ndarray, unit: str) -> Spread:
+    """Of absolute errors (n,) in `unit`; without a deviation (0) where there is only one."""
     return Spread(
         mean=float(errors.mean()),
         min=float(errors.min()),
         max=float(errors.max()),
-        sd=float(errors.std(ddof=1)),
+        sd=float(errors.std(ddof=1)) if len(errors) > 1 else 0.0,
         unit=unit,
     )
 

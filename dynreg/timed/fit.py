@@ -1,5 +1,6 @@
 """The unicycle's six parameters from a log, by the genetic algorithm of the paper on wheeled robots."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -41,23 +42,27 @@ def fit_unicycle(
     tournament: int = 40,
     step: float = STEP,
     seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Fitted:
     """The six parameters that explain displacements (n, 3) of commands (n,) best.
 
     Of the best of every generation the one with the lowest error on `validation` is kept (Pretorius et al.).
     step : time step [s] at most; twice that of the model is as good for lags that robots have, and half the work.
+    progress : called with generations done and all of them.
     """
     variance = moved.var(axis=0)
     errors_of = partial(_errors, variance=variance, track=track, step=step)
     search = Genetic(6, rng=stream(seed, "fit unicycle"), population=population, tournament=tournament)
     best: tuple[float, float, np.ndarray] | None = None
     last, history = None, []
-    for _ in range(generations):
+    for generation in range(generations):
         asked = RANGES[:, 0] + search.ask() * np.ptp(RANGES, axis=1)
         errors = errors_of(asked, commands, moved)
         search.tell(errors)
         at = int(np.argmin(np.where(np.isfinite(errors), errors, np.inf)))
         history.append(float(errors[at]))
+        if progress:
+            progress(generation + 1, generations)
         if last is not None and np.array_equal(asked[at], last):
             continue
         last = asked[at]

@@ -4,6 +4,7 @@ Pretorius et al.: inputs are the command, the one before and its time; training 
 error in a row; of 30 random starts the one with the lowest validation error is kept.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ RISES = 10  # of the validation error in a row
 STARTS = 30
 ITERATIONS = 500  # at most
 SPREAD = 0.5  # 1 sigma of a weight at the start
+STILL = 1e-6  # a column whose spread is below this share of its size carries rounding, not information
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +52,12 @@ def train(
     *,
     starts: int = STARTS,
     seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Networks:
     """Networks of commands (n,) and displacements (n, 3); `validation` is the same of others.
 
-    Raises UsageError where there are fewer commands than weights of a network.
+    progress : called with starts done and all of them. Raises UsageError where there are fewer commands than weights of
+    a network.
     """
     if len(commands) < WEIGHTS:
         raise UsageError(
@@ -62,24 +66,27 @@ def train(
             do="record more commands",
         )
     inputs, targets = commands.table, moved
-    mean, scale = inputs.mean(axis=0), inputs.std(axis=0)
-    out_mean, out_scale = targets.mean(axis=0), targets.std(axis=0)
+    (mean, scale), (out_mean, out_scale) = scales(inputs), scales(targets)
     known = (inputs - mean) / scale, (targets - out_mean) / out_scale
     unseen = (validation[0].table - mean) / scale, (validation[1] - out_mean) / out_scale
     weights, errors = [], []
     for axis, name in enumerate(AXES):
-        tried = [
-            _trained(
-                stream(seed, "networks", name, start),
-                (known[0], known[1][:, axis]),
-                (unseen[0], unseen[1][:, axis]),
-            )
-            for start in range(starts)
-        ]
+        tried = []
+        for start in range(starts):
+            rng = stream(seed, "networks", name, start)
+            tried.append(_trained(rng, (known[0], known[1][:, axis]), (unseen[0], unseen[1][:, axis])))
+            if progress:
+                progress(axis * starts + start + 1, len(AXES) * starts)
         best = min(range(starts), key=lambda i: tried[i][1])
         weights.append(tried[best][0])
         errors.append(tried[best][1])
     return Networks(np.array(weights), mean, scale, out_mean, out_scale, np.array(errors))
+
+
+def scales(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(C,) mean and standard deviation of columns (n, C); deviation 1 where a column does not change."""
+    mean, scale = table.mean(axis=0), table.std(axis=0)
+    return mean, np.where(scale > STILL * np.maximum(np.abs(mean), STILL), scale, 1.0)
 
 
 def _trained(

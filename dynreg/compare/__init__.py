@@ -1,0 +1,1 @@
+"""Models and simulators of a wheeled robot, compared on a recording of it."""

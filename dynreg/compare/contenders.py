@@ -1,0 +1,121 @@
+"""Models that are made from the first commands of a recording, and what they and simulators have in common."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from dynreg.compare.mlp import train_mlp
+from dynreg.results.comparison import Contender
+from dynreg.timed.commands import Commands
+from dynreg.timed.fit import fit_unicycle
+from dynreg.timed.models import Kinematic, Model, Unicycle
+from dynreg.timed.networks import WEIGHTS, train
+from dynreg.timed.unicycle import NAMES
+from dynreg.wheeled import Told
+
+Progress = Callable[[str, int, int], None]
+
+
+class Predicts(Protocol):
+    """Anything that says what commands of a recording do."""
+
+    def moved(self, which: np.ndarray, share: float = 1.0) -> np.ndarray:
+        """(m, 3) displacements of some commands (indexes) after a share of their time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A model that was made here, the commands of the recording, and the seconds that making it took."""
+
+    model: Model
+    told: Told
+    seconds: float
+
+    def moved(self, which: np.ndarray, share: float = 1.0) -> np.ndarray:
+        """(m, 3) displacements of some commands (indexes) after a share of their time."""
+        commands = self.told.commands.take(which)
+        return self.model.predict(replace(commands, seconds=share * commands.seconds))
+
+
+@dataclass(frozen=True)
+class Making:
+    """What models are made from: the commands of a recording, those to fit and to validate (slices), and how.
+
+    starts : of the networks. generations : of the genetic algorithm.
+    """
+
+    told: Told
+    fit: slice
+    validation: slice
+    seed: int
+    starts: int
+    generations: int
+    threads: int
+
+    @property
+    def known(self) -> tuple[Commands, np.ndarray]:
+        """Commands to fit and what they moved."""
+        return self.told.commands.take(self.fit), self.told.moved[self.fit]
+
+    @property
+    def unseen(self) -> tuple[Commands, np.ndarray]:
+        """Commands to validate with and what they moved."""
+        return self.told.commands.take(self.validation), self.told.moved[self.validation]
+
+
+def _kinematic(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
+    return Kinematic(making.told.track), {"track": making.told.track}
+
+
+def _dynamic(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
+    track = making.told.track
+    found = fit_unicycle(
+        *making.known,
+        making.unseen,
+        track,
+        generations=making.generations,
+        seed=making.seed,
+        progress=report,
+    ).parameters
+    return Unicycle(found, track), {"track": track, **dict(zip(NAMES, map(float, found), strict=True))}
+
+
+def _network(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
+    return (
+        train(*making.known, making.unseen, starts=making.starts, seed=making.seed, progress=report),
+        {},
+    )
+
+
+def _mlp(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
+    return train_mlp(*making.known, making.unseen, seed=making.seed, threads=making.threads), {}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a model is made, what it is, and the fewest commands that it can be fitted to."""
+
+    make: Callable[[Making, Callable[[int, int], None]], tuple[Model, dict[str, float]]]
+    kind: str
+    least: int
+
+
+MODELS: Mapping[str, Recipe] = {
+    "kinematic": Recipe(_kinematic, "closed form", 0),
+    "dynamic": Recipe(_dynamic, "unicycle, fitted", 20),
+    "network": Recipe(_network, "three networks 5-20-1, trained", WEIGHTS),
+    "mlp": Recipe(_mlp, "network 5-128-128-128-3, trained", 40),
+}
+
+
+def made(name: str, making: Making, progress: Progress | None) -> tuple[Contender, Made]:
+    """A model by its name, one of `MODELS`."""
+    began = time.perf_counter()
+    report = partial(progress, name) if progress else lambda *_: None
+    model, parameters = MODELS[name].make(making, report)
+    made = Made(model, making.told, time.perf_counter() - began)
+    return Contender(name=name, kind=MODELS[name].kind, parameters=parameters), made

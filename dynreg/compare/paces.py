@@ -1,0 +1,54 @@
+"""How long predictions take, beside the closed form."""
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from dynreg.compare.contenders import Made, Predicts
+from dynreg.compare.simulated import Replayed
+from dynreg.results.comparison import Pace
+from dynreg.timed.models import Kinematic
+from dynreg.wheeled import Told
+
+ALONE = 50  # commands that are timed one by one
+TIMES = 3  # of which the quickest counts
+MICRO = 1e6
+
+
+def paces(told: Told, contenders: Mapping[str, Predicts], which: np.ndarray) -> tuple[Pace, ...]:
+    """Wall times of predictions of some commands (indexes); these numbers alone differ from run to run."""
+    alone, together = pace(Made(Kinematic(told.track), told, 0.0), which)
+    out = []
+    for name, contender in contenders.items():
+        one, at_once = pace(contender, which)
+        out.append(
+            Pace(
+                model=name,
+                one_by_one=one,
+                at_once=at_once,
+                one_by_one_ratio=None if one is None else one / alone,
+                at_once_ratio=at_once / together,
+                fit=contender.seconds if isinstance(contender, Made) else 0.0,
+            )
+        )
+    return tuple(out)
+
+
+def pace(contender: Predicts, which: np.ndarray) -> tuple[float | None, float]:
+    """Microseconds for a command, one by one and all at once; a simulator's from its replay."""
+    if isinstance(contender, Replayed):
+        return None, MICRO * contender.seconds / len(contender.told.commands)
+    alone = [which[i : i + 1] for i in range(min(ALONE, len(which)))]
+    one = _quickest(lambda: [contender.moved(single) for single in alone])
+    return MICRO * one / len(alone), MICRO * _quickest(lambda: contender.moved(which)) / len(which)
+
+
+def _quickest(do: Callable[[], object]) -> float:
+    """Seconds."""
+    took = []
+    for _ in range(TIMES):
+        began = time.perf_counter()
+        do()
+        took.append(time.perf_counter() - began)
+    return min(took)

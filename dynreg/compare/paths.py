@@ -1,0 +1,116 @@
+"""Commands in a row: where predictions end that begin at a measured pose, and what a figure shows of them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dynreg.compare.contenders import Predicts
+from dynreg.data.recording import Recording
+from dynreg.results.comparison import DrivenPath, Paths, Way
+from dynreg.timed.commands import chained, pose_after
+from dynreg.timed.compare import spread
+from dynreg.wheeled import Told
+
+COMMANDS = 10  # in a row: the length of the paper's navigation task
+SHOWN = 4  # runs that are drawn
+SHARES = (0.25, 0.5, 0.75, 1.0)  # of each command's time, at which a drawn path has a point
+CM = 100.0
+SAME = 1e-6  # s between the end of one command and the begin of the next
+
+
+def runs(told: Told, first: int) -> np.ndarray:
+    """(R, 10) commands from number `first` on that follow each other without a gap, in runs that share none."""
+    out, begin = [], first
+    for at in range(first, len(told.commands)):
+        if at > begin and not _follows(told, at):
+            begin = at
+        if at - begin + 1 == COMMANDS:
+            out.append(np.arange(begin, at + 1))
+            begin = at + 1
+    return np.array(out, dtype=int).reshape(-1, COMMANDS)
+
+
+def _follows(told: Told, at: int) -> bool:
+    same = told.episode[at] == told.episode[at - 1]
+    return bool(same and abs(told.begin[at] - told.end[at - 1]) <= SAME)
+
+
+def ends(told: Told, contenders: Mapping[str, Predicts], runs: np.ndarray) -> Paths | None:
+    """How far from the measured end of runs (R, 10) each prediction is; None without a run."""
+    if not len(runs):
+        return None
+    start = told.start[runs[:, 0]]
+    there = _end(told.moved, start, runs)
+    off = {}
+    for name, contender in contenders.items():
+        flat = contender.moved(runs.ravel())
+        found = _end(flat, start, np.arange(runs.size).reshape(runs.shape))
+        off[name] = CM * np.hypot(*(found - there)[:, :2].T)
+    return Paths(
+        runs=len(runs), commands=COMMANDS, models={name: spread(miss, "cm") for name, miss in off.items()}
+    )
+
+
+def _end(moved: np.ndarray, start: np.ndarray, runs: np.ndarray) -> np.ndarray:
+    """(R, 3) poses after displacements of runs (R, 10), from poses (R, 3)."""
+    pose = start
+    for step in runs.T:
+        pose = pose_after(pose, moved[step])
+    return pose
+
+
+def driven(
+    told: Told,
+    recording: Recording,
+    pose: tuple[str, ...],
+    contenders: Mapping[str, Predicts],
+    runs: np.ndarray,
+) -> tuple[DrivenPath, ...]:
+    """Some of the runs (R, 10), evenly: the measured way and each prediction's."""
+    which = np.unique(np.linspace(0, len(runs) - 1, min(SHOWN, len(runs))).round().astype(int))
+    return tuple(_driven(told, recording, pose, contenders, runs[i]) for i in which)
+
+
+def _driven(
+    told: Told,
+    recording: Recording,
+    pose: tuple[str, ...],
+    contenders: Mapping[str, Predicts],
+    run: np.ndarray,
+) -> DrivenPath:
+    episode = recording.episodes[told.episode[run[0]]]
+    begin, end = told.begin[run], told.end[run]
+    within = begin[:, None] + np.array(SHARES) * (end - begin)[:, None]
+    times = np.concatenate([begin[:1], within.ravel()])
+    values = episode.values[:, recording.columns(pose[:2])]
+    measured = np.stack([_known(times, episode.time, column) for column in values.T])
+    start = told.start[run[0]]
+    return DrivenPath(
+        episode=episode.name,
+        begin=float(begin[0]),
+        seconds=float(end[-1] - begin[0]),
+        measured=_way(*measured),
+        models={name: _way(*_predicted(c, run, start)) for name, c in contenders.items()},
+    )
+
+
+def _known(times: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values at times, between those that were measured: a camera may be slower than the log."""
+    known = np.isfinite(values)
+    return np.interp(times, stamps[known], values[known])
+
+
+def _predicted(contender: Predicts, run: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(2, 1 + 10 S) x and y at the start and at every share of each command."""
+    at = np.stack([contender.moved(run, share) for share in SHARES], axis=1)  # (10, S, 3)
+    poses = chained(at[:, -1], start)
+    points = pose_after(poses[:-1, None], at).reshape(-1, 3)
+    return np.concatenate([start[None], points])[:, :2].T
+
+
+def _way(x: np.ndarray, y: np.ndarray) -> Way:
+    return Way(x=_rounded(x), y=_rounded(y))
+
+
+def _rounded(values: np.ndarray) -> tuple[float | None, ...]:
+    return tuple(float(f"{v:.6g}") if np.isfinite(v) else None for v in values)
