@@ -253,6 +253,35 @@ class Session:
         self.registry.put_result("diagnosis", loaded.id, found.to_dict())
         return found
 
+    def drift(
+        self,
+        recording: "str | Path | results.RecordingSummary",
+        against: "str | Path | results.RecordingSummary | None" = None,
+        *,
+        sample: float = 0.5,
+        cells: int = 20,
+        level: float = 0.05,
+        welch: bool = False,
+        together: bool = True,
+        splits: int = 200,
+        seed: int = 0,
+        out: str | Path | None = None,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        progress: Progress | None = None,
+    ) -> results.Drift:
+        """Whether an earlier recording is still true of a wheeled robot; see `drift.DriftSettings`. It is stored.
+
+        against : the earlier recording; by default the one of this robot that was ingested first. out : a Parquet
+        file for the updated displacement table, a row for each sample, with which of them still count.
+        """
+        from dynreg.drift import DriftSettings, stored_drift
+
+        settings = _settings(DriftSettings, locals())
+        recent = self._unregistered(recording, robot, log_map)
+        earlier = None if against is None else self._unregistered(against, robot, log_map)
+        return stored_drift(self.registry, recent, earlier, settings, out=out, progress=progress)
+
     def gait(
         self,
         recording: "str | Path | results.RecordingSummary",

@@ -19,6 +19,7 @@ _RESULTS = {
     "diagnosis": results.Diagnosis,
     "trials": results.TrialTable,
     "gait": results.Gait,
+    "drift": results.Drift,
 }
 
 

@@ -3,6 +3,7 @@
 import math
 
 import made_up_diagnosis
+import made_up_drift
 import made_up_gait
 
 from dynreg.cli.documents import Info, LogFinding, LogFindings, ReportFile, RobotCheck, RobotLine, RobotList
@@ -281,6 +282,7 @@ def every_kind() -> tuple[Result, ...]:
         made_up_diagnosis.experiment(),
         robot_folder(),
         made_up_gait.gait(),
+        made_up_drift.drift(),
         RobotList(
             robots=(
                 RobotLine(

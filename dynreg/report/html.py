@@ -9,10 +9,11 @@ from typing import Any
 from dynreg.errors import UsageError
 from dynreg.report.diagnosis_page import diagnosis_page
 from dynreg.report.drawing import Chart, Track, chart, track
+from dynreg.report.drift_page import drift_page
 from dynreg.report.gait_page import gait_page
 from dynreg.report.trials_page import trials_page
 from dynreg.report.words import STAGES, count, next_steps, number, verdict
-from dynreg.results import Calibration, Diagnosis, Estimate, Gait, Neighbours, Result, TrialTable
+from dynreg.results import Calibration, Diagnosis, Drift, Estimate, Gait, Neighbours, Result, TrialTable
 
 
 def write_report(result: Result, path: str | Path) -> Path:
@@ -157,4 +158,5 @@ _PAGES: dict[type[Result], tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Diagnosis: ("diagnosis.html", diagnosis_page),
     TrialTable: ("trials.html", trials_page),
     Gait: ("gait.html", gait_page),
+    Drift: ("drift.html", drift_page),
 }

@@ -8,6 +8,7 @@ from rich.text import Text
 
 from dynreg import results
 from dynreg.report.diagnosis_tables import diagnosis_tables
+from dynreg.report.drift_tables import drift_tables
 from dynreg.report.gait_tables import gait_tables
 from dynreg.report.grid import KEPT_WHOLE, table
 from dynreg.report.library_tables import effects_table, experiment_table
@@ -180,4 +181,5 @@ _RENDERERS: dict[type[Result], Callable[[Any], RenderableType]] = {
     results.TrialResult: trial_table,
     results.TrialTable: trials_table,
     results.Gait: gait_tables,
+    results.Drift: drift_tables,
 }

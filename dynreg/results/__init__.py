@@ -19,6 +19,7 @@ from dynreg.results.diagnosis import (
     Where,
     cause_key,
 )
+from dynreg.results.drift import Drift, DriftCell, DriftPattern, FalseAlarms, Separating, Shift, Taken
 from dynreg.results.experiment import Experiment, LimitKept
 from dynreg.results.gait import Fitness, Gait, GaitFinals, GaitGene, GaitJoint, GaitStep, GaitTrial
 from dynreg.results.library import EffectRow, EffectSize, EffectsList
@@ -52,6 +53,7 @@ RESULTS: tuple[type[Result], ...] = (
     Experiment,
     RobotFolder,
     Gait,
+    Drift,
 )
 
 __all__ = [
@@ -65,6 +67,9 @@ __all__ = [
     "Cost",
     "Diagnosis",
     "DiagnosisTrace",
+    "Drift",
+    "DriftCell",
+    "DriftPattern",
     "EffectEstimate",
     "EffectRow",
     "EffectSize",
@@ -72,6 +77,7 @@ __all__ = [
     "EntrySummary",
     "Estimate",
     "Experiment",
+    "FalseAlarms",
     "Fitness",
     "Gain",
     "Gait",
@@ -99,8 +105,11 @@ __all__ = [
     "Result",
     "RobotFolder",
     "RolloutError",
+    "Separating",
+    "Shift",
     "Stage",
     "Synthesised",
+    "Taken",
     "Threshold",
     "Trace",
     "TrialGroup",

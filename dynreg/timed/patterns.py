@@ -4,6 +4,7 @@ Every pattern is a factor on what wheels or turns do; a shift is what the closed
 explains the shifts best is found by least squares, and patterns are ranked by Schwarz's criterion beside no change.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,20 +31,26 @@ class Pattern:
 
 
 def patterns(commands: Commands, shifts: np.ndarray, errors: np.ndarray, track: float) -> tuple[Pattern, ...]:
-    """Explanations of shifts (n, 3) of commands (n,) with standard errors (n, 3), the best first.
+    """Explanations of shifts (n, 3) of commands (n,) with standard errors (n, 3), the best first; see `ranked`."""
+    still = kinematic(commands, track)
+    return ranked(lambda name, factor: changed(commands, name, factor, track) - still, shifts, errors)
 
-    "no change" is among them. Shifts that are NaN were not measured.
+
+def ranked(
+    change: Callable[[str, float], np.ndarray], shifts: np.ndarray, errors: np.ndarray
+) -> tuple[Pattern, ...]:
+    """Explanations of shifts (n, 3) with standard errors (n, 3), the best first; "no change" is among them.
+
+    change : (n, 3) shifts that a pattern brings with a factor. Shifts that are NaN were not measured.
     """
     known = np.isfinite(shifts) & np.isfinite(errors) & (errors > 0)
     scaled = shifts[known] / errors[known]
     total, many = float(scaled @ scaled), max(int(known.sum()), 1)
     out = [Pattern("no change", 1.0, 0.0, 0.0, total)]
-    still = kinematic(commands, track)
     for name in PATTERNS:
 
         def left(x: np.ndarray, name: str = name) -> np.ndarray:
-            change = changed(commands, name, float(x[0]), track) - still
-            return (change[known] / errors[known]) - scaled
+            return change(name, float(x[0]))[known] / errors[known] - scaled
 
         found = least_squares(left, [1.0], bounds=(0.2, 5.0))
         rest = float(2.0 * found.cost)

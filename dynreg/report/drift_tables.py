@@ -1,0 +1,106 @@
+"""A drift as rich tables, and what it says in words."""
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from dynreg.report.grid import table
+from dynreg.report.words import count, number
+from dynreg.results import Drift, Shift, Taken
+
+SHOWN = 12  # cells
+UNITS = {"m": ("mm", 1000.0), "rad": ("deg", math.degrees(1.0))}  # as people read them
+AXES = {"dx": "to the right", "dy": "ahead", "dtheta": "turned left"}
+
+
+def drift_tables(result: Drift) -> RenderableType:
+    """Its patterns, what moved most, and how often the test errs."""
+    moved = result.moved
+    title = f"{count(len(moved), 'cell')} moved" + (f", the {SHOWN} strongest" if len(moved) > SHOWN else "")
+    parts: list[RenderableType] = [Text(str(result), style="bold")]
+    if result.patterns:
+        parts.append(pattern_table(result))
+    if moved:
+        rows = [
+            (f"{c.left:+.3f}", f"{c.right:+.3f}", f"{c.earlier}, {c.recent}", *map(cell, c.shifts.values()))
+            for c in moved[:SHOWN]
+            if len(c.shifts) == len(AXES)
+        ]
+        columns = ("left [m/s]", "right [m/s]", "samples", *(f"{a} [{shown_unit(result, a)}]" for a in AXES))
+        parts.append(table(columns, rows, f"{title}: shift +- standard error, * rejected"))
+    parts += [Text(f"\n{errors(result)}"), Text(taken(result.earlier)), Text(taken(result.recent))]
+    parts += [Text(f"note: {note}") for note in result.notes]
+    parts += [Text(f"- {step}") for step in steps(result)]
+    return Group(*parts)
+
+
+def pattern_table(result: Drift) -> RenderableType:
+    """Every explanation, the best first."""
+    rows = [
+        (p.name, p.factor, f"{p.low:.3f} to {p.high:.3f}", f"{100 * p.share:.0f} %", p.evidence)
+        for p in result.patterns
+    ]
+    columns = ("pattern", "factor", "95 % interval", "of the squared shifts", "evidence")
+    return table(columns, rows, "what would explain the shifts (evidence over no change: 10 is very strong)")
+
+
+def cell(shift: Shift) -> str:
+    """A shift with its standard error in units that people read, marked where it is rejected."""
+    factor = UNITS[shift.unit][1]
+    mark = " *" if shift.rejected else ""
+    return f"{factor * shift.value:+.2f} +- {factor * shift.error:.2f}{mark}"
+
+
+def shown_unit(result: Drift, axis: str) -> str:
+    """The unit in which an axis' shifts are shown."""
+    return next(UNITS[c.shifts[axis].unit][0] for c in result.cells if axis in c.shifts)
+
+
+def errors(result: Drift) -> str:
+    """How often the test errs."""
+    f = result.false_alarms
+    rule = "false-discovery rate" if result.together else "level of each test"
+    text = (
+        f"{result.test.capitalize()}'s test, {rule} {f.level:g}: one by one, {number(f.expected)} of {result.tests}"
+        f" tests would be rejected if nothing had moved"
+    )
+    if f.splits and f.one_by_one is not None:
+        text += (
+            f"; in {f.splits} random halves of the earlier recording (by {f.by}, {f.tests:.0f} tests each)"
+            f" {100 * f.one_by_one:.1f} % were below the level, and {100 * f.alarms:.1f} % of the splits"
+            f" raised an alarm (they share their data: this share scatters widely)"
+        )
+    return text
+
+
+def taken(of: Taken) -> str:
+    """What of a recording was tested."""
+    out = [
+        f"{many} {what}"
+        for many, what in ((of.short, "too short"), (of.long, "too long"), (of.outside, "out of range"))
+        if many
+    ]
+    left = f", left out: {', '.join(out)}" if out else ""
+    return f"{of.name}: {count(of.samples, 'sample')} of {count(of.pieces, 'piece')}{left}"
+
+
+def steps(result: Drift) -> tuple[str, ...]:
+    """What to do next, the first thing first."""
+    if result.verdict == "still true":
+        return (f"Go on with {result.earlier.name}.",)
+    if result.verdict == "too little data":
+        return (
+            f"Record more commands, each {result.sample:g} s or longer and several times, or give fewer --cells.",
+        )
+    out = []
+    if result.separate_by:
+        told = "; ".join(f"left {s.left:+.2f}, right {s.right:+.2f} m/s" for s in result.separate_by)
+        out.append(
+            f"To tell {' from '.join(result.rivals[:2])}, record {told} ({result.sample:g} s each, several times)."
+        )
+    out.append(
+        f"Keep the updated table: dynreg drift {result.recording_name} --against {result.earlier.name}"
+        " --out table.parquet"
+    )
+    return tuple(out)
