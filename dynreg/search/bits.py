@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.search.turns import may_ask, may_tell
+from dynreg.search.turns import may_ask, may_tell, ranked
 
 BITS = 10  # of a number
 LIST = 6  # values of a locus at most
@@ -70,9 +70,7 @@ class _Bits(ABC):
     def tell(self, losses: np.ndarray) -> None:
         """Losses (population,), lower is better, NaN the worst; raises UsageError without an ask."""
         may_tell(self._asked, losses)
-        order = np.argsort(losses, kind="stable")  # NaN last
-        rank = np.empty(self._size, dtype=int)
-        rank[order] = np.arange(self._size)
+        order, rank = ranked(losses, self._rng)
         drawn = self._rng.integers(self._size, size=(self._size, self._tournament))
         parents = order[rank[drawn].min(axis=1)]
         self._breed(parents, order[: self._elite])

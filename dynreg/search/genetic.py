@@ -8,7 +8,7 @@ the width of a mutation, and how a gene beyond its range ends at the bound.
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.search.turns import may_ask, may_tell
+from dynreg.search.turns import may_ask, may_tell, ranked
 
 
 class Genetic:
@@ -63,9 +63,7 @@ class Genetic:
         Raises UsageError without an ask.
         """
         may_tell(self._asked, losses)
-        order = np.argsort(losses, kind="stable")  # NaN last
-        rank = np.empty(self._size, dtype=int)
-        rank[order] = np.arange(self._size)
+        order, rank = ranked(losses, self._rng)
         children = self._mutated(self._crossed(self._parents(rank)))
         children[: self._elite] = self._asked[order[: self._elite]]
         self._next, self._asked = children, None

@@ -2,6 +2,8 @@
 
 from collections.abc import Sized
 
+import numpy as np
+
 from dynreg.errors import UsageError
 
 
@@ -16,3 +18,14 @@ def may_tell(asked: Sized | None, losses: Sized) -> None:
     if asked is None or len(losses) != len(asked):
         count = 0 if asked is None else len(asked)
         raise UsageError(f"{len(losses)} losses", expected=f"{count}, one for each asked", do="ask first")
+
+
+def ranked(losses: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) numbers from the best to the worst, NaN last, and the place of each; ties fall at random.
+
+    By their order instead, tournaments on flat ground would breed the first few alone.
+    """
+    order = np.lexsort((rng.random(len(losses)), losses))
+    places = np.empty(len(losses), dtype=int)
+    places[order] = np.arange(len(losses))
+    return order, places

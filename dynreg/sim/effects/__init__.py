@@ -26,6 +26,7 @@ _PACKAGED = (
     command.RateLimit,
     command.CommandLag,
     command.CommandDeadband,
+    wheels.TurnSlowdown,
     drive.TorqueLimit,
     drive.SpeedLimit,
     drive.DriveGain,

@@ -46,6 +46,45 @@ class DriveInertia(Effect):
         site.drive("lag", lambda lag: lag + p["time"])
 
 
+class TurnSlowdown(Effect):
+    """Speed, to either side and never through zero, is less by `arm` times the yaw rate that is told.
+
+    So drives a base whose speed command is meant for a point `arm` outside the middle of its axle, on the outer side of
+    every turn (a controller that bounds or tells the outer wheel), and one whose castor drags in turns.
+    """
+
+    id, acts_on, title = "turn_slowdown", "command", "the base drives slower while it turns"
+    parameters = (
+        EffectParameter("arm", "m", "speed lost for each rad/s of the yaw rate", 0.005, 0.015, 0.04, 0.5),
+    )
+    near = ("command_gain", "wheel_slip")
+    separate_by = "drive circles of different radius at one speed command: straight on nothing is lost"
+    scope = "robot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        if not robot.planar:
+            return "no engine moves the robot on wheels"
+        return None if len(robot.actions) == 2 else "it is not told both speed and yaw rate"
+
+    def configure(self, site: Site, p: Values) -> None:
+        # (rows, 2) shares of both commands in speed and in yaw rate, and what takes the loss
+        names, base = site.robot.actions, site.robot.file.base
+        if base:
+            side = np.array([1.0 if n.split("/")[0] == base.right else -1.0 for n in names])
+            turn = side / site.ports.base["track"][site.rows, None]
+            speed, gives = np.full_like(turn, 0.5), np.ones_like(turn)
+        else:
+            gives = np.array([n.endswith("/speed_command") for n in names], dtype=float)
+            gives = np.tile(gives, (len(p["arm"]), 1))
+            speed, turn = gives, 1.0 - gives
+        site.memory.update(speed=speed, turn=turn, gives=gives)
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        speed, turn = ((u * x.memory[k]).sum(axis=1, keepdims=True) for k in ("speed", "turn"))
+        lost = np.minimum(p["arm"] * np.abs(turn), np.abs(speed))
+        return u - np.sign(speed) * lost * x.memory["gives"]
+
+
 class WheelSlip(Effect):
     """The ground takes a wheel along at most at `grip`: beyond it the wheel spins, or slides as it brakes."""
 

@@ -34,12 +34,14 @@ def states(*rows: dict[Effect, str | float], engine: str = "kinematic", run: Run
 
 def test_a_base_has_the_effects_of_commands_wheels_and_logs():
     wanted = {"command_delay", "command_lag", "command_deadband", "command_gain", "rate_limit"}
-    wanted |= {"wheel_gain", "drive_inertia", "wheel_slip", "encoder_scale", "sensor_delay"}
+    wanted |= {"wheel_gain", "drive_inertia", "wheel_slip", "encoder_scale", "sensor_delay", "turn_slowdown"}
     assert set(applicable(DIFFDRIVE)) == wanted
     husky = set(applicable(load_robot("husky")))  # commanded as a whole, without encoders
     assert husky == wanted - {"wheel_gain", "wheel_slip", "encoder_scale"}
     for name in ("servo_pendulum", "quadruped"):
-        assert not {"wheel_gain", "drive_inertia", "wheel_slip"} & set(applicable(load_robot(name)))
+        assert not {"wheel_gain", "drive_inertia", "wheel_slip", "turn_slowdown"} & set(
+            applicable(load_robot(name))
+        )
 
 
 @pytest.mark.parametrize("size", ["medium", "strong"])
