@@ -253,6 +253,36 @@ class Session:
         self.registry.put_result("diagnosis", loaded.id, found.to_dict())
         return found
 
+    def compare(
+        self,
+        recording: "str | Path | results.RecordingSummary",
+        *,
+        models: Sequence[str] = ("kinematic", "dynamic", "network", "mlp"),
+        simulators: Sequence[str] = (),
+        seed: int = 0,
+        starts: int = 30,
+        generations: int = 300,
+        longest: float = 2.0,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> results.Comparison:
+        """Models and simulators on the last commands of a wheeled robot's recording; see `compare.compare.Settings`.
+
+        simulators : ids of simulators, entries or results that recommend one, or "nominal". The result is stored.
+        """
+        from dynreg.compare.compare import Settings, compare
+
+        settings = _settings(Settings, locals())
+        loaded, owner, name = self._unregistered(recording, robot, log_map)
+        found = compare(self.registry, owner, loaded, settings, name=name, progress=progress)
+        if loaded.id not in {info.id for info in self.registry.recordings()}:
+            self.registry.put_robot(owner.folder, owner.hash, owner.name)
+            self.registry.put_recording(loaded, owner.hash)
+        self.registry.put_result("comparison", loaded.id, found.to_dict())
+        return found
+
     def drift(
         self,
         recording: "str | Path | results.RecordingSummary",

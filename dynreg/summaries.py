@@ -20,6 +20,7 @@ _RESULTS = {
     "trials": results.TrialTable,
     "gait": results.Gait,
     "drift": results.Drift,
+    "comparison": results.Comparison,
 }
 
 

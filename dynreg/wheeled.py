@@ -23,7 +23,7 @@ class Told:
     """What a recording tells: n commands, what they moved (n, 3) and the number of the episode of each (n,).
 
     begin, end : (n,) seconds on the episode's clock. start : (n, 3) measured pose x [m], y [m], yaw [rad] at the begin.
-    track : between the wheels [m], of which the commands speak.
+    track : between the wheels [m], of which the commands speak. left_out : commands without a pose at begin or end.
     """
 
     commands: Commands
@@ -33,6 +33,7 @@ class Told:
     end: np.ndarray
     start: np.ndarray
     track: float
+    left_out: int
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def told(robot: Robot, recording: Recording, *, longest: float = np.inf) -> Told
     """
     wheels = wheels_of(robot, recording.names)
     columns = [recording.names.index(name) for name in pose_names(robot, recording.names)]
-    parts, moves, places = [], [], []
+    parts, moves, places, left_out = [], [], [], 0
     for number, episode in enumerate(recording.episodes):
         speeds = wheels.speeds(episode.values)
         begin = _begins(episode.time, speeds, longest)
@@ -84,6 +85,7 @@ def told(robot: Robot, recording: Recording, *, longest: float = np.inf) -> Told
             apart = kinematic(commands, wheels.track)[:, 2] - moved[:, 2]
             moved[:, 2] += TURN * np.round(apart / TURN)
         known = np.isfinite(moved).all(axis=1) & np.isfinite(commands.table).all(axis=1)
+        left_out += int((~known).sum())
         parts.append(commands.take(known))
         moves.append(moved[known])
         stamps = np.stack([np.full(len(begin), number), episode.time[begin], episode.time[end]], axis=1)
@@ -104,6 +106,7 @@ def told(robot: Robot, recording: Recording, *, longest: float = np.inf) -> Told
         place[:, 2],
         place[:, 3:],
         wheels.track,
+        left_out,
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import made_up_comparison
 import made_up_diagnosis
 import made_up_drift
 import made_up_gait
@@ -283,6 +284,7 @@ def every_kind() -> tuple[Result, ...]:
         robot_folder(),
         made_up_gait.gait(),
         made_up_drift.drift(),
+        made_up_comparison.comparison(),
         RobotList(
             robots=(
                 RobotLine(

@@ -103,3 +103,31 @@ def test_the_dynamic_model_of_commands_is_the_engine(robot: Robot) -> None:
     commands = Commands(*(base.wheel_radius * speeds).T, np.ones(6), still, still)
     moved = unicycle(commands, parameters, base.track)
     assert moved == pytest.approx(np.stack([-state[:, 5], state[:, 4], state[:, 6]], axis=1), abs=1e-12)
+
+
+def test_a_yaw_within_one_turn_makes_the_whole_turns_of_its_commands(robot: Robot) -> None:
+    commands, moved, (time, speed, pose) = driven(robot, 1, 30)
+    assert np.abs(moved[:, 2]).max() > np.pi  # more than half a turn at once
+    for low in (-np.pi, 0.0):
+        wrapped = pose.copy()
+        wrapped[:, 2] = low + np.mod(pose[:, 2] - low, 2 * np.pi)
+        assert np.allclose(told(robot, recording(robot, (time, speed, wrapped))).moved, moved)
+
+
+def test_places_of_commands_are_told(robot: Robot) -> None:
+    commands, moved, (time, speed, pose) = driven(robot, 3)
+    pose[4] = np.nan
+    found = told(robot, recording(robot, (time, speed, pose)))
+    stay = np.array([i for i in range(12) if i not in (3, 4)])
+    assert np.allclose(found.begin, time[stay]) and np.allclose(found.end, time[stay + 1])
+    assert np.allclose(found.start, pose[stay])
+    assert found.left_out == 2 and found.track == robot.file.base.track
+
+
+def test_logs_without_commands_are_refused(robot: Robot) -> None:
+    log = recording(robot, driven(robot, 1)[2])
+    mute = Recording(
+        log.channels[:-1], tuple(Episode(e.name, e.time, e.values[:, :-1]) for e in log.episodes)
+    )
+    with pytest.raises(LogError, match="no channel 'right_wheel/velocity_command'"):
+        told(robot, mute)

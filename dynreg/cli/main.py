@@ -10,6 +10,7 @@ import typer
 
 from dynreg.cli import (
     calibrate,
+    compare,
     diagnose,
     doctor,
     drift,
@@ -98,6 +99,7 @@ for _module in (
     excite,
     trial,
     calibrate,
+    compare,
     drift,
     report,
     export,

@@ -126,7 +126,7 @@ def compare(
         paths=ends(found, contenders, ten),
         driven=driven(found, recording, pose_names(robot, recording.names), contenders, ten),
         paces=paces(found, contenders, which),
-        notes=_notes(settings, found, recording, ten),
+        notes=_notes(settings, found, ten),
         cost=Cost(evaluations=0, rollouts=len(simulators), seconds=time.perf_counter() - began),
     )
 
@@ -173,12 +173,14 @@ def _best(errors: Errors) -> str:
     return min(share, key=share.__getitem__)
 
 
-def _notes(settings: Settings, found: Told, recording: Recording, ten: np.ndarray) -> tuple[str, ...]:
+def _notes(settings: Settings, found: Told, ten: np.ndarray) -> tuple[str, ...]:
     out = []
     if settings.simulators:
         out.append(
             "a simulator that was fitted to this recording may have seen its last commands; models made here have not"
         )
+    if found.left_out:
+        out.append(f"commands left out, at whose begin or end no pose was measured: {found.left_out}")
     if not len(ten):
         out.append("the test part has no ten commands in a row without a gap: no paths are compared")
     return tuple(out)

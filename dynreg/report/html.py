@@ -7,13 +7,24 @@ from pathlib import Path
 from typing import Any
 
 from dynreg.errors import UsageError
+from dynreg.report.comparison_page import comparison_page
 from dynreg.report.diagnosis_page import diagnosis_page
 from dynreg.report.drawing import Chart, Track, chart, track
 from dynreg.report.drift_page import drift_page
 from dynreg.report.gait_page import gait_page
 from dynreg.report.trials_page import trials_page
 from dynreg.report.words import STAGES, count, next_steps, number, verdict
-from dynreg.results import Calibration, Diagnosis, Drift, Estimate, Gait, Neighbours, Result, TrialTable
+from dynreg.results import (
+    Calibration,
+    Comparison,
+    Diagnosis,
+    Drift,
+    Estimate,
+    Gait,
+    Neighbours,
+    Result,
+    TrialTable,
+)
 
 
 def write_report(result: Result, path: str | Path) -> Path:
@@ -39,7 +50,7 @@ def page(result: Result) -> str:
     if type(result) not in _PAGES:
         raise UsageError(
             f"a {type(result).__name__} has no report",
-            expected="a stored query or calibration, a diagnosis, trials or a gait",
+            expected="a stored query or calibration, a diagnosis, trials, a gait or a comparison",
             do="see `dynreg list --kind result`",
         )
     template, variables = _PAGES[type(result)]
@@ -159,4 +170,5 @@ _PAGES: dict[type[Result], tuple[str, Callable[[Any], dict[str, Any]]]] = {
     TrialTable: ("trials.html", trials_page),
     Gait: ("gait.html", gait_page),
     Drift: ("drift.html", drift_page),
+    Comparison: ("comparison.html", comparison_page),
 }

@@ -7,6 +7,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from dynreg import results
+from dynreg.report.comparison_tables import comparison_tables
 from dynreg.report.diagnosis_tables import diagnosis_tables
 from dynreg.report.drift_tables import drift_tables
 from dynreg.report.gait_tables import gait_tables
@@ -182,4 +183,5 @@ _RENDERERS: dict[type[Result], Callable[[Any], RenderableType]] = {
     results.TrialTable: trials_table,
     results.Gait: gait_tables,
     results.Drift: drift_tables,
+    results.Comparison: comparison_tables,
 }

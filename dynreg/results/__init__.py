@@ -1,6 +1,18 @@
 """Frozen results: what every verb answers, with a JSON form (`schemas/`) and tables for notebooks."""
 
 from dynreg.results.calibration import Calibration, CalibrationStep
+from dynreg.results.comparison import (
+    Comparison,
+    Contender,
+    DrivenPath,
+    Errors,
+    Pace,
+    Pair,
+    Paths,
+    Spread,
+    Variance,
+    Way,
+)
 from dynreg.results.diagnosis import (
     Cause,
     Diagnosis,
@@ -54,6 +66,7 @@ RESULTS: tuple[type[Result], ...] = (
     RobotFolder,
     Gait,
     Drift,
+    Comparison,
 )
 
 __all__ = [
@@ -63,18 +76,22 @@ __all__ = [
     "CarriedEffect",
     "Cause",
     "ChannelError",
+    "Comparison",
     "Confusion",
+    "Contender",
     "Cost",
     "Diagnosis",
     "DiagnosisTrace",
     "Drift",
     "DriftCell",
     "DriftPattern",
+    "DrivenPath",
     "EffectEstimate",
     "EffectRow",
     "EffectSize",
     "EffectsList",
     "EntrySummary",
+    "Errors",
     "Estimate",
     "Experiment",
     "FalseAlarms",
@@ -95,6 +112,9 @@ __all__ = [
     "Neighbours",
     "Noise",
     "Nominal",
+    "Pace",
+    "Pair",
+    "Paths",
     "PopulationSummary",
     "Pulled",
     "Ranked",
@@ -107,6 +127,7 @@ __all__ = [
     "RolloutError",
     "Separating",
     "Shift",
+    "Spread",
     "Stage",
     "Synthesised",
     "Taken",
@@ -115,7 +136,9 @@ __all__ = [
     "TrialGroup",
     "TrialResult",
     "TrialTable",
+    "Variance",
     "Verification",
+    "Way",
     "Where",
     "cause_key",
     "diagnosis_sentence",

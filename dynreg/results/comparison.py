@@ -159,13 +159,29 @@ class Comparison(Result):
     notes: tuple[str, ...] = ()
     cost: Cost
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of those that were compared, in the order in which they were asked for: stored documents are sorted."""
+        return tuple(contender.name for contender in self.contenders)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Of a displacement, in their order."""
+        return tuple(whole.axis for whole in self.errors.variance)
+
     def rows(self) -> list[dict[str, Any]]:
-        return self.errors.rows()
+        found = self.errors.models
+        return [
+            {"model": name, "axis": axis, **found[name][axis].to_dict()}
+            for name in self.names
+            for axis in self.axes
+        ]
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:
-        paths = self.paths.models if self.paths else {}
+        paths = [(name, self.paths.models[name]) for name in self.names] if self.paths else []
         return self.errors.tables() | {
-            "ends of paths": [{"model": name, **spread.to_dict()} for name, spread in paths.items()],
+            "errors": self.rows(),
+            "ends of paths": [{"model": name, **spread.to_dict()} for name, spread in paths],
             "time for a command": [pace.to_dict() for pace in self.paces],
         }
 
@@ -177,10 +193,10 @@ class Comparison(Result):
             for name in (pair.first, pair.second)
             if self.best in (pair.first, pair.second) and pair.paired < level
         }
-        return tuple(name for name in self.errors.models if name != self.best and name not in apart)
+        return tuple(name for name in self.names if name != self.best and name not in apart)
 
     def __str__(self) -> str:
-        found = self.errors.models[self.best].items()
+        found = [(axis, self.errors.models[self.best][axis]) for axis in self.axes]
         means = ", ".join(f"{axis} {spread.mean:.3g} {spread.unit}" for axis, spread in found)
         alike = self.alike()
         others = f"; {' and '.join(alike)} cannot be told from it" if alike else ""

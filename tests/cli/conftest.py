@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import made_up_comparison
 import made_up_diagnosis
 import made_up_results
 import pytest
@@ -74,6 +75,7 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         "ingest": made_up_results.recording(),
         "query": made_up_results.neighbours(),
         "calibrate": made_up_results.calibration(),
+        "compare": made_up_comparison.comparison(),
         "diagnose": made_up_diagnosis.diagnosis(),
         "trial": made_up_diagnosis.trials(),
         "effects": made_up_diagnosis.effects_list(),

@@ -4,6 +4,7 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import made_up_comparison
 import made_up_diagnosis
 import made_up_gait
 import made_up_results
@@ -39,6 +40,8 @@ RESULTS = {
     "trials": made_up_diagnosis.trials(),
     "gait": made_up_gait.gait(),
     "gait that falls": made_up_gait.gait(fell=True),
+    "comparison": made_up_comparison.comparison(),
+    "comparison without paths": made_up_comparison.comparison(paths=False),
     "no trials": TrialTable.of("leg", []),
 }
 VOID = {"meta", "br", "link", "img", "hr"}

@@ -1,0 +1,101 @@
+"""A comparison of models as rich tables."""
+
+from collections.abc import Iterator
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from dynreg.report.grid import table
+from dynreg.report.words import count
+from dynreg.results import Comparison, Spread
+
+DIRECTIONS = {"dx": "to the side", "dy": "ahead", "dtheta": "turned"}
+
+
+def comparison_tables(result: Comparison) -> RenderableType:
+    """Errors by axis, which of them differ, ends of paths and times."""
+    parts = result.parts
+    return Group(
+        Text(str(result), style="bold"),
+        *_error_tables(result),
+        _pair_table(result),
+        *_path_table(result),
+        _pace_table(result),
+        Text(
+            f"\nmodels made from {parts['fit']} commands and {parts['validation']} to validate, judged on"
+            f" {parts['test']}; {result.cost.seconds:.1f} s"
+        ),
+        *(Text(f"note: {note}") for note in result.notes),
+    )
+
+
+def chance(p: float) -> str:
+    """A p-value.
+
+    >>> chance(0.0421), chance(1e-9)
+    ('0.042', '< 0.001')
+    """
+    return "< 0.001" if p < 0.001 else f"{p:.2g}"
+
+
+def _error_tables(result: Comparison) -> Iterator[RenderableType]:
+    errors = result.errors
+    for whole in errors.variance:
+        axis = whole.axis
+        rows = [(name, *_cells(errors.models[name][axis])) for name in result.names]
+        unit = errors.models[result.best][axis].unit
+        title = (
+            f"{DIRECTIONS[axis]} ({axis}): absolute error [{unit}], of {errors.displacements[axis]:.3g} on average;"
+            f" analysis of variance: F({whole.between}, {whole.within}) = {whole.f:.3g}, p {_p(whole.p)}"
+        )
+        yield table(("model", "mean", "min", "max", "SD"), rows, title)
+
+
+def _p(p: float) -> str:
+    return chance(p) if p < 0.001 else f"= {chance(p)}"
+
+
+def _cells(spread: Spread) -> tuple[float, float, float, float]:
+    return spread.mean, spread.min, spread.max, spread.sd
+
+
+def _pair_table(result: Comparison) -> RenderableType:
+    rows = [
+        (
+            pair.axis,
+            f"{pair.first} - {pair.second}",
+            pair.difference,
+            f"{pair.low:.3g} to {pair.high:.3g} {pair.unit}",
+            chance(pair.tukey),
+            chance(pair.paired),
+        )
+        for pair in result.errors.pairs
+    ]
+    columns = ("axis", "models", "difference", "95 % interval (Tukey)", "p Tukey", "p Wilcoxon, Holm")
+    return table(columns, rows, "which errors differ: unpaired as published, and paired by command")
+
+
+def _path_table(result: Comparison) -> Iterator[RenderableType]:
+    if result.paths is None:
+        return
+    rows = [(name, *_cells(result.paths.models[name])) for name in result.names]
+    title = (
+        f"{count(result.paths.runs, 'run')} of {result.paths.commands} commands in a row:"
+        f" how far off the end is [cm]"
+    )
+    yield table(("model", "mean", "min", "max", "SD"), rows, title)
+
+
+def _pace_table(result: Comparison) -> RenderableType:
+    rows = [
+        (p.model, p.one_by_one, p.one_by_one_ratio, p.at_once, p.at_once_ratio, p.fit) for p in result.paces
+    ]
+    columns = (
+        "model",
+        "one by one [us]",
+        "to closed form",
+        "all at once [us]",
+        "to closed form",
+        "made in [s]",
+    )
+    return table(columns, rows, "time for a command")

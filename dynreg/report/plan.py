@@ -1,0 +1,64 @@
+"""Geometry of paths on the ground, seen from above: one scale for both axes, in a box as wide as it is high."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dynreg.report.drawing import Line, ticks
+
+SIZE = 1000.0  # of the box, a side
+MARGIN = 0.06  # of the side, left free on each
+Points = tuple[Sequence[float | None], Sequence[float | None]]  # x and y [m]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Paths as polylines in a square box, the point where all begin, and a bar of a round length for scale.
+
+    bar : in percent of the side; bar_label : its length with its unit.
+    """
+
+    title: str
+    lines: tuple[Line, ...]
+    begin: tuple[float, float]
+    bar: float
+    bar_label: str
+
+
+def plan(title: str, ways: Sequence[tuple[str, Points]]) -> Plan | None:
+    """Paths with their styles, drawn in this order; None where none has two points."""
+    known = [_known(*points) for _, points in ways]
+    points = [point for way in known for point in way]
+    if len(points) < 2 or all(len(way) < 2 for way in known):
+        return None
+    xs, ys = zip(*points, strict=True)
+    side = max(max(xs) - min(xs), max(ys) - min(ys)) or 1.0
+    scale = SIZE * (1.0 - 2.0 * MARGIN) / side
+    middle = (0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys)))
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        return 0.5 * SIZE + scale * (x - middle[0]), 0.5 * SIZE - scale * (y - middle[1])
+
+    lines = tuple(
+        Line(style, _path([place(*point) for point in way]))
+        for (style, _), way in zip(ways, known, strict=True)
+        if len(way) > 1
+    )
+    length = ticks(0.0, 0.4 * side, 2)[1]
+    return Plan(title, lines, place(*points[0]), 100.0 * scale * length / SIZE, _length(length))
+
+
+def _known(x: Sequence[float | None], y: Sequence[float | None]) -> list[tuple[float, float]]:
+    return [(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None]
+
+
+def _path(points: Sequence[tuple[float, float]]) -> str:
+    return "".join(f"{'L' if i else 'M'}{x:.1f} {y:.1f}" for i, (x, y) in enumerate(points))
+
+
+def _length(metres: float) -> str:
+    """As people say it.
+
+    >>> _length(0.05), _length(2.0)
+    ('5 cm', '2 m')
+    """
+    return f"{metres:g} m" if metres >= 1.0 else f"{100 * metres:g} cm"

@@ -1,0 +1,152 @@
+"""Comparisons on robots whose truth is known: the model that is true wins, and numbers do not depend on the run."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from driven_robot import commands, config, logged
+
+import dynreg
+from dynreg.compare.compare import Settings, parts
+from dynreg.data.recording import Recording
+from dynreg.errors import LogError, NoMatchError, RobotError, UsageError
+from dynreg.results import Comparison
+from dynreg.session import Session
+from dynreg.sim.robot import Robot, load_robot
+
+QUICK = {"starts": 1, "generations": 4, "threads": 1}
+LAGS = {"speed_lag": 0.15, "yaw_lag": 0.18, "yaw_drag": 1.04}  # of the hidden robot
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("diffdrive")
+
+
+@pytest.fixture(scope="module")
+def log(robot: Robot) -> Recording:
+    """240 commands in two runs, with a tenth of the sensors' noise."""
+    told = [commands(robot, many, seed) for many, seed in ((150, 1), (90, 2))]
+    return logged(robot, config(robot, LAGS), told, engine="unicycle", noise=0.1)
+
+
+@pytest.fixture(scope="module")
+def registry(tmp_path_factory: pytest.TempPathFactory, log: Recording) -> Session:
+    session = dynreg.open(tmp_path_factory.mktemp("compare") / "registry")
+    session.ingest(log, "diffdrive", name="monday")
+    yield session
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def found(registry: Session) -> Comparison:
+    return registry.compare("monday", simulators=["nominal"], **QUICK)
+
+
+def test_the_model_that_the_robot_is_wins_on_every_axis(found: Comparison) -> None:
+    """Two of six parameters are far from nominal: neither the closed form nor the nominal simulator knows them."""
+    assert found.names == ("nominal", "kinematic", "dynamic", "network", "mlp") and found.best == "dynamic"
+    assert found.parts == {"fit": 164, "validation": 38, "test": 38} and found.errors.commands == 38
+    for axis in found.axes:
+        (pair,) = (
+            p
+            for p in found.errors.pairs
+            if {p.first, p.second} == {"kinematic", "dynamic"} and p.axis == axis
+        )
+        assert pair.first == "kinematic" and pair.difference > 0 and pair.tukey < 0.05 and pair.paired < 0.05
+        mean = {name: found.errors.models[name][axis].mean for name in found.names}
+        assert mean["dynamic"] < mean["nominal"] < mean["kinematic"] and mean["mlp"] < mean["kinematic"]
+    ends = found.paths.models
+    assert found.paths.runs == 3 and ends["dynamic"].mean < 0.5 * ends["kinematic"].mean
+    assert "kinematic" not in found.alike() and str(found).startswith(
+        "On the last 38 commands of monday, dynamic"
+    )
+
+
+def _leaves(part: object, place: str = "") -> dict[str, object]:
+    """What a document holds, by its place."""
+    if not isinstance(part, dict | list | tuple):
+        return {place: part}
+    items = part.items() if isinstance(part, dict) else enumerate(part)
+    return {at: leaf for key, value in items for at, leaf in _leaves(value, f"{place}.{key}").items()}
+
+
+def test_the_same_seed_gives_the_same_numbers_on_any_threads(registry: Session, found: Comparison) -> None:
+    again = registry.compare("monday", simulators=["nominal"], **QUICK | {"threads": 2})
+    apart = {"paces", "cost"}
+    first, second = (_leaves(one.model_dump(exclude=apart)) for one in (found, again))
+    assert first.keys() == second.keys()
+    for place, value in first.items():
+        same = pytest.approx(value, rel=1e-6, abs=1e-6) if isinstance(value, float) else value
+        assert second[place] == same, place
+    other = registry.compare("monday", models=["kinematic", "network"], seed=1, starts=1)
+    assert other.errors.models["network"] != found.errors.models["network"]
+    assert other.errors.models["kinematic"] == found.errors.models["kinematic"]
+
+
+def test_a_comparison_is_stored_and_comes_back(registry: Session, robot: Robot, tmp_path: Path) -> None:
+    made = registry.compare("monday", models=["kinematic"], simulators=["nominal"])
+    assert registry.result("@last") == made == registry.result("monday")
+    with dynreg.open(tmp_path / "copy") as other:  # a log by its path is registered once it was compared
+        path = tmp_path / "run.csv"
+        registry.recording("monday").to_frame().query("episode == 'run_0'").drop(columns="episode").to_csv(
+            path, index=False
+        )
+        other.compare(path, models=["kinematic"], simulators=["nominal"], robot="diffdrive")
+        assert [i.kind for i in other.list().items] == ["recording", "result", "robot"]
+
+
+def test_predictions_take_time_and_the_closed_form_is_the_measure(found: Comparison) -> None:
+    paces = {pace.model: pace for pace in found.paces}
+    assert paces["nominal"].one_by_one is None and paces["nominal"].at_once > 0
+    assert paces["dynamic"].one_by_one_ratio > 5 and paces["dynamic"].fit > 0
+    assert paces["kinematic"].at_once < paces["kinematic"].one_by_one
+
+
+def test_parts_follow_each_other_in_the_published_shares() -> None:
+    assert parts(1460) == (slice(0, 1000), slice(1000, 1230), slice(1230, 1460))
+    assert parts(64) == (slice(0, 44), slice(44, 54), slice(54, 64))
+    with pytest.raises(
+        LogError, match="the recording holds 60 commands, 9 of them to test on; expected at least 64"
+    ):
+        parts(60)
+
+
+def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log: Recording) -> None:
+    for asked, says in (
+        ({"models": ["magic"]}, "model 'magic'"),
+        ({"models": ["kinematic", "kinematic"]}, "1 to compare"),
+        ({"models": []}, "0 to compare"),
+        ({"longest": 0.0}, "longest = 0 s"),
+        ({"starts": 0}, "starts = 0"),
+    ):
+        with pytest.raises(UsageError, match=says):
+            Settings(**asked)
+    with pytest.raises(NoMatchError, match="is called 'nowhere'"):
+        registry.compare("monday", simulators=["nowhere"])
+    short = Recording(log.channels, log.episodes[1:])
+    registry.ingest(short, "diffdrive", name="short")
+    with pytest.raises(LogError, match="62 of 90 commands are there to fit model 'network'.*206 in all"):
+        registry.compare("short")
+    before = len(registry.registry.ids("result"))
+    straight = [np.tile(commands(robot, 100, 3)[:, :1], 2)]
+    registry.ingest(logged(robot, config(robot), straight), "diffdrive", name="straight")
+    with pytest.raises(LogError, match="no two of the 68 commands to fit differ in dx"):
+        registry.compare("straight", models=["kinematic", "dynamic"])
+    assert len(registry.registry.ids("result")) == before
+
+
+def test_robots_without_wheels_and_logs_without_a_pose_are_refused(registry: Session, log: Recording) -> None:
+    columns = [i for i, name in enumerate(log.names) if not name.startswith("base/")]
+    blind = Recording(
+        tuple(log.channels[i] for i in columns),
+        tuple(replace(e, values=e.values[:, columns]) for e in log.episodes),
+    )
+    registry.ingest(blind, "diffdrive", name="blind")
+    with pytest.raises(LogError, match="no channel 'base/x'"):
+        registry.compare("blind")
+    bench = load_robot("servo_pendulum")
+    registry.ingest(logged(bench, config(bench), [commands(bench, 5, 1)]), "servo_pendulum", name="bench")
+    with pytest.raises(RobotError, match="'servo_pendulum' has no wheels"):
+        registry.compare("bench")

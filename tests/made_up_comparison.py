@@ -1,0 +1,74 @@
+"""A plausible comparison of models, with errors that were made up."""
+
+import numpy as np
+
+from dynreg.results import Comparison, Contender, Cost, DrivenPath, Pace, Paths, Way
+from dynreg.rng import stream
+from dynreg.timed.compare import compared, spread
+
+NAMES = ("nominal", "synthesised ab12ab12", "kinematic", "dynamic")
+OFF = {"nominal": 1.1, "synthesised ab12ab12": 1.0, "kinematic": 3.0, "dynamic": 1.0}  # times the noise
+
+
+def comparison(paths: bool = True) -> Comparison:
+    """Two simulators and two models on 40 commands."""
+    rng = stream(1, "made up comparison")
+    moved = rng.normal(0.0, [0.03, 0.05, 0.8], (40, 3))
+    noise = {name: rng.normal(0.0, [0.003, 0.003, 0.05], (40, 3)) for name in NAMES}
+    errors = compared(moved, {name: moved + OFF[name] * noise[name] for name in NAMES})
+    ends = {name: spread(np.abs(rng.normal(0.0, OFF[name], 3)), "cm") for name in NAMES}
+    return Comparison(
+        robot="diffdrive",
+        recording="cd" * 32,
+        recording_name="monday",
+        parts={"fit": 174, "validation": 40, "test": 40},
+        track=0.0884,
+        longest=2.0,
+        seed=0,
+        starts=30,
+        generations=300,
+        contenders=(
+            Contender(name="nominal", kind="nominal simulator", parameters={"track": 0.0884}),
+            Contender(
+                name="synthesised ab12ab12",
+                kind="synthesised simulator",
+                simulator="ab12" * 16,
+                parameters={"track": 0.09},
+                effects={"command_delay": {"delay": 0.04}},
+            ),
+            Contender(name="kinematic", kind="closed form", parameters={"track": 0.0884}),
+            Contender(name="dynamic", kind="unicycle, fitted", parameters={"a1": 0.087, "a2": 0.101}),
+        ),
+        best="dynamic",
+        errors=errors,
+        paths=Paths(runs=3, commands=10, models=ends) if paths else None,
+        driven=tuple(_driven(begin) for begin in (20.0, 31.5)) if paths else (),
+        paces=tuple(_pace(name) for name in NAMES),
+        notes=() if paths else ("the test part has no ten commands in a row without a gap",),
+        cost=Cost(evaluations=0, rollouts=2, seconds=31.5),
+    )
+
+
+def _driven(begin: float) -> DrivenPath:
+    angle = np.linspace(0.0, 4.0, 41)
+    ways = {
+        name: Way(
+            x=tuple((0.1 * (1 + 0.02 * i) * np.cos(angle)).tolist()), y=tuple((0.1 * np.sin(angle)).tolist())
+        )
+        for i, name in enumerate(NAMES)
+    }
+    gap = tuple(None if i == 7 else 0.1 * float(np.cos(a)) for i, a in enumerate(angle))
+    measured = Way(x=gap, y=tuple((0.1 * np.sin(angle)).tolist()))
+    return DrivenPath(episode="run", begin=begin, seconds=10.4, measured=measured, models=ways)
+
+
+def _pace(name: str) -> Pace:
+    replayed = name in NAMES[:2]
+    return Pace(
+        model=name,
+        one_by_one=None if replayed else 20.0,
+        at_once=1500.0 if replayed else 0.3,
+        one_by_one_ratio=None if replayed else 1.1,
+        at_once_ratio=5000.0 if replayed else 1.0,
+        fit=0.0 if replayed else 2.0,
+    )

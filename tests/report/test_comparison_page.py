@@ -1,0 +1,60 @@
+"""What the page of a comparison draws, and the geometry of paths seen from above."""
+
+import re
+
+import made_up_comparison
+import pytest
+
+from dynreg.report.comparison_page import comparison_page
+from dynreg.report.html import page
+from dynreg.report.plan import MARGIN, SIZE, plan
+
+
+def points(path: str) -> list[tuple[float, float]]:
+    return [(float(x), float(y)) for x, y in re.findall(r"[ML](-?[\d.]+) (-?[\d.]+)", path)]
+
+
+def test_a_plan_has_one_scale_and_stays_in_its_box() -> None:
+    found = plan(
+        "ways", [("measured", ([0.0, 2.0, 2.0], [0.0, 0.0, 1.0])), ("model-0", ([0.0, 1.0], [0.0, 0.0]))]
+    )
+    (first, second, third), (_, short) = (points(line.path) for line in found.lines)
+    assert (
+        second[0] - first[0]
+        == pytest.approx(2 * (second[1] - third[1]), abs=0.2)
+        == pytest.approx(SIZE * (1 - 2 * MARGIN), abs=0.2)
+    )
+    assert short[0] - first[0] == pytest.approx(0.5 * (second[0] - first[0]), abs=0.2)
+    assert found.begin == pytest.approx(first, abs=0.1)
+    assert all(0 <= value <= SIZE for point in (first, second, third) for value in point)
+    metres = {"50 cm": 0.5, "1 m": 1.0}[found.bar_label]
+    assert found.bar == pytest.approx(100 * (1 - 2 * MARGIN) * metres / 2)
+
+
+def test_points_that_were_not_measured_are_left_out_and_nothing_gives_no_plan() -> None:
+    (line,) = plan("", [("measured", ([0.0, None, 1.0], [0.0, 1.0, 1.0]))]).lines
+    assert len(points(line.path)) == 2
+    assert plan("", [("measured", ([0.0, None], [0.0, 1.0]))]) is None
+    assert plan("", [("measured", ([1.0, 1.0], [2.0, 2.0]))]) is not None  # a robot that stood still
+
+
+def test_models_stand_in_the_order_in_which_they_were_asked_for() -> None:
+    """Also after a trip through a store that sorts keys."""
+    result = made_up_comparison.comparison()
+    models = dict(sorted(result.errors.models.items()))
+    stored = result.model_copy(update={"errors": result.errors.model_copy(update={"models": models})})
+    found = comparison_page(stored)
+    assert list(found["styles"]) == list(made_up_comparison.NAMES)
+    assert [name for name, *_ in found["bars"][0]["rows"]] == list(made_up_comparison.NAMES)
+    assert [bar["axis"] for bar in found["bars"]] == ["dx", "dy", "dtheta"]
+    assert page(stored) == page(result)
+
+
+def test_every_model_is_drawn_in_every_path() -> None:
+    result = made_up_comparison.comparison()
+    html = page(result)
+    drawings = re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL)
+    assert len(drawings) == len(result.driven) == 2
+    for drawing in drawings:
+        assert re.findall(r"s-([\w-]+)", drawing) == ["measured", "model-0", "model-1", "model-2", "model-3"]
+    assert "command_delay" in html and "&lt; 0.001" in html
