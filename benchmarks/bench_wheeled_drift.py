@@ -66,6 +66,8 @@ def work(plan: Plan, number: int, update: bool, path: Path) -> str:
         "up": reached[:, :2].ravel().tolist(),
         "right": reached[:, 2:].ravel().tolist(),
         "error": [float(found.error[0]), float(found.error[-1])],
+        "visited": int(found.visited.sum()),
+        "apart": found.apart[:, found.visited].mean(axis=1).tolist() if found.visited.any() else None,
         "tests": tests,
         "steps": spent,
         "core": time.process_time() - began,
@@ -109,6 +111,7 @@ def show(rows: list[dict], rates: dict[str, dict[str, float]]) -> dict[str, dict
         before, after = np.array([r["error"] for r in own]).T
         rejected, tests = np.array([t for r in own for t in r["tests"]] or [[0, 0]]).sum(axis=0)
         name = "with update" if update else "without"
+        apart = np.array([r["apart"] for r in own if r["apart"]])
         out[name] = {
             "evolutions": len(own),
             "success": float(trials.mean()),
@@ -119,6 +122,10 @@ def show(rows: list[dict], rates: dict[str, dict[str, float]]) -> dict[str, dict
             "good interval": [interval.low, interval.high],
             "error at the beginning [mm]": float(1e3 * before.mean()),
             "error at the end [mm]": float(1e3 * after.mean()),
+            "visited commands": float(np.mean([r["visited"] for r in own])),
+            "error of those, first and last table [mm]": (1e3 * apart.mean(axis=0)).tolist()
+            if len(apart)
+            else None,
             "rejected": int(rejected),
             "tests": int(tests),
             "steps on the robot": float(np.mean([r["steps"] for r in own])),
@@ -131,6 +138,12 @@ def show(rows: list[dict], rates: dict[str, dict[str, float]]) -> dict[str, dict
             f" error of a command {1e3 * before.mean():.1f} mm at the beginning, {1e3 * after.mean():.1f} at the end;"
             f" {out[name]['steps on the robot']:.0f} steps, {out[name]['core']:.0f} core s"
         )
+        if len(apart):
+            first, last = 1e3 * apart.mean(axis=0)
+            print(
+                f"{'':12s} the {out[name]['visited commands']:.0f} commands given in trials: {first:.1f} mm in"
+                f" the first table, {last:.1f} in the last"
+            )
     for name, rate in rates.items():
         print(
             f"nothing changed, {name}: {100 * rate['share']:.2f} % of {rate['tests']} tests reject,"

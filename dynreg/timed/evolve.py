@@ -79,6 +79,8 @@ class Evolution:
     """The best controller's genes (396,), its fitness in the table, the table at the end and what updates found.
 
     error : (updates + 1,) mean distance [m] between the table's and the robot's mean displacement, over all commands.
+    apart : (2, cells) that distance [m] at the end for every command, of the first table and of the last.
+    visited : (cells,) commands that the robot was given in trials.
     """
 
     genes: np.ndarray
@@ -86,6 +88,8 @@ class Evolution:
     table: DisplacementTable
     updates: tuple[Tested, ...]
     error: np.ndarray
+    apart: np.ndarray
+    visited: np.ndarray
 
 
 def measured(robot: HiddenWheels, each: int = FIRST) -> DisplacementTable:
@@ -107,9 +111,11 @@ def evolve(
     progress: Callable[[int, float], None] | None = None,
 ) -> Evolution:
     """Controllers for the robot as it is at the end; without `update` the table stays what it was at the beginning."""
-    table, rng = measured(robot), stream(seed, "evolution", "draws")
+    first = table = measured(robot)
+    rng = stream(seed, "evolution", "draws")
     search = METHODS[method](GENES, rng=stream(seed, "evolution", method), population=population)
     updates, errors = [], [_error(table, robot)]
+    visited = np.zeros(table.cells, dtype=bool)
     for generation in range(generations):
         robot.generation = generation
         asked = search.ask()
@@ -120,11 +126,14 @@ def evolve(
             progress(generation + 1, float(found[order[0]]))
         if update and (generation + 1) % every == 0:
             cell, values = _tried_on(robot, asked[order[:TRIED]])
+            visited[cell] = True
             table, tested = updated(table, cell, values, generation, rules)
             updates.append(tested)
             errors.append(_error(table, robot))
     errors.append(_error(table, robot))
-    return Evolution(asked[order[0]], float(found[order[0]]), table, tuple(updates), np.array(errors))
+    apart = np.array([_apart(t, robot) for t in (first, table)])
+    best = int(order[0])
+    return Evolution(asked[best], float(found[best]), table, tuple(updates), np.array(errors), apart, visited)
 
 
 def judged(robot: HiddenWheels, genes: np.ndarray, times: int = 10) -> Trials:
@@ -153,6 +162,10 @@ def _mover(table: DisplacementTable, rng: np.random.Generator) -> Mover:
 
 
 def _error(table: DisplacementTable, robot: HiddenWheels) -> float:
+    return float(np.nanmean(_apart(table, robot)))
+
+
+def _apart(table: DisplacementTable, robot: HiddenWheels) -> np.ndarray:
+    """(cells,) [m] between the table's and the robot's mean displacement."""
     every = np.arange(table.cells)
-    apart = (table.moments()[1] - robot.truth(every))[:, :2]
-    return float(np.nanmean(np.hypot(*apart.T)))
+    return np.hypot(*(table.moments()[1] - robot.truth(every))[:, :2].T)

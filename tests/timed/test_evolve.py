@@ -51,6 +51,9 @@ def test_with_updates_the_table_follows_the_robot_where_it_was_driven() -> None:
     rejected = changed.rejected.any(axis=1)
     error = [np.hypot(*(m - truth)[rejected, :2].T).mean() for m in (after, before)]
     assert error[0] < 0.8 * error[1] and ends[True].error[-1] < ends[False].error[-1]
+    first, last = ends[True].apart[:, ends[True].visited].mean(axis=1)
+    assert last < 0.8 * first and not ends[False].visited.any()
+    assert np.array_equal(*ends[False].apart) and ends[True].apart[1].mean() == ends[True].error[-1]
 
 
 def test_the_same_evolution_again_and_its_trials() -> None:
