@@ -300,12 +300,14 @@ class Session:
         log_map: str | Path | None = None,
         progress: Progress | None = None,
     ) -> results.Drift:
-        """Whether an earlier recording is still true of a wheeled robot; see `drift.DriftSettings`. It is stored.
+        """Whether an earlier recording is still true of a wheeled robot; see `drift.compared.DriftSettings`.
 
-        against : the earlier recording; by default the one of this robot that was ingested first. out : a Parquet
-        file for the updated displacement table, a row for each sample, with which of them still count.
+        The result is stored. against : the earlier recording; by default the one of this robot that was ingested
+        first. out : a Parquet file for the updated displacement table, a row for each sample, with which of them still
+        count.
         """
-        from dynreg.drift import DriftSettings, stored_drift
+        from dynreg.drift.compared import DriftSettings
+        from dynreg.drift.drift import stored_drift
 
         settings = _settings(DriftSettings, locals())
         recent = self._unregistered(recording, robot, log_map)

@@ -33,18 +33,19 @@ def logged(
     *,
     episodes: int = 12,
     each: int = 50,
-    straight: bool = False,
+    like: str = "",
     ticks: tuple[int, int] = (2, 40),
     noise: float = 1.0,
 ) -> Recording:
     """Random wheel speeds held for `ticks` periods (from, to), `each` of them in an episode.
 
-    straight : both wheels are told the same. noise : factor on the tracker's.
+    like : "straight", both wheels are told the same; "left alone", the right one to stand still; else anything.
+    noise : factor on the tracker's.
     """
     rng = stream(seed, "hidden wheels")
     return Recording(
         tuple(Channel(name, unit) for name, unit in CHANNELS),
-        tuple(_episode(hidden, f"e{i}", each, straight, ticks, noise * NOISE, rng) for i in range(episodes)),
+        tuple(_episode(hidden, f"e{i}", each, like, ticks, noise * NOISE, rng) for i in range(episodes)),
     )
 
 
@@ -52,13 +53,16 @@ def _episode(
     hidden: Reference,
     name: str,
     each: int,
-    straight: bool,
+    like: str,
     ticks: tuple[int, int],
     noise: np.ndarray,
     rng: np.random.Generator,
 ) -> Episode:
     told = rng.uniform(-SPEED, SPEED, (each, 2))
-    told = told[:, :1].repeat(2, axis=1) if straight else told
+    if like == "straight":
+        told[:, 1] = told[:, 0]
+    if like == "left alone":
+        told[:, 1] = 0.0
     rows = told.repeat(rng.integers(ticks[0], ticks[1] + 1, each), axis=0)
     # the wheels do what they are told times their gains, and the lags go on from row to row
     driven = rows * [hidden.left, hidden.right]

@@ -33,7 +33,7 @@ def drift(verdict: str = "moved", rivals: tuple[str, ...] = ()) -> Drift:
         ),
         pattern="left wheel" if moved and not rivals else None,
         rivals=rivals,
-        separate_by=(Separating(left=0.19, right=0.19, apart=14.2),) if rivals else (),
+        separate_by=(Separating(left=0.19, right=0.19, apart=14.2, known=False),) if rivals else (),
         patterns=_patterns(moved) if tests else (),
         cells=cells,
         sample=0.5,

@@ -96,8 +96,12 @@ def steps(result: Drift) -> tuple[str, ...]:
     out = []
     if result.separate_by:
         told = "; ".join(f"left {s.left:+.2f}, right {s.right:+.2f} m/s" for s in result.separate_by)
+        later = ""
+        if not any(s.known for s in result.separate_by):
+            later = f" {result.earlier.name} has none of these: they will tell from the next time on."
         out.append(
             f"To tell {' from '.join(result.rivals[:2])}, record {told} ({result.sample:g} s each, several times)."
+            f"{later}"
         )
     out.append(
         f"Keep the updated table: dynreg drift {result.recording_name} --against {result.earlier.name}"

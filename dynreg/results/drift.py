@@ -46,11 +46,15 @@ class DriftPattern(Result):
 
 
 class Separating(Result):
-    """A command [m/s] whose displacements the two best patterns tell apart, by so many deviations of one sample."""
+    """A command [m/s] by whose displacement the two best patterns differ, by so many deviations of one sample.
+
+    known : the earlier recording has samples of such commands, so that new ones can be held against them.
+    """
 
     left: float
     right: float
     apart: float
+    known: bool
 
 
 class FalseAlarms(Result):

@@ -17,6 +17,7 @@ from dynreg.timed.reference import Reference
 from dynreg.timed.table import DisplacementTable, Rules, rejections
 
 CLEAR = 10.0  # of Schwarz's criterion between two explanations: "very strong" (Kass and Raftery, 1995)
+TELLS = 3.0  # standard deviations of one sample by which a command tells two patterns apart
 STEP = 0.02  # of a factor, for slopes
 FEW_EPISODES = 8  # with fewer of them, drives are split
 
@@ -121,7 +122,8 @@ def rivals(order: tuple[Judged, ...]) -> tuple[str, ...]:
     """The patterns that explain the shifts: one where it is clear, several that cannot be told apart, or none."""
     if not order or order[0].evidence <= CLEAR:
         return ()
-    return tuple(j.name for j in order if order[0].evidence - j.evidence <= CLEAR and j.evidence > CLEAR)
+    near = (j.name for j in order if order[0].evidence - j.evidence <= CLEAR)
+    return tuple(name for name in near if name != "no change")
 
 
 def change_by_cell(reference: Reference, new: Pieces, grid: Grid) -> Callable[[str, float], np.ndarray]:
@@ -196,10 +198,11 @@ def _along(found: Shifts, slopes: Iterable[np.ndarray]) -> bool:
 
 def apart_at(
     found: Shifts, order: tuple[Judged, ...], reference: Reference, grid: Grid, sample: float, most: int = 4
-) -> tuple[tuple[float, float, float], ...]:
+) -> tuple[tuple[float, float, float, bool], ...]:
     """Commands that tell the two best patterns apart: left and right [m/s], and by how many standard deviations.
 
-    Of `sample` seconds each, from the same speeds, one in a cell; no two of neighbouring cells.
+    Of `sample` seconds each, from the same speeds, one in a cell; no two of neighbouring cells. The last says whether
+    the cell has old samples to be held against: others are only named where none of these tells them apart.
     """
     names = [j for j in order if j.name != "no change"][:2]
     cells = np.arange(grid.cells)
@@ -208,14 +211,17 @@ def apart_at(
     one, other = (reference.changed(j.name, j.factor).predict(told) for j in names)
     scatter = _scatter(found)
     apart = np.sqrt((((other - one) / scatter) ** 2).sum(axis=1))
+    known = found.count[0] >= 2
+    tells = apart >= TELLS
+    allowed = known & tells if (known & tells).any() else tells
     out: list[int] = []
-    for at in np.argsort(-apart, kind="stable"):
+    for at in np.argsort(-np.where(allowed, apart, 0.0), kind="stable")[: int(allowed.sum())]:
         place = np.array(np.divmod(at, grid.each))
         if all(np.abs(place - np.divmod(i, grid.each)).max() > max(1, grid.each // 5) for i in out):
             out.append(int(at))
         if len(out) == most:
             break
-    return tuple((float(left[i]), float(right[i]), float(apart[i])) for i in out)
+    return tuple((float(left[i]), float(right[i]), float(apart[i]), bool(known[i])) for i in out)
 
 
 def _scatter(found: Shifts) -> np.ndarray:

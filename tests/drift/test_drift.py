@@ -1,0 +1,293 @@
+"""Drift of hidden robots on two wheels: what changed is found and named, and where nothing did, nothing is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_wheels import logged, robot
+
+import dynreg
+from dynreg.data.recording import Episode, Recording
+from dynreg.drift.compared import DriftSettings, Held
+from dynreg.drift.drift import drift
+from dynreg.errors import LogError, NoMatchError, RegistryError, RobotError, UsageError
+from dynreg.results import Drift
+from dynreg.session import Session
+from dynreg.sim.robot import Robot, load_robot
+
+SEEDS = 20
+PIECES = DriftSettings(splits=0)
+
+
+@pytest.fixture(scope="module")
+def diffdrive() -> Robot:
+    return load_robot("diffdrive")
+
+
+@pytest.fixture(scope="module")
+def before() -> Recording:
+    return logged(robot(), 1)
+
+
+@pytest.fixture(scope="module")
+def slower(before: Recording) -> Recording:
+    return logged(robot("left wheel", 0.8), 2)
+
+
+def found(owner: Robot, before: Recording, after: Recording, settings: DriftSettings = PIECES) -> Drift:
+    return drift(owner, Held(after, "after"), Held(before, "before"), settings)[0]
+
+
+# ---- what changed ----
+
+
+@pytest.mark.parametrize(
+    "pattern, factor", [("left wheel", 0.8), ("right wheel", 1.1), ("all speeds", 0.85), ("turns only", 0.85)]
+)
+def test_what_changed_is_named_with_its_factor(
+    pattern: str, factor: float, diffdrive: Robot, before: Recording
+) -> None:
+    result = found(diffdrive, before, logged(robot(pattern, factor), 2))
+    assert (result.verdict, result.pattern, result.rivals) == ("moved", pattern, ())
+    best = result.patterns[0]
+    assert best.name == pattern and best.share > 0.9
+    assert best.low < factor < best.high and best.high - best.low < 0.02
+    assert result.rejected > 0.1 * result.tests > 20
+    assert result.rejected == sum(s.rejected for c in result.cells for s in c.shifts.values())
+    assert f"{pattern} x" in str(result)
+
+
+def test_the_interval_holds_as_often_as_it_says(diffdrive: Robot) -> None:
+    """95 % of twelve: fewer than ten would be one case in fifty."""
+    held = 0
+    for seed in range(12):
+        after = logged(robot("all speeds", 0.85), 2 * seed + 1, episodes=8)
+        best = found(diffdrive, logged(robot(), 2 * seed, episodes=8), after).patterns[0]
+        held += best.low < 0.85 < best.high
+    assert held >= 10
+
+
+def test_the_strongest_shift_comes_first_and_is_where_the_wheel_turns(
+    diffdrive: Robot, before: Recording, slower: Recording
+) -> None:
+    result = found(diffdrive, before, slower)
+    strength = [max(abs(s.sigmas) for s in c.shifts.values()) for c in result.cells]
+    assert strength == sorted(strength, reverse=True)
+    assert all(abs(c.left) > 0.06 for c in result.moved[:10])
+    for c in result.moved[:10]:  # a slower left wheel: less ahead, and more to the left
+        assert np.sign(c.shifts["dy"].value) == -np.sign(c.left)
+        assert np.sign(c.shifts["dtheta"].value) == np.sign(c.left)
+
+
+def test_a_small_change_that_no_cell_shows_is_found_by_its_pattern(
+    diffdrive: Robot, before: Recording
+) -> None:
+    result = found(diffdrive, before, logged(robot("all speeds", 0.985), 3))
+    assert result.rejected == 0 and (result.verdict, result.pattern) == ("moved", "all speeds")
+    assert any("pools all" in note for note in result.notes)
+    assert result.patterns[0].low < 0.985 < result.patterns[0].high
+
+
+def test_what_commands_cannot_tell_apart_is_said_with_those_that_can(diffdrive: Robot) -> None:
+    """The left wheel alone says nothing of the right one."""
+    pair = (
+        logged(robot(*change), seed, like="left alone")
+        for seed, change in ((1, ()), (2, ("left wheel", 0.8)))
+    )
+    result = found(diffdrive, *pair)
+    assert result.pattern is None and set(result.rivals) == {"left wheel", "all speeds"}
+    first = result.separate_by[0]
+    assert first.left == pytest.approx(first.right) and first.apart > 3 and not first.known
+    assert "cannot tell apart" in str(result)
+
+
+# ---- what did not ----
+
+
+def test_without_a_change_alarms_are_as_rare_as_stated(diffdrive: Robot) -> None:
+    """The false-discovery rate is kept: alarms in at most 5 %, so that 5 of 20 have a chance of 1 in 400."""
+    alarms, below, tests = 0, 0, 0
+    for seed in range(SEEDS):
+        pair = (logged(robot(), 2 * seed + i, episodes=8) for i in range(2))
+        result = found(diffdrive, *pair)
+        alarms += result.verdict == "moved"
+        below += sum(s.p < 0.05 for c in result.cells for s in c.shifts.values())
+        tests += result.tests
+        assert result.false_alarms.expected == pytest.approx(0.05 * result.tests)
+    assert alarms < 5
+    assert tests > 3000 and 0.025 < below / tests < 0.06  # what is stated for the tests one by one
+
+
+def test_one_by_one_there_are_false_alarms_and_they_are_measured(diffdrive: Robot, before: Recording) -> None:
+    same = logged(robot(), 4)
+    for welch in (False, True):
+        alone = found(diffdrive, before, same, DriftSettings(together=False, welch=welch, splits=40))
+        assert 0.02 * alone.tests < alone.rejected < 0.09 * alone.tests
+        assert alone.test == ("welch" if welch else "student") and not alone.together
+        rates = alone.false_alarms
+        assert rates.splits == 40 and rates.by == "episodes" and 0.01 < rates.one_by_one < 0.08
+        assert rates.alarms > 0.9  # of many tests at 5 % some are always below
+        kept = found(diffdrive, before, same, DriftSettings(welch=welch, splits=40))
+        assert kept.rejected == 0 and kept.false_alarms.alarms < 0.5
+
+
+def test_the_same_seed_gives_the_same_document(
+    diffdrive: Robot, before: Recording, slower: Recording
+) -> None:
+    runs = [found(diffdrive, before, slower, DriftSettings(splits=10, seed=s)) for s in (3, 3, 4)]
+    one, again, other = (r.model_copy(update={"seconds": 0.0}) for r in runs)
+    assert one == again and one.false_alarms != other.false_alarms
+
+
+def test_too_little_data_is_no_verdict(diffdrive: Robot) -> None:
+    pair = (logged(robot(), seed, episodes=1, each=3) for seed in (1, 2))
+    result = found(diffdrive, *pair)
+    assert result.verdict == "too little data" and result.tests == 0 and result.cells == ()
+    assert result.false_alarms.one_by_one is None and result.patterns == ()
+    assert any("fewer --cells" in note for note in result.notes)
+    pair = (logged(robot(), seed, episodes=1, each=40) for seed in (1, 2))
+    assert found(diffdrive, *pair, replace(PIECES, cells=3)).tests > 10
+
+
+# ---- what is left out ----
+
+
+def test_pieces_that_are_too_short_too_long_or_too_fast_are_counted(
+    diffdrive: Robot, before: Recording
+) -> None:
+    taken = found(diffdrive, before, logged(robot(), 2, ticks=(4, 10))).recent
+    assert taken.short > 0.8 * taken.pieces and (taken.long, taken.outside) == (0, 0)
+    e = before.episodes[0]
+    fast = e.values.copy()
+    fast[:, 3] *= np.where(np.abs(fast[:, 3]) > 8.0, 2.0, 1.0)  # beyond 15 rad/s
+    outside = Recording(before.channels, (Episode("fast", e.time, fast), *before.episodes[1:]))
+    assert found(diffdrive, before, outside).recent.outside > 10
+    rare = Recording(before.channels, tuple(Episode(e.name, 2.0 * e.time, e.values) for e in before.episodes))
+    assert found(diffdrive, before, rare, replace(PIECES, sample=0.25)).earlier.long == 0
+    with pytest.raises(LogError, match=r"no command of 0.05 s .* give --sample"):
+        found(diffdrive, before, rare, replace(PIECES, sample=0.05))
+
+
+# ---- what is refused ----
+
+
+@pytest.mark.parametrize(
+    "wrong, says",
+    [
+        ({"sample": 0.0}, "a positive time"),
+        ({"sample": np.nan}, "a positive time"),
+        ({"cells": 0}, "1 to 200 cells"),
+        ({"level": 1.0}, "between 0 and 1"),
+        ({"splits": -1}, "0 or more"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(wrong: dict, says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        DriftSettings(**wrong)
+
+
+def test_recordings_that_cannot_be_compared_are_refused(diffdrive: Robot, before: Recording) -> None:
+    with pytest.raises(UsageError, match="'after' against itself"):
+        found(diffdrive, before, before)
+    with pytest.raises(RobotError, match="'servo_pendulum' has no wheels"):
+        found(load_robot("servo_pendulum"), before, logged(robot(), 2))
+    blind = Recording(
+        before.channels[1:], tuple(Episode(e.name, e.time, e.values[:, 1:]) for e in before.episodes)
+    )
+    for pair in ((before, blind), (blind, before)):
+        with pytest.raises(LogError, match="no channel 'base/x'"):
+            found(diffdrive, *pair)
+
+
+# ---- in a registry ----
+
+
+@pytest.fixture
+def session(tmp_path: Path, before: Recording, slower: Recording) -> Session:
+    opened = dynreg.open(tmp_path / "registry")
+    for name, recording in (("monday", before), ("friday", slower)):
+        opened.ingest(recording, "diffdrive", name=name)
+    return opened
+
+
+def test_a_session_keeps_the_result_and_takes_the_first_recording(
+    session: Session, slower: Recording
+) -> None:
+    result = session.drift("friday", splits=5)
+    assert result.chosen and result.earlier.name == "monday" and result.recording_name == "friday"
+    assert session.result("friday") == result == session.result("@last")
+    assert not session.drift("friday", "monday", splits=0).chosen
+
+
+def test_the_updated_table_holds_all_samples_and_which_still_count(
+    session: Session, before: Recording, tmp_path: Path
+) -> None:
+    import pandas as pd
+
+    result = session.drift("friday", "monday", splits=0, out=tmp_path / "table.parquet")
+    rows = pd.read_parquet(tmp_path / "table.parquet")
+    old, new = rows[rows.born == 0], rows[rows.born == 1]
+    assert (len(old), len(new)) == (result.earlier.samples, result.recent.samples)
+    kept = rows[["kept_dx", "kept_dy", "kept_dtheta"]]
+    assert kept[rows.born == 1].all(axis=None)  # what is new stays
+    dropped = rows[~kept.all(axis=1)].cell.unique()
+    step = (result.high - result.low) / result.grid
+    place = lambda v: np.floor((v - result.low) / step)  # noqa: E731
+    moved = {int(result.grid * place(c.left) + place(c.right)) for c in result.moved}
+    assert 0 < len(dropped) <= len(moved) and set(dropped) <= moved
+    assert (result.grid * place(rows.left) + place(rows.right) == rows.cell).all()
+    assert rows.seconds.between(0.4, 0.6).all() and rows.dy.abs().max() < 0.15
+    # less of what is held against it than before: the reference was fitted to the earlier recording
+    assert rows.off_dtheta[rows.born == 0].std() < 0.2 * rows.dtheta.std()
+
+
+def test_what_cannot_be_written_leaves_nothing(session: Session, tmp_path: Path) -> None:
+    with pytest.raises(RegistryError, match="cannot write"):
+        session.drift("friday", "monday", splits=0, out=tmp_path / "nowhere" / "table.parquet")
+    with pytest.raises(NoMatchError, match="no last result"):
+        session.result("@last")
+
+
+def test_a_log_by_its_path_is_registered_once_it_is_judged(
+    session: Session, before: Recording, tmp_path: Path
+) -> None:
+    from dynreg.data.table import write_csv
+
+    write_csv(_whole(logged(robot(), 5)), tmp_path / "sunday.csv")
+    write_csv(_whole(logged(robot(), 6, ticks=(1, 1), each=20)), tmp_path / "short.csv")
+    with pytest.raises(LogError):
+        session.drift(tmp_path / "short.csv", "monday", robot="diffdrive")
+    assert len(session.list("recording").items) == 2
+    result = session.drift(tmp_path / "sunday.csv", "monday", robot="diffdrive", splits=0)
+    assert len(session.list("recording").items) == 3 and session.show(result.recording).kind == "recording"
+
+
+def _whole(recording: Recording) -> Recording:
+    """With the wheels' own sensors, which a log of the packaged robot has."""
+    from dynreg.data.recording import Channel
+
+    wheels = [f"{side}_wheel/{what}" for what in ("position", "velocity") for side in ("left", "right")]
+    channels = tuple(Channel(w, "rad" if "position" in w else "rad/s") for w in wheels)
+    episodes = []
+    for e in recording.episodes:
+        speed = e.values[:, 3:5]
+        turned = np.cumsum(np.gradient(e.time)[:, None] * speed, axis=0)
+        episodes.append(Episode(e.name, e.time, np.concatenate([turned, speed, e.values], axis=1)))
+    return Recording(channels + recording.channels, tuple(episodes))
+
+
+def test_other_robots_and_a_lonely_recording_are_refused(
+    session: Session, tmp_path: Path, before: Recording
+) -> None:
+    import shutil
+
+    folder = tmp_path / "cousin"
+    shutil.copytree(load_robot("diffdrive").folder, folder)
+    text = (folder / "robot.toml").read_text()
+    (folder / "robot.toml").write_text(text.replace('name = "diffdrive"', 'name = "cousin"', 1))
+    session.ingest(logged(robot(), 7), folder, name="other")
+    with pytest.raises(UsageError, match=r"'friday' is of robot 'diffdrive' .*'cousin'"):
+        session.drift("friday", "other")
+    with pytest.raises(NoMatchError, match="no earlier recording of 'cousin'.*--against"):
+        session.drift("other")
