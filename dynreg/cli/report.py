@@ -26,8 +26,8 @@ def report(
 ) -> None:
     """Write a stored result as one HTML page.
 
-    Queries, diagnoses, trials, calibrations and gaits have a page; it needs no other file and no network. @last is
-    the last result here, and the last recording in the other verbs.
+    Queries, diagnoses, trials, calibrations, gaits, comparisons and drifts have a page; it needs no other file and
+    no network. @last is the last result here, and the last recording in the other verbs.
 
     Example: dynreg report @last --out monday.html
     """

@@ -50,7 +50,7 @@ def page(result: Result) -> str:
     if type(result) not in _PAGES:
         raise UsageError(
             f"a {type(result).__name__} has no report",
-            expected="a stored query or calibration, a diagnosis, trials, a gait or a comparison",
+            expected="a stored query or calibration, a diagnosis, trials, a gait, a comparison or a drift",
             do="see `dynreg list --kind result`",
         )
     template, variables = _PAGES[type(result)]
