@@ -165,8 +165,12 @@ def test_pieces_that_are_too_short_too_long_or_too_fast_are_counted(
     assert found(diffdrive, before, outside).recent.outside > 10
     slow = Recording(before.channels, (Episode("slow", 20.0 * e.time, e.values), *before.episodes[1:]))
     assert found(diffdrive, before, slow).recent.long > 100  # a pose a second
-    with pytest.raises(LogError, match=r"no command of 0.02 s .* give --sample"):
-        found(diffdrive, before, slow, replace(PIECES, sample=0.02))
+    rare = Recording(
+        before.channels, tuple(Episode(x.name, 20.0 * x.time, x.values) for x in before.episodes)
+    )
+    for pair, name in (((rare, before), "before"), ((before, rare), "after")):
+        with pytest.raises(LogError, match=rf"'{name}' has no command of 0.5 s .* give --sample 1"):
+            found(diffdrive, *pair)
 
 
 # ---- what is refused ----
