@@ -270,7 +270,8 @@ class Session:
     ) -> results.Comparison:
         """Models and simulators on the last commands of a wheeled robot's recording; see `compare.compare.Settings`.
 
-        simulators : ids of simulators, entries or results that recommend one, or "nominal". The result is stored.
+        simulators : ids of simulators, entries or results that recommend one, "nominal", or "diagnosis", "query" and
+        "calibration", the newest of this recording. The result is stored.
         """
         from dynreg.compare.compare import Settings, compare
 

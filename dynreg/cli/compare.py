@@ -27,7 +27,8 @@ def compare(
         typer.Option(
             "--with",
             metavar="ID",
-            help="A simulator, an entry, the result that recommends one, or nominal; may be repeated.",
+            help="A simulator, an entry, a result that recommends one, nominal, or the recording's newest diagnosis,"
+            " query or calibration; may be repeated.",
         ),
     ] = None,
     starts: Annotated[int, typer.Option(help="Random starts of the networks.")] = 30,

@@ -14,7 +14,7 @@ from dynreg.compare.contenders import MODELS, Making, Predicts, made
 from dynreg.compare.paces import paces
 from dynreg.compare.paths import driven, ends, runs
 from dynreg.compare.simulated import replayed
-from dynreg.compare.simulators import simulator
+from dynreg.compare.simulators import simulators
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, UsageError
 from dynreg.registry import Registry
@@ -28,6 +28,7 @@ from dynreg.wheeled import Told, pose_names, told
 CUT = (1000, 1230, 1460)  # ends of the parts to fit, to validate and to test, as published
 LEAST = 10  # commands of the last two parts
 STILL = 1e-9  # m, rad: a displacement that does not change
+SHORT = 0.1  # s: the shortest command of the published ones
 Progress = Callable[[str, int, int], None]
 
 
@@ -35,7 +36,8 @@ Progress = Callable[[str, int, int], None]
 class Settings:
     """What is asked for.
 
-    models : names of `contenders.MODELS`. simulators : ids of simulators, entries or results, or "nominal".
+    models : names of `contenders.MODELS`. simulators : ids of simulators, entries or results, "nominal", or
+    "diagnosis", "query", "calibration": the newest of the recording.
     seed : of every draw. starts : of the networks. generations : of the genetic algorithm that fits the unicycle.
     longest : seconds after which a command counts as another. threads : 0 for all cores; changes no number.
     """
@@ -87,7 +89,7 @@ def compare(
     commands, NoMatchError where the registry lacks a simulator, SimulationError where one diverges.
     """
     began = time.perf_counter()
-    simulators = [simulator(registry, robot, ref) for ref in dict.fromkeys(settings.simulators)]
+    chosen = simulators(registry, robot, settings.simulators, recording.id)
     found = told(robot, recording, longest=settings.longest)
     fit, validation, test = parts(len(found.commands))
     models = tuple(dict.fromkeys(settings.models))
@@ -97,13 +99,13 @@ def compare(
     )
     shown: list[Contender] = []
     contenders: dict[str, Predicts] = {}
-    for number, one in enumerate(simulators):  # first: they are quick, and may have nothing to say
+    for number, one in enumerate(chosen):  # first: they are quick, and may have nothing to say
         contenders[one.shown.name] = replayed(
             one.robot, one.config, one.shown.name, recording, found, threads=settings.threads
         )
         shown.append(one.shown)
         if progress:
-            progress("replay", number + 1, len(simulators))
+            progress("replay", number + 1, len(chosen))
     for model in models:
         told_of, contenders[model] = made(model, making, progress)
         shown.append(told_of)
@@ -127,7 +129,7 @@ def compare(
         driven=driven(found, recording, pose_names(robot, recording.names), contenders, ten),
         paces=paces(found, contenders, which),
         notes=_notes(settings, found, ten),
-        cost=Cost(evaluations=0, rollouts=len(simulators), seconds=time.perf_counter() - began),
+        cost=Cost(evaluations=0, rollouts=len(chosen), seconds=time.perf_counter() - began),
     )
 
 
@@ -181,6 +183,12 @@ def _notes(settings: Settings, found: Told, ten: np.ndarray) -> tuple[str, ...]:
         )
     if found.left_out:
         out.append(f"commands left out, at whose begin or end no pose was measured: {found.left_out}")
+    usual = float(np.median(found.commands.seconds))
+    if usual < SHORT:
+        out.append(
+            f"half of the commands last {usual:.2g} s or less: what is left of earlier ones than the last is"
+            " in no model made here, and ten of them are a short way"
+        )
     if not len(ten):
         out.append("the test part has no ten commands in a row without a gap: no paths are compared")
     return tuple(out)

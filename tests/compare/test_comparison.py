@@ -150,3 +150,17 @@ def test_robots_without_wheels_and_logs_without_a_pose_are_refused(registry: Ses
     registry.ingest(logged(bench, config(bench), [commands(bench, 5, 1)]), "servo_pendulum", name="bench")
     with pytest.raises(RobotError, match="'servo_pendulum' has no wheels"):
         registry.compare("bench")
+
+
+def test_commands_that_are_short_or_have_no_pose_are_told_of(registry: Session, robot: Robot) -> None:
+    quick = logged(robot, config(robot), [commands(robot, 120, 4, (0.02, 0.06))])
+    (episode,) = quick.episodes
+    values = episode.values.copy()
+    values[-60::4, quick.names.index("base/x")] = np.nan
+    holed = Recording(quick.channels, (replace(episode, values=values),))
+    registry.ingest(holed, "diffdrive", name="quick")
+    found = registry.compare("quick", models=["kinematic"], simulators=["nominal"])
+    text = " ".join(found.notes)
+    assert "half of the commands last 0.04 s or less" in text and "no pose was measured: " in text
+    assert found.paths is None and not found.driven and "no ten commands in a row" in text
+    assert sum(found.parts.values()) < 120

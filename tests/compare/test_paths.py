@@ -1,5 +1,7 @@
 """Commands in a row: which follow each other, and where predictions of them end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from driven_robot import commands, config, logged
@@ -21,7 +23,10 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="module")
 def log(robot: Robot) -> Recording:
-    return logged(robot, config(robot), [commands(robot, 25, 1), commands(robot, 31, 2)])
+    """Two episodes on one clock: the second begins when the first ends."""
+    made = logged(robot, config(robot), [commands(robot, 25, 1), commands(robot, 31, 2)])
+    first, second = made.episodes
+    return Recording(made.channels, (first, replace(second, time=second.time + first.time[-1])))
 
 
 def test_runs_do_not_reach_over_gaps_nor_into_another_episode(robot: Robot, log: Recording) -> None:

@@ -1,6 +1,7 @@
 """Simulators that drive a whole recording: they reproduce a log that they made, memory and all."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from driven_robot import commands, config, logged
 
 import dynreg
 from dynreg.compare.simulated import evenly, replayed
-from dynreg.compare.simulators import simulator
+from dynreg.compare.simulators import simulator, simulators
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import NoMatchError, RobotError, SimulationError
 from dynreg.session import Session
@@ -126,16 +127,20 @@ def test_simulators_are_found_by_their_ids_and_by_results_that_recommend_one(
     registry.ingest(log, "diffdrive", name="monday")
     store.put_result("diagnosis", log.id, {"extended_simulator": None, "calibrated_simulator": identity})
     told_by = store.latest("diagnosis", log.id).id
-    for ref in (identity, identity[:10], told_by):
-        found = simulator(store, robot, ref)
+    for ref in (identity, identity[:10], told_by, "diagnosis"):
+        found = simulator(store, robot, ref, log.id)
         assert found.config == truth and found.shown.simulator == identity
         assert found.shown.name == f"extended {identity[:8]}" and found.shown.effects == DELAYED
-    assert simulator(store, robot, "nominal").config == config(robot)
+    assert simulator(store, robot, "nominal", log.id).config == config(robot)
+    once = simulators(store, robot, ["nominal", identity, told_by, "nominal"], log.id)
+    assert [one.shown.name for one in once] == ["nominal", f"extended {identity[:8]}"]
     store.put_result("gait", log.id, {"robot": "diffdrive"})
     with pytest.raises(NoMatchError, match="of kind 'gait' and recommends no simulator"):
-        simulator(store, robot, store.latest("gait", log.id).id)
+        simulator(store, robot, store.latest("gait", log.id).id, log.id)
     with pytest.raises(NoMatchError, match="monday"):
-        simulator(store, robot, "monday")
+        simulator(store, robot, "monday", log.id)
+    with pytest.raises(NoMatchError):
+        simulator(store, robot, "calibration", log.id)
 
 
 def test_an_entry_of_a_population_is_found(registry_folder: Path, robot: Robot) -> None:
@@ -143,6 +148,19 @@ def test_an_entry_of_a_population_is_found(registry_folder: Path, robot: Robot) 
         store = session.registry
         (population,) = store.populations()
         entry = store.load(population.id, ()).ids[1]
-        found = simulator(store, robot, entry)
+        found = simulator(store, robot, entry, "")
         assert found.shown.name == "servo_pendulum-1" and found.robot.name == "servo_pendulum"
         assert found.config.values == store.load_entry(entry).values
+
+
+def test_entries_of_two_populations_with_the_same_name_keep_apart(
+    registry_folder: Path, robot: Robot, monkeypatch
+) -> None:
+    with dynreg.open(registry_folder) as session:
+        store = session.registry
+        (population,) = store.populations()
+        first, second = store.load(population.id, ()).ids[:2]
+        entry = store.load_entry
+        monkeypatch.setattr(store, "load_entry", lambda ref: replace(entry(ref), number=7))
+        names = [one.shown.name for one in simulators(store, robot, [first, second], "")]
+        assert len({*names}) == 2 and all(name.startswith("servo_pendulum-7 ") for name in names)
