@@ -49,8 +49,7 @@ def held_out(robot: Robot, recording: Recording) -> Segments:
     middle = 0.5 * (episode.time[0] + episode.time[-1])
     whole = Segments.cut(robot, recording, [episode.name], ROLLOUT, EVERY)
     begin = episode.time[:: round(EVERY * robot.rate)][: len(whole.measured)]
-    late = begin >= middle
-    return Segments(whole.measured[late], whole.commands[late], whole.period)
+    return whole.take(begin >= middle)
 
 
 def squares(states: np.ndarray, segments: Segments) -> np.ndarray:
@@ -63,9 +62,12 @@ def squares(states: np.ndarray, segments: Segments) -> np.ndarray:
 
 
 def drawn(windows: int) -> np.ndarray:
-    """(draws, W) windows of pieces of a minute, drawn with replacement: what follows each other is alike."""
+    """(draws, W) windows of pieces of a minute, drawn with replacement: what follows each other is alike.
+
+    Pieces run round, so that every window is drawn as often (Politis and Romano's circular bootstrap, 1992).
+    """
     length = round(PIECE / EVERY)
-    starts = stream(0, "pieces").integers(0, max(windows - length, 1), (DRAWS, -(-windows // length)))
+    starts = stream(0, "pieces").integers(0, windows, (DRAWS, -(-windows // length)))
     return (starts[:, :, None] + np.arange(length)).reshape(DRAWS, -1)[:, :windows] % windows
 
 

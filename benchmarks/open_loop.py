@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.replay.velocity import base_velocities
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
@@ -13,11 +14,15 @@ from dynreg.sim.run import Run
 
 @dataclass(frozen=True)
 class Segments:
-    """Pieces of a recording. measured : (W, T+1, S) states. commands : (W, T, A). period : s between them."""
+    """Pieces of a recording. measured : (W, T+1, S) states. commands : (W, T, A). period : s between them.
+
+    velocity : (W, 2) that a planar base has at the first row (`base_velocities`), None for other robots.
+    """
 
     measured: np.ndarray
     commands: np.ndarray
     period: float
+    velocity: np.ndarray | None = None
 
     @classmethod
     def cut(
@@ -26,14 +31,22 @@ class Segments:
         """Pieces of `seconds` that begin every `every` seconds of the episodes `names`."""
         states, actions = recording.columns(robot.channels), recording.columns(robot.actions)
         steps, stride = round(seconds * robot.rate), round(every * robot.rate)
-        cuts = [
-            e.values[at : at + steps + 1]
-            for e in recording.episodes
-            if e.name in names
-            for at in range(0, len(e.time) - steps, stride)
+        chosen = [e for e in recording.episodes if e.name in names]
+        begins = [np.arange(0, len(e.time) - steps, stride) for e in chosen]
+        values = np.stack(
+            [e.values[at : at + steps + 1] for e, rows in zip(chosen, begins, strict=True) for at in rows]
+        )
+        fast = [
+            base_velocities(robot, e.values[:, states], rows, 1.0 / robot.rate)
+            for e, rows in zip(chosen, begins, strict=True)
         ]
-        values = np.stack(cuts)
-        return cls(values[:, :, states], values[:, :-1, actions], 1.0 / robot.rate)
+        velocity = None if fast[0] is None else np.concatenate(fast)
+        return cls(values[:, :, states], values[:, :-1, actions], 1.0 / robot.rate, velocity)
+
+    def take(self, which: np.ndarray) -> "Segments":
+        """Some of them."""
+        velocity = None if self.velocity is None else self.velocity[which]
+        return Segments(self.measured[which], self.commands[which], self.period, velocity)
 
     def positions(self, count: int) -> np.ndarray:
         """(W, T+1, count): the first channels, which are the joints' positions."""
@@ -42,7 +55,12 @@ class Segments:
 
 def simulated(robot: Robot, config: SimConfig, segments: Segments) -> np.ndarray:
     """(W, T+1, S) what a registered simulator does from the measured states under the measured commands."""
-    run = Run(segments.commands, initial=segments.measured[:, 0], period=segments.period)
+    run = Run(
+        segments.commands,
+        initial=segments.measured[:, 0],
+        period=segments.period,
+        velocity=segments.velocity,
+    )
     values = robot.space.from_dict(dict(config.values))[None]
     return rollout(robot, values, run, threads=1, terms=terms_of(config)).states[0]
 

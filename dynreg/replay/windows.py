@@ -6,6 +6,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
+from dynreg.replay.velocity import base_velocities
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -88,6 +89,7 @@ def windows(robot: Robot, recording: Recording) -> Windows:
         inputs=inputs,
         settings=_settings(robot, recording)[[c[0] for c in cuts]],
         initial=starts(robot, actions, measured),
+        velocity=_velocities(robot, recording, cuts),
         period=_period(recording),
         begin=_begins(recording, cuts),
     )
@@ -158,6 +160,16 @@ class Replayer:
 def errors(residuals: np.ndarray) -> np.ndarray:
     """(n, W) replay error of each window: mean absolute normalised residual, 1 = the size of the motion."""
     return np.nanmean(np.abs(residuals), axis=(2, 3))
+
+
+def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray | None:
+    """(W, 2) of a planar base at the first row of each window, rows before it included."""
+    state, period = recording.columns(robot.channels), _period(recording)
+    found = [
+        base_velocities(robot, recording.episodes[number].values[:, state], np.array([start]), period)
+        for number, start, _ in cuts
+    ]
+    return None if found[0] is None else np.concatenate(found)
 
 
 def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:

@@ -17,6 +17,8 @@ class Run:
     inputs : (E, T, I) measured exogenous signals, enable channels included; None takes the robot's defaults.
     settings : (E, K) known constants of each episode; None takes the nominal ones.
     initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
+    velocity : (E, 2) speed [m/s] and yaw rate [rad/s] that planar bases start with where no channel of `initial` tells
+        them; NaN or None for a start at rest.
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (B, E, T, A) standard normal draws for the motor noise; None runs without it.
     begin : (E,) seconds from the start of the log to that of each episode (what warms up or wears goes on);
@@ -33,6 +35,7 @@ class Run:
     noise: np.ndarray | None = None
     begin: np.ndarray | None = None
     joints: tuple[str, ...] | None = None
+    velocity: np.ndarray | None = None
 
     def __post_init__(self):
         if self.actions.ndim not in (3, 4):
@@ -62,6 +65,7 @@ class Run:
             None if self.noise is None else self.noise[:, episodes],
             pick(self.begin),
             self.joints,
+            pick(self.velocity),
         )
 
 

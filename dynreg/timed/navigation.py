@@ -63,7 +63,7 @@ def driven(plan: Plan, model: Model) -> Path:
     found = along(model, asked, SAMPLE)
     moved = np.full((many, COMMANDS, found.shape[1], 3), np.nan)
     moved[told] = found
-    last = np.isfinite(found).all(axis=2).sum(axis=1) - 1
+    last = np.maximum(np.ceil(asked.seconds / SAMPLE - 1e-9).astype(int), 1) - 1
     whole = np.zeros((many, COMMANDS, 3))
     whole[told] = found[np.arange(len(found)), last]
     points, pose = np.empty_like(moved), np.zeros((many, 3))

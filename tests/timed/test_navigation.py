@@ -85,3 +85,12 @@ def test_evolution_finds_blocks_and_the_same_again() -> None:
     value, blocks = fitness(driven(Plan.of(found.genes[None]), MODEL))
     assert value[0] == found.fitness and blocks[0] == found.blocks
     assert np.array_equal(evolve(MODEL, **given).genes, found.genes)
+
+
+def test_a_model_that_diverges_on_the_way_is_worth_nothing() -> None:
+    wild = Unicycle(
+        np.array([1e-3, 0.1, 0.0, 1.0, 0.0, 1.0]), TRACK
+    )  # steps of 10 ms are far too long for 1 ms
+    plans = plan((0.1, 0.1, 2.0))
+    assert np.isfinite(driven(plans, wild).points[0, 0, 0]).all()
+    assert np.isnan(fitness(driven(plans, wild))[0]).all()

@@ -97,12 +97,11 @@ def planar_rollout(
     substeps = robot.substeps(period)
     h = period / substeps
     substeps = substeps * np.ceil(h / integrator.longest(law, h) - 1e-9).astype(int)
-    state, unknown = _start(robot, base, run, ports, n)
+    state = _start(robot, base, run, ports, n)
     begin = np.zeros(run.episodes) if run.begin is None else run.begin
     begin = np.tile(begin, n // run.episodes)
     clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin)
     motion = _Motion(base, ports, law, clock, active, integrator)
-    state = motion.settled(state, unknown)
     trace = np.empty((run.steps + 1, *state.shape))
     trace[0] = state
     for t in range(run.steps):
@@ -131,20 +130,6 @@ class _Motion:
         self.most = int(clock.substeps.max())
         for a in active:
             a.moment.h, a.moment.speeds = clock.h[a.rows, None], True
-
-    def settled(self, state: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-        """(7, n) with the velocities that are `unknown` (2, n) as the first command leaves them in the long run."""
-        if not unknown.any() or not len(self.clock.commands[0]):
-            return state
-        u, out = self.clock.commands[:, 0], state.copy()
-        out[:2] = np.where(unknown, self._targets(u) / self.law.drag, state[:2])
-        if self.commanding:
-            before = [dict(a.moment.memory) for a in self.commanding]
-            told = commanded(self.commanding, u, *self._measured(out), self.clock)
-            for a, memory in zip(self.commanding, before, strict=True):
-                a.moment.memory = memory  # nothing has been told yet
-            out[:2] = np.where(unknown, self._targets(told) / self.law.drag, state[:2])
-        return out
 
     def hold(self, state: np.ndarray, step: int) -> np.ndarray:
         """(7, n) after command number `step`."""
@@ -314,24 +299,21 @@ def _law(base: Base, ports: Ports) -> Law:
     return Law(lag, np.ones((2, n)), np.zeros(n), np.zeros(n))
 
 
-def _start(robot: Robot, base: Base, run: Run, ports: Ports, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """(7, n) states at the start: what is known of the first one, else zero; and which velocities (2, n) were not
-    measured of a base whose pose was: it may be on its way.
-    """
+def _start(robot: Robot, base: Base, run: Run, ports: Ports, n: int) -> np.ndarray:
+    """(7, n) states at the start: what is known of the first one, else zero."""
     state = np.zeros((len(QUANTITIES) + 2, n))
-    unknown = np.zeros((2, n), dtype=bool)
     if run.initial is None:
-        return state, unknown
-    known = true_states(robot, np.tile(run.initial, (n // run.episodes, 1)), ports)
+        return state
+    many = n // run.episodes
     full = np.full((len(QUANTITIES) + len(ON_WHEELS), n), np.nan)
-    full[base.channels] = known.T
+    full[base.channels] = true_states(robot, np.tile(run.initial, (many, 1)), ports).T
     speeds = len(QUANTITIES) + 2 + np.arange(2)
     if base.wheels and np.isin(speeds, base.channels).all() and not np.isin((0, 1), base.channels).any():
         radius = ports.base["wheel_radius"]
         full[:2] = _base_velocities(*(radius * full[speeds]), ports.base["track"])
-    unknown = np.isnan(full[:2]) & np.isfinite(full[2:5]).all(axis=0)
-    state[:] = np.nan_to_num(full[: len(state)])
-    return state, unknown
+    if run.velocity is not None:
+        full[:2] = np.where(np.isnan(full[:2]), np.tile(run.velocity.T, many), full[:2])
+    return np.nan_to_num(full[: len(state)])
 
 
 def _commands(base: Base, ports: Ports, run: Run, state: np.ndarray) -> np.ndarray:

@@ -150,3 +150,40 @@ def test_a_dead_zone_holds_the_wheels_at_small_commands():
 def test_effects_of_torques_stay_refused():
     assert "no driven joint" in E["load_friction"].why_not(DIFFDRIVE)
     assert "masses" in E["payload"].why_not(DIFFDRIVE) and "masses" in E["clock_error"].why_not(DIFFDRIVE)
+
+
+def _after_a_circle(robot_name: str, commands: tuple[float, float], arm: float) -> tuple[float, float]:
+    """Length of the way [m] and angle turned [rad] in two seconds of held commands, without lags."""
+    robot = load_robot(robot_name)
+    if robot.file.base:
+        still = {"speed_lag": 0.0, "yaw_lag": 0.0, "speed_drag": 1.0, "yaw_drag": 1.0}
+        robot = replace(
+            robot,
+            file=robot.file.model_copy(update={"base": robot.file.base.model_copy(update=still)}),
+            space=replace(robot.space, parameters=()),
+        )
+    steps = round(2.0 * robot.rate)
+    run = Run(np.tile(commands, (1, steps, 1)), period=1.0 / robot.rate)
+    terms = Terms((term("turn_slowdown"),), (np.array([[arm]]),))
+    values = np.empty((1, 0)) if robot.file.base else robot.space.nominal[None]
+    states = rollout(robot, values, run, engine="kinematic", terms=terms).states[0, 0]
+    x, y, yaw = (states[:, robot.channels.index(f"base/{k}")] for k in ("x", "y", "yaw"))
+    return float(np.hypot(np.diff(x), np.diff(y)).sum()), float(yaw[-1])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("ahead", [1.0, -1.0])
+def test_turns_cost_speed_on_both_kinds_of_base(side: float, ahead: float):
+    """Told 0.1 m/s and 0.8 rad/s with an arm of 5 cm: 0.06 m/s are left, and all of the turning."""
+    wheels = DIFFDRIVE.file.base
+    spread = np.array([-0.5, 0.5]) * 0.8 * side * wheels.track
+    on_wheels = tuple((0.1 * ahead + spread) / wheels.wheel_radius)
+    for robot, told in (("create", (0.1 * ahead, 0.8 * side)), ("diffdrive", on_wheels)):
+        way, turned = _after_a_circle(robot, told, 0.05)
+        assert way == pytest.approx(0.12, rel=1e-3) and turned == pytest.approx(1.6 * side, rel=1e-3)
+
+
+def test_straight_on_nothing_is_lost_and_no_turn_drives_a_base_backwards():
+    assert _after_a_circle("create", (0.1, 0.0), 0.05) == pytest.approx((0.2, 0.0))
+    assert _after_a_circle("create", (0.01, 1.0), 0.05) == pytest.approx((0.0, 2.0), abs=1e-9)
+    assert _after_a_circle("create", (0.0, 1.0), 0.05) == pytest.approx((0.0, 2.0), abs=1e-9)
