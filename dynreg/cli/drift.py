@@ -9,6 +9,7 @@ import typer
 from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.completion import recording_names
 from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog, Seed
+from dynreg.errors import UsageError
 
 
 def register(app: typer.Typer) -> None:
@@ -58,7 +59,18 @@ def drift(
     at_least("--cells", cells, 1)
     at_least("--splits", splits, 0)
     at_least("--seed", seed, 0)
-    with call.open() as session, call.progress() as progress:
+    for flag, value, good, expected in (
+        ("--sample", sample, 0 < sample < float("inf"), "seconds above 0"),
+        ("--cells", cells, cells <= 200, "1 to 200 cells on each side"),
+        ("--level", level, 0 < level < 1, "a level between 0 and 1, such as 0.05"),
+    ):
+        if not good:
+            raise UsageError(f"{flag} {value:g}", expected=expected, do="give another number")
+    # both logs may be the first things in a registry
+    fresh_logs = (
+        robot is not None and against is not None and Path(recording).exists() and Path(against).exists()
+    )
+    with call.open(create=fresh_logs) as session, call.progress() as progress:
         result = session.drift(
             recording,
             against,

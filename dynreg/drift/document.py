@@ -8,6 +8,7 @@ from dynreg.sim.robot import Robot
 from dynreg.timed.cells import Grid, Pieces
 from dynreg.timed.commands import AXES
 from dynreg.timed.drift import Judged, Shifts, Split, apart_at, rivals
+from dynreg.timed.patterns import HIGHEST, LOWEST
 
 UNITS = ("m", "m", "rad")
 
@@ -22,7 +23,7 @@ def document(
     order: tuple[Judged, ...],
     itself: Split | None,
 ) -> Drift:
-    """The verdict with all that it stands on. itself : None where the earlier recording is too small to be split."""
+    """The verdict with all that it stands on. itself : None where the earlier recording was not split."""
     tests, rejected = int(np.isfinite(found.p).sum()), int(found.rejected.sum())
     clear = rivals(order)
     verdict = "too little data" if not tests else "moved" if rejected or clear else "still true"
@@ -61,6 +62,7 @@ def document(
                 high=j.high,
                 share=j.share,
                 evidence=j.evidence,
+                at_bound=j.at_bound,
             )
             for j in order
         ),
@@ -77,7 +79,7 @@ def document(
             "yaw_lag": float(r.parameters[1]),
         },
         seed=settings.seed,
-        notes=_notes(both, found, order, clear, rejected, tests, itself),
+        notes=_notes(both, order, clear, rejected, tests, settings.splits > 0 and itself is None),
         seconds=0.0,
     )
 
@@ -126,14 +128,13 @@ def _cells(grid: Grid, found: Shifts) -> tuple[DriftCell, ...]:
 
 def _notes(
     both: Compared,
-    found: Shifts,
     order: tuple[Judged, ...],
     clear: tuple[str, ...],
     rejected: int,
     tests: int,
-    itself: Split | None,
+    whole: bool,
 ) -> tuple[str, ...]:
-    """What else a reader must know."""
+    """What else a reader must know. whole : splits were asked for, and the earlier recording could not be split."""
     out = []
     if not tests:
         out.append(
@@ -146,6 +147,12 @@ def _notes(
         out.append(
             f"{order[0].name} explains {100 * order[0].share:.0f} % of the squared shifts: not all of it"
         )
-    if tests and itself is None:
+    out += [
+        f"the factor of {j.name} stands at a bound of the search, {LOWEST:g} to {HIGHEST:g}: what moved may be more, or"
+        " something else"
+        for j in order
+        if j.at_bound and j.name in clear
+    ]
+    if tests and whole:
         out.append("the earlier recording is too small to be split: how often the test errs was not measured")
     return tuple(out)

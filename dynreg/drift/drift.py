@@ -1,6 +1,7 @@
 """A recording held against an earlier one: tests, patterns, rates of error, and the updated table."""
 
 import io
+import itertools
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +36,8 @@ def stored_drift(
 ) -> Drift:
     """A recording (itself, its robot, its name) held against an earlier one, and the result stored.
 
-    earlier : None for the one of the same robot that was ingested first. out : a Parquet file for the updated table.
+    earlier : None for the one of the same robot that was ingested first, before this one. out : a Parquet file for the
+    updated table.
     Whatever was read from a log on the way is registered, too, the earlier one first; nothing is where there is an
     error. Raises UsageError for recordings of two robots, NoMatchError where there is no earlier one, and what `drift`
     does.
@@ -57,6 +59,7 @@ def stored_drift(
     )
     if out is not None:
         write_file(Path(out), table)
+        result = result.model_copy(update={"kept": True})
     known = {info.id for info in registry.recordings()}
     registry.put_robot(robot.folder, robot.hash, robot.name)
     for recording in (earlier[0], loaded):
@@ -67,8 +70,12 @@ def stored_drift(
 
 
 def earliest(registry: Registry, robot: Robot, but: str) -> str:
-    """The id of the robot's recording that was ingested first, other than `but`; NoMatchError where there is none."""
-    found = [r.id for r in registry.recordings() if r.robot_hash == robot.hash and r.id != but]
+    """The id of the robot's recording that was ingested first; NoMatchError where none was before `but`.
+
+    Where `but` is not registered, all of them were.
+    """
+    before = itertools.takewhile(lambda r: r.id != but, registry.recordings())
+    found = [r.id for r in before if r.robot_hash == robot.hash]
     if not found:
         raise NoMatchError(
             f"no earlier recording of {robot.name!r} in {str(registry.path)!r}",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dynreg.report.drawing import Tick, ticks
-from dynreg.report.drift_tables import AXES, SHOWN, cell, errors, shown_unit, steps, taken
+from dynreg.report.drift_tables import AXES, SHOWN, cell, cells, errors, shown_unit, steps, taken
 from dynreg.results import Drift
 
 SHADES = (1.0, 2.0, 3.5, 6.0)  # standard errors from which on a colour is a shade darker
@@ -40,10 +40,7 @@ def drift_page(result: Drift) -> dict[str, Any]:
         "maps": [_map(result, axis, name) for axis, name in AXES.items()] if result.cells else [],
         "shades": range(1, len(SHADES) + 1),
         "bounds": SHADES,
-        "strongest": [
-            (c, [cell(c.shifts[axis]) if axis in c.shifts else "-" for axis in AXES])
-            for c in result.moved[:SHOWN]
-        ],
+        "strongest": [(c, cells(c)) for c in result.moved[:SHOWN]],
         "columns": [f"{name} [{shown_unit(result, axis)}]" for axis, name in AXES.items()]
         if result.cells
         else [],

@@ -1,13 +1,14 @@
 """A drift as rich tables, and what it says in words."""
 
 import math
+import shlex
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
-from dynreg.results import Drift, Shift, Taken
+from dynreg.results import Drift, DriftCell, Shift, Taken
 
 SHOWN = 12  # cells
 UNITS = {"m": ("mm", 1000.0), "rad": ("deg", math.degrees(1.0))}  # as people read them
@@ -23,9 +24,8 @@ def drift_tables(result: Drift) -> RenderableType:
         parts.append(pattern_table(result))
     if moved:
         rows = [
-            (f"{c.left:+.3f}", f"{c.right:+.3f}", f"{c.earlier}, {c.recent}", *map(cell, c.shifts.values()))
+            (f"{c.left:+.3f}", f"{c.right:+.3f}", f"{c.earlier}, {c.recent}", *cells(c))
             for c in moved[:SHOWN]
-            if len(c.shifts) == len(AXES)
         ]
         columns = ("left [m/s]", "right [m/s]", "samples", *(f"{a} [{shown_unit(result, a)}]" for a in AXES))
         parts.append(table(columns, rows, f"{title}: shift +- standard error, * rejected"))
@@ -38,11 +38,22 @@ def drift_tables(result: Drift) -> RenderableType:
 def pattern_table(result: Drift) -> RenderableType:
     """Every explanation, the best first."""
     rows = [
-        (p.name, p.factor, f"{p.low:.3f} to {p.high:.3f}", f"{100 * p.share:.0f} %", p.evidence)
+        (
+            p.name,
+            p.factor,
+            f"{p.low:.3f} to {p.high:.3f}{' (at a bound)' if p.at_bound else ''}",
+            f"{100 * p.share:.0f} %",
+            p.evidence,
+        )
         for p in result.patterns
     ]
     columns = ("pattern", "factor", "95 % interval", "of the squared shifts", "evidence")
     return table(columns, rows, "what would explain the shifts (evidence over no change: 10 is very strong)")
+
+
+def cells(of: DriftCell) -> tuple[str, ...]:
+    """Its shifts in the order of `AXES`, "-" where an axis was not tested."""
+    return tuple(cell(of.shifts[axis]) if axis in of.shifts else "-" for axis in AXES)
 
 
 def cell(shift: Shift) -> str:
@@ -81,8 +92,8 @@ def taken(of: Taken) -> str:
         for many, what in ((of.short, "too short"), (of.long, "too long"), (of.outside, "out of range"))
         if many
     ]
-    left = f", left out: {', '.join(out)}" if out else ""
-    return f"{of.name}: {count(of.samples, 'sample')} of {count(of.pieces, 'piece')}{left}"
+    others = f", left out: {', '.join(out)}" if out else ""
+    return f"{of.name}: {count(of.samples, 'sample')} of {count(of.pieces, 'piece')}{others}"
 
 
 def steps(result: Drift) -> tuple[str, ...]:
@@ -103,8 +114,20 @@ def steps(result: Drift) -> tuple[str, ...]:
             f"To tell {' from '.join(result.rivals[:2])}, record {told} ({result.sample:g} s each, several times)."
             f"{later}"
         )
-    out.append(
-        f"Keep the updated table: dynreg drift {result.recording_name} --against {result.earlier.name}"
-        " --out table.parquet"
-    )
+    if not result.kept:
+        out.append(f"Keep the updated table: {command(result)} --out table.parquet")
     return tuple(out)
+
+
+def command(result: Drift) -> str:
+    """The command line that makes the same tests again; settings that are the usual ones are left out."""
+    asked = (
+        ("--sample", result.sample, 0.5),
+        ("--cells", result.grid, 20),
+        ("--level", result.false_alarms.level, 0.05),
+        ("--seed", result.seed, 0),
+    )
+    words = ["dynreg", "drift", result.recording_name, "--against", result.earlier.name]
+    words += [word for flag, value, usual in asked if value != usual for word in (flag, f"{value!r}")]
+    words += ["--welch"] * (result.test == "welch") + ["--no-fdr"] * (not result.together)
+    return shlex.join(words)

@@ -34,7 +34,9 @@ class DriftCell(Result):
 class DriftPattern(Result):
     """An explanation of all shifts: a factor with its 95 % interval, the share of the squared shifts explained.
 
-    evidence : Schwarz's criterion of no change less its own; 10 is very strong.
+    Factors are looked for from 0.2 to 5, and the interval ends there: all of it where the shifts say nothing of the
+    factor. at_bound : the factor stands at such an end, and what explains the shifts best may lie beyond. evidence :
+    Schwarz's criterion of no change less its own; 10 is very strong.
     """
 
     name: Literal["no change", "left wheel", "right wheel", "all speeds", "turns only"]
@@ -43,6 +45,7 @@ class DriftPattern(Result):
     high: float
     share: float
     evidence: float
+    at_bound: bool = False
 
 
 class Separating(Result):
@@ -97,6 +100,7 @@ class Drift(Result):
     none is clear; rivals : where it cannot be told from others, those, and separate_by what commands would tell.
     sample [s], grid : cells on each side, low, high [m/s] : of the wheel speeds. reference : what the displacements
     are held against, fitted to the earlier recording. chosen : the earlier recording was not named, but the first.
+    kept : the updated table was written.
     """
 
     schema_: Literal["dynreg/drift/1"] = Field(default="dynreg/drift/1", alias="schema")
@@ -125,6 +129,7 @@ class Drift(Result):
     seed: int
     notes: tuple[str, ...]
     seconds: float
+    kept: bool = False
 
     @property
     def moved(self) -> tuple[DriftCell, ...]:
@@ -157,7 +162,8 @@ class Drift(Result):
         by_name = {p.name: p for p in self.patterns}
         if self.pattern is not None:
             p = by_name[self.pattern]
-            return f"{p.name} x {p.factor:.3f} [{p.low:.3f}, {p.high:.3f}]"
+            end = ", at a bound of the search" if p.at_bound else ""
+            return f"{p.name} x {p.factor:.3f} [{p.low:.3f}, {p.high:.3f}]{end}"
         if self.rivals:
             told = [f"{name} x {by_name[name].factor:.3f}" for name in self.rivals]
             return f"{' or '.join(told)}, which these commands cannot tell apart"

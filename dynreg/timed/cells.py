@@ -98,7 +98,8 @@ def pieces(
     """Those of commands (n,) that last about `sample` [s] and lie in the grid.
 
     moved : (n, 3). episode : (n,). asked : the same commands as they were told, where `commands` begin with the speeds
-    that the robot had: a drive is as long as what was told stays the same.
+    that the robot had: a drive is as long as what was told stays the same. Commands may be missing in between: one is
+    of the drive before it only where the same was told before it, too.
     """
     cell = grid.cell(asked.left, asked.right)
     short = asked.seconds < (1.0 - NEAR) * sample
@@ -110,6 +111,8 @@ def pieces(
         (episode[1:] == episode[:-1])
         & (asked.left[1:] == asked.left[:-1])
         & (asked.right[1:] == asked.right[:-1])
+        & (asked.left_before[1:] == asked.left[1:])
+        & (asked.right_before[1:] == asked.right[1:])
     )
     held = np.cumsum(~same)[use]
     first, drive = np.unique(held, return_index=True, return_inverse=True)[1:]

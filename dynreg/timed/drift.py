@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from dynreg.timed.cells import Grid, Pieces, mean_by_cell
 from dynreg.timed.commands import Commands
-from dynreg.timed.patterns import PATTERNS, Pattern, ranked
+from dynreg.timed.patterns import HIGHEST, LOWEST, PATTERNS, Pattern, ranked
 from dynreg.timed.reference import Reference
 from dynreg.timed.table import DisplacementTable, Rules, rejections
 
@@ -48,7 +48,9 @@ class Shifts:
 class Judged:
     """One pattern: its factor with a 95 % interval, the share of the squared shifts that it explains, its evidence.
 
-    evidence : Schwarz's criterion of no change less its own, with shifts as scattered as the best pattern leaves them.
+    low, high : within the bounds of the search, all of it where the shifts say nothing of the factor. at_bound : the
+    factor stands at one of them. evidence : Schwarz's criterion of no change less its own, with shifts as scattered as
+    the best pattern leaves them.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Judged:
     high: float
     share: float
     evidence: float
+    at_bound: bool = False
 
 
 @dataclass(frozen=True)
@@ -111,10 +114,11 @@ def _judged(pattern: Pattern, rest: dict[str, float], loose: float, many: int) -
     return Judged(
         pattern.name,
         pattern.factor,
-        float(pattern.factor - wide),
-        float(pattern.factor + wide),
+        max(float(pattern.factor - wide), LOWEST),
+        min(float(pattern.factor + wide), HIGHEST),
         pattern.share,
         0.0 if pattern.name == "no change" else float(gain),
+        pattern.at_bound,
     )
 
 

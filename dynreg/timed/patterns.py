@@ -14,13 +14,16 @@ from dynreg.timed.commands import Commands
 from dynreg.timed.kinematic import kinematic
 
 PATTERNS = ("left wheel", "right wheel", "all speeds", "turns only")
+LOWEST, HIGHEST = 0.2, 5.0  # of a factor: where it is looked for
+EDGE = 1e-3  # relative: the search ends just inside its bounds
 
 
 @dataclass(frozen=True)
 class Pattern:
     """One explanation: the factor (1 where nothing changed) with its standard error, and how much it explains.
 
-    share : of the squared shifts, each in units of its standard error. bic : Schwarz's criterion, less is better.
+    error : inf where the shifts say nothing of the factor. share : of the squared shifts, each in units of its standard
+    error. bic : Schwarz's criterion, less is better.
     """
 
     name: str
@@ -28,6 +31,11 @@ class Pattern:
     error: float
     share: float
     bic: float
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether the factor stands where the search ends: what explains the shifts best may lie beyond."""
+        return self.factor < LOWEST * (1.0 + EDGE) or self.factor > HIGHEST * (1.0 - EDGE)
 
 
 def patterns(commands: Commands, shifts: np.ndarray, errors: np.ndarray, track: float) -> tuple[Pattern, ...]:
@@ -41,7 +49,8 @@ def ranked(
 ) -> tuple[Pattern, ...]:
     """Explanations of shifts (n, 3) with standard errors (n, 3), the best first; "no change" is among them.
 
-    change : (n, 3) shifts that a pattern brings with a factor. Shifts that are NaN were not measured.
+    change : (n, 3) shifts that a pattern brings with a factor, `LOWEST` to `HIGHEST`. Shifts that are NaN were not
+    measured.
     """
     known = np.isfinite(shifts) & np.isfinite(errors) & (errors > 0)
     scaled = shifts[known] / errors[known]
@@ -49,10 +58,10 @@ def ranked(
     out = [Pattern("no change", 1.0, 0.0, 0.0, total)]
     for name in PATTERNS:
 
-        def left(x: np.ndarray, name: str = name) -> np.ndarray:
+        def residuals(x: np.ndarray, name: str = name) -> np.ndarray:
             return change(name, float(x[0]))[known] / errors[known] - scaled
 
-        found = least_squares(left, [1.0], bounds=(0.2, 5.0))
+        found = least_squares(residuals, [1.0], bounds=(LOWEST, HIGHEST))
         rest = float(2.0 * found.cost)
         slope = float(found.jac[:, 0] @ found.jac[:, 0])
         out.append(

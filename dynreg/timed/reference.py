@@ -84,11 +84,11 @@ def fitted(nominal: Reference, commands: Commands, moved: np.ndarray, rng: np.ra
     off = moved - nominal.predict(commands)
     scale = np.maximum(1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0), 1e-6)
 
-    def left(x: np.ndarray) -> np.ndarray:
+    def residuals(x: np.ndarray) -> np.ndarray:
         apart = (_with(nominal, x).predict(commands) - moved) / scale
         return np.concatenate([apart.ravel(), x / WIDTH])
 
-    found = least_squares(left, np.zeros(5), bounds=(-FARTHEST, FARTHEST), loss="soft_l1", x_scale=0.1)
+    found = least_squares(residuals, np.zeros(5), bounds=(-FARTHEST, FARTHEST), loss="soft_l1", x_scale=0.1)
     return _with(nominal, found.x)
 
 

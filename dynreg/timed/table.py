@@ -157,23 +157,23 @@ def _reconcile(
     own = np.flatnonzero((merged.cell == at) & counts[:, axis])
     new = own[own >= old]
     fixed = {*own[np.argsort(-merged.born[own], kind="stable")][: rules.least]}
-    left = [int(i) for i in own if i < old]
-    most, removed = int(rules.most * len(left)), 0
+    held = [int(i) for i in own if i < old]
+    most, removed = int(rules.most * len(held)), 0
     fresh = merged.values[new, axis]
     while removed < most:
-        rest = merged.values[left, axis]
+        rest = merged.values[held, axis]
         against = rest if rules.apart else np.concatenate([rest, fresh])
         known = tuple(np.array([[x]]) for x in (len(against), against.mean(), against.std(ddof=1)))
         others = tuple(np.array([[x]]) for x in (len(fresh), fresh.mean(), fresh.std(ddof=1)))
         if not _p_values(known, others, rules.welch)[0, 0] < rules.level:
             break
-        may = [i for i in left if i not in fixed]
-        if not may or len(left) <= 2:
+        may = [i for i in held if i not in fixed]
+        if not may or len(held) <= 2:
             break
         pick = min if against.mean() < fresh.mean() else max
         gone = pick(may, key=lambda i: merged.values[i, axis])
         counts[gone, axis] = False
-        left.remove(gone)
+        held.remove(gone)
         removed += 1
     return removed
 

@@ -51,14 +51,14 @@ def unicycle_along(
     parts = max(int(np.ceil(every / step - 1e-9)), 1)
     points = np.maximum(np.ceil(commands.seconds / every - 1e-9).astype(int), 1)
     order = np.argsort(-points, kind="stable")
-    ranked, left = commands.take(order), points[order]
-    last = (ranked.seconds - (left - 1) * every) / parts  # the step of the last part, which is shorter
+    ranked, ahead = commands.take(order), points[order]
+    last = (ranked.seconds - (ahead - 1) * every) / parts  # the step of the last part, which is shorter
     told, state = _begun(ranked, track, 1)
-    out = np.full((len(commands), int(left[0]) if len(left) else 0, 3), np.nan)
+    out = np.full((len(commands), int(ahead[0]) if len(ahead) else 0, 3), np.nan)
     with np.errstate(over="ignore", invalid="ignore"):
         for number in range(out.shape[1]):
-            moving = int(np.searchsorted(-left, -number, side="left"))
-            h = np.where(left[:moving] == number + 1, last[:moving], every / parts)
+            moving = int(np.searchsorted(-ahead, -number, side="left"))
+            h = np.where(ahead[:moving] == number + 1, last[:moving], every / parts)
             for _ in range(parts):
                 state[..., :moving] = _stepped(state[..., :moving], told[:, None, :moving], a, h)
             out[order[:moving], number] = _displacement(state[..., :moving])[0]
