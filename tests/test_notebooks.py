@@ -97,3 +97,45 @@ def test_the_gait_notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert drawings(notebook) >= 3  # and the robot, where this machine can draw it
     assert "Spent(trials=10" in text and "the budget of" in text
     assert all(name in text for name in ("gait.csv", "gait.py", "run.mcap", "def targets(t)"))
+
+
+def wheeled() -> nbformat.NotebookNode:
+    (path,) = [p for p in NOTEBOOKS if p.stem == "04_wheeled"]
+    return nbformat.read(path, 4)
+
+
+def test_the_wheeled_notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it is: on a hidden robot, and on the Create's log where there is a copy. Its cells check what they say."""
+    from nbclient import NotebookClient
+
+    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = wheeled()
+    NotebookClient(
+        notebook, timeout=300, resources={"metadata": {"path": str(NOTEBOOKS[0].parent)}}
+    ).execute()
+    text = printed(notebook)
+    assert drawings(notebook) == (4 if "no copy of the Create's log" in text else 5)
+    assert "named: drive_inertia" in text and "monday shows drive_inertia" in text
+    assert "monday is still true" in text and "left wheel x 0." in text
+
+
+def test_the_wheeled_notebook_does_without_the_real_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its cells about the Create, with none: one line, and no error."""
+    from nbclient import NotebookClient
+
+    monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
+    monkeypatch.setenv("DYNREG_DATA_DIR", str(tmp_path))
+    notebook = wheeled()
+    begin, end = (
+        next(i for i, cell in enumerate(notebook.cells) if title in cell.source)
+        for title in ("## A real robot", "## Is Monday's log still true?")
+    )
+    notebook.cells = notebook.cells[1:3] + notebook.cells[begin:end]
+    NotebookClient(
+        notebook, timeout=100, resources={"metadata": {"path": str(NOTEBOOKS[0].parent)}}
+    ).execute()
+    assert printed(notebook).strip() == "no copy of the Create's log: skipped"
+    assert drawings(notebook) == 0
