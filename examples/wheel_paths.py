@@ -64,22 +64,31 @@ class Paths:
         return apart[np.arange(len(apart)), last]
 
 
-def held_out(registry: Session, found: Diagnosis) -> Paths:
+def held_out(registry: Session, found: Diagnosis, *, horizon: float | None = None) -> Paths:
     """The rollouts of a diagnosis's test part, in the nominal, the calibrated and the extended simulator.
 
-    Raises NoMatchError where it held nothing out, LogError for a robot without a pose.
+    horizon : the one that it was asked for [s]. Raises NoMatchError where it held nothing out or cut the log otherwise,
+    LogError for a robot without a pose.
     """
-    recording = registry.recording(found.recording)
-    robot = robot_of(registry.registry, found.recording)
-    cut = pose(None, robot, recording, Settings(engine=found.engine or None, threads=1))[0].windows
-    chosen = np.isin(names(recording, cut, np.ones(len(cut), dtype=bool)), found.parts["test"])
-    if not chosen.any():
+    if not found.parts["test"]:
         raise NoMatchError(
             f"the diagnosis of {found.recording_name!r} held nothing out",
             expected="rollouts that it has not seen",
             do="diagnose with --hold-out 0.5",
         )
-    cut = cut.take(np.flatnonzero(chosen))
+    recording = registry.recording(found.recording)
+    robot = robot_of(registry.registry, found.recording)
+    settings = Settings(engine=found.engine or None, threads=1, horizon=horizon)
+    cut = pose(None, robot, recording, settings)[0].windows
+    known = names(recording, cut, np.ones(len(cut), dtype=bool))
+    strange = sorted({*found.parts["test"]} - {*known})
+    if strange:
+        raise NoMatchError(
+            f"no rollout {strange[0]!r} in {found.recording_name!r}, cut as the robot's folder says",
+            expected="the rollouts of the diagnosis",
+            do="give the horizon that it was asked for",
+        )
+    cut = cut.take(np.flatnonzero(np.isin(known, found.parts["test"])))
     nominal = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal))
     stored = {"calibrated": found.calibrated_simulator, "extended": found.extended_simulator}
     configs = {"nominal": nominal} | {
@@ -168,10 +177,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Draw the held-out paths of a diagnosed wheeled robot.")
     parser.add_argument("registry", type=Path)
     parser.add_argument("recording", help="recording or diagnosis, by id or name")
+    parser.add_argument("--horizon", type=float, help="of the diagnosis, where it was asked for one")
     parser.add_argument("--out", type=Path, default=Path("docs/wheels.png"))
     given = parser.parse_args(arguments)
     with dynreg.open(given.registry, create=False) as registry:
-        paths = held_out(registry, registry.result(given.recording))
+        paths = held_out(registry, registry.result(given.recording), horizon=given.horizon)
     figure = draw(paths)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(given.out, dpi=100)
