@@ -1,76 +1,114 @@
-"""Hidden robots on two wheels, logged 20 times a second by a tracker above them."""
+"""Hidden robots on two wheels, moved by the unicycle engine and logged 20 times a second by a tracker above them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.rng import stream
-from dynreg.timed.commands import Commands, chained
-from dynreg.timed.reference import Reference, on_the_way
-from dynreg.timed.unicycle import KHEPERA
+from dynreg.sim.effects import Terms, term
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Run
 
 PERIOD = 0.05  # s
-RADIUS, TRACK = 0.021, 0.0884  # m, of robots/diffdrive
+RADIUS = 0.021  # m, of robots/diffdrive
 NOISE = np.array([0.001, 0.001, np.radians(0.5)])  # of the tracker [m, m, rad]
 SPEED = 0.22  # m/s, of the fastest wheel
+POSE = ("base/x", "base/y", "base/yaw")
 CHANNELS = (
-    ("base/x", "m"),
-    ("base/y", "m"),
-    ("base/yaw", "rad"),
+    *zip(POSE, ("m", "m", "rad"), strict=True),
     ("left_wheel/velocity_command", "rad/s"),
     ("right_wheel/velocity_command", "rad/s"),
 )
 
 
-def robot(pattern: str = "", factor: float = 1.0) -> Reference:
-    """A Khepera whose wheels are not quite alike, with what changed."""
-    plain = Reference(KHEPERA, TRACK, left=0.98, right=1.01)
-    return plain.changed(pattern, factor) if pattern else plain
+@dataclass(frozen=True)
+class Hidden:
+    """What is not as diffdrive's robot.toml says: factors on both wheels and on turns, the floor's grip [m/s^2]."""
+
+    left: float = 0.98
+    right: float = 1.01
+    turns: float = 1.0
+    grip: float = np.nan
 
 
-def logged(
-    hidden: Reference,
-    seed: int,
-    *,
-    episodes: int = 12,
-    each: int = 50,
-    like: str = "",
-    ticks: tuple[int, int] = (2, 40),
-    noise: float = 1.0,
-) -> Recording:
+@dataclass(frozen=True)
+class Told:
     """Random wheel speeds held for `ticks` periods (from, to), `each` of them in an episode.
 
     like : "straight", both wheels are told the same; "left alone", the right one to stand still; else anything.
     noise : factor on the tracker's.
     """
-    rng = stream(seed, "hidden wheels")
-    return Recording(
-        tuple(Channel(name, unit) for name, unit in CHANNELS),
-        tuple(_episode(hidden, f"e{i}", each, like, ticks, noise * NOISE, rng) for i in range(episodes)),
+
+    episodes: int = 12
+    each: int = 50
+    like: str = ""
+    ticks: tuple[int, int] = (2, 40)
+    noise: float = 1.0
+
+    def wheels(self, rng: np.random.Generator) -> np.ndarray:
+        """(T, 2) speeds [rad/s] of an episode, a row a period."""
+        told = rng.uniform(-SPEED, SPEED, (self.each, 2)) / RADIUS
+        if self.like == "straight":
+            told[:, 1] = told[:, 0]
+        if self.like == "left alone":
+            told[:, 1] = 0.0
+        return told.repeat(rng.integers(self.ticks[0], self.ticks[1] + 1, self.each), axis=0)
+
+
+def robot(pattern: str = "", factor: float = 1.0, **more: float) -> Hidden:
+    """A Khepera whose wheels are not quite alike, with what changed."""
+    plain = Hidden(**more)
+    sides = {"left wheel": ("left",), "right wheel": ("right",), "all speeds": ("left", "right")}
+    changed = sides.get(pattern, ("turns",))
+    return replace(plain, **{side: factor * getattr(plain, side) for side in changed})
+
+
+def logged(hidden: Hidden, seed: int, **how: object) -> Recording:
+    """What the logger of a hidden robot writes; `how` is that of `Told`."""
+    return logs([(hidden, seed)], **how)[0]
+
+
+def logs(hidden: Sequence[tuple[Hidden, int]], **how: object) -> list[Recording]:
+    """What the loggers of hidden robots write, each with its own seed, simulated all at once."""
+    plan = Told(**how)
+    draws = [stream(seed, "hidden wheels") for _, seed in hidden]
+    told = [[plan.wheels(rng) for _ in range(plan.episodes)] for rng in draws]
+    longest = max(len(rows) for own in told for rows in own)
+    actions = np.array(
+        [[np.pad(rows, ((0, longest - len(rows)), (0, 0)), mode="edge") for rows in own] for own in told]
     )
+    states = _driven([one for one, _ in hidden], actions)
+    out = []
+    for rng, own, moved in zip(draws, told, states, strict=True):
+        episodes = []
+        for i, (rows, poses) in enumerate(zip(own, moved, strict=True)):
+            poses = poses[: len(rows) + 1] + plan.noise * NOISE * rng.standard_normal((len(rows) + 1, 3))
+            values = np.concatenate([poses, np.concatenate([rows, rows[-1:]])], axis=1)
+            episodes.append(Episode(f"e{i}", PERIOD * np.arange(len(values)), values))
+        out.append(Recording(tuple(Channel(name, unit) for name, unit in CHANNELS), tuple(episodes)))
+    return out
 
 
-def _episode(
-    hidden: Reference,
-    name: str,
-    each: int,
-    like: str,
-    ticks: tuple[int, int],
-    noise: np.ndarray,
-    rng: np.random.Generator,
-) -> Episode:
-    told = rng.uniform(-SPEED, SPEED, (each, 2))
-    if like == "straight":
-        told[:, 1] = told[:, 0]
-    if like == "left alone":
-        told[:, 1] = 0.0
-    rows = told.repeat(rng.integers(ticks[0], ticks[1] + 1, each), axis=0)
-    # the wheels do what they are told times their gains, and the lags go on from row to row
-    driven = rows * [hidden.left, hidden.right]
-    before = np.concatenate([np.zeros((1, 2)), driven[:-1]])
-    commands = Commands(*driven.T, np.full(len(rows), PERIOD), *before.T)
-    plain = Reference(hidden.parameters, hidden.track / hidden.turns)
-    begun = on_the_way(commands, np.zeros(len(rows), dtype=int), plain)
-    pose = chained(plain.predict(begun), np.array([0.1, -0.2, 2.0 * np.pi * rng.uniform()]))
-    pose = pose + noise * rng.standard_normal(pose.shape)
-    values = np.concatenate([pose, np.concatenate([rows, rows[-1:]]) / RADIUS], axis=1)
-    return Episode(name, PERIOD * np.arange(len(pose)), values)
+def _driven(hidden: Sequence[Hidden], actions: np.ndarray) -> np.ndarray:
+    """(B, E, T+1, 3) poses of hidden robots that are told actions (B, E, T, 2).
+
+    The engine has one radius for both wheels and a relative difference between them; a smaller track turns more.
+    """
+    diffdrive = load_robot("diffdrive")
+    names = list(diffdrive.space.names)
+    values = np.tile([p.nominal for p in diffdrive.space.parameters], (len(hidden), 1))
+    left, right, turns, grip = np.array([(h.left, h.right, h.turns, h.grip) for h in hidden]).T
+    values[:, names.index("wheel_radius")] *= 0.5 * (left + right)
+    values[:, names.index("track")] /= turns
+    terms = Terms(
+        (term("wheel_gain"), term("wheel_slip")),
+        ((2.0 * (right - left) / (left + right))[:, None], grip[:, None]),
+    )
+    start = np.zeros((actions.shape[1], len(diffdrive.channels)))
+    pose = [diffdrive.channels.index(name) for name in POSE]
+    start[:, pose] = [0.1, -0.2, 2.0]
+    run = Run(actions, period=PERIOD, initial=start)
+    return rollout(diffdrive, values, run, engine="unicycle", terms=terms).states[..., pose]

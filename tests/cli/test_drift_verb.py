@@ -1,13 +1,17 @@
 """`dynreg drift`: what it passes on, what it prints, what it refuses, and its page."""
 
 import json
+import re
 from pathlib import Path
 
 import made_up_drift
 import pytest
 
 from dynreg.cli.schemas import model_of
+from dynreg.drift.compared import DriftSettings
 from dynreg.errors import NoMatchError
+from dynreg.report.drift_tables import command
+from dynreg.results import Drift
 
 
 @pytest.fixture
@@ -59,10 +63,58 @@ def test_drift_answers_in_json_and_in_tables(dynreg, asked) -> None:
         "dynreg drift friday --against monday --out",
     ):
         assert words in " ".join(ended.out.split())
+    # as it is stored, with its keys sorted
+    asked.answers["drift"] = Drift.model_validate(json.loads(json.dumps(document, sort_keys=True)))
+    assert [*asked.answers["drift"].cells[0].shifts] == ["dtheta", "dx", "dy"]
+    assert dynreg("drift", "friday").out == ended.out
+    assert re.search(
+        r"-0.236 +\+0.173 +6, 7 +-6.00 \+- 0.50 +-6.00 \+- 0.50 \* +-6.88 \+- 0.57 \*", ended.out
+    )
     asked.answers["drift"] = made_up_drift.drift(rivals=("left wheel", "all speeds"))
     ended = dynreg("drift", "friday")
     assert "which these commands cannot tell apart" in " ".join(ended.out.split())
     assert "record left +0.19, right +0.19 m/s" in ended.out and "monday has none of these" in ended.out
+
+
+def test_two_logs_may_be_the_first_things_in_a_registry(dynreg, asked) -> None:
+    Path("monday.csv").write_text("")
+    Path("friday.csv").write_text("")
+    line = "drift friday.csv --against monday.csv --robot diffdrive"
+    assert dynreg(*line.split()).status == 0 and asked.created
+    for line in (
+        "drift friday.csv --against monday.csv",
+        "drift friday.csv --robot diffdrive",
+        "drift friday.csv --against monday --robot diffdrive",
+        "drift friday --against monday.csv --robot diffdrive",
+    ):
+        assert dynreg(*line.split()).status == 0 and not asked.created, line
+
+
+def test_the_table_is_to_be_kept_by_the_same_tests_unless_it_was(dynreg, asked) -> None:
+    usual = made_up_drift.drift()
+    unusual = {"sample": 0.25, "grid": 10, "test": "welch", "together": False, "seed": 3}
+    rates = usual.false_alarms.model_copy(update={"level": 0.01})
+    asked.answers["drift"] = usual.model_copy(
+        update=unusual | {"false_alarms": rates, "recording_name": "on friday"}
+    )
+    assert (
+        "dynreg drift 'on friday' --against monday --sample 0.25 --cells 10 --level 0.01 --seed 3 --welch --no-fdr"
+        " --out table.parquet" in " ".join(dynreg("drift", "friday").out.split())
+    )
+    asked.answers["drift"] = usual
+    assert "dynreg drift friday --against monday --out table.parquet" in dynreg("drift", "friday").out
+    asked.answers["drift"] = usual.model_copy(update={"kept": True})
+    assert "--out" not in dynreg("drift", "friday", "--out", "table.parquet").out
+
+
+def test_what_is_usual_in_the_hint_is_what_the_test_does_unasked() -> None:
+    """A document of the test's own settings has a hint without any."""
+    usual = DriftSettings()
+    document = made_up_drift.drift()
+    rates = document.false_alarms.model_copy(update={"level": usual.level})
+    own = {"sample": usual.sample, "grid": usual.cells, "seed": usual.seed, "together": usual.together}
+    made = document.model_copy(update=own | {"false_alarms": rates})
+    assert command(made) == "dynreg drift friday --against monday"
 
 
 @pytest.mark.parametrize(
@@ -85,6 +137,11 @@ def test_without_an_earlier_recording_the_status_is_4(dynreg, asked) -> None:
     [
         ("drift friday --cells 0", "--cells 0"),
         ("drift friday --splits -1", "--splits -1"),
+        ("drift friday --cells 201", "--cells 201"),
+        ("drift friday --sample 0", "--sample 0"),
+        ("drift friday --sample nan", "--sample nan"),
+        ("drift friday --level 1", "--level 1"),
+        ("drift friday --level 0", "--level 0"),
         ("drift friday --seed -1", "--seed -1"),
         ("drift friday --out nowhere/table.parquet", "cannot write 'nowhere/table.parquet'"),
         ("drift friday --report nowhere/page.html", "cannot write 'nowhere/page.html'"),

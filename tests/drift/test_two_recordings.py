@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hidden_wheels import logged, robot
+from hidden_wheels import logged, logs, robot
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
@@ -61,9 +61,10 @@ def test_what_changed_is_named_with_its_factor(
 def test_the_interval_holds_as_often_as_it_says(diffdrive: Robot) -> None:
     """95 % of twelve: fewer than ten would be one case in fifty."""
     held = 0
-    for seed in range(12):
-        after = logged(robot("all speeds", 0.85), 2 * seed + 1, episodes=8)
-        best = found(diffdrive, logged(robot(), 2 * seed, episodes=8), after).patterns[0]
+    changes = ((), ("all speeds", 0.85))
+    pairs = logs([(robot(*c), 2 * n + i) for n in range(12) for i, c in enumerate(changes)], episodes=8)
+    for before, after in zip(pairs[::2], pairs[1::2], strict=True):
+        best = found(diffdrive, before, after).patterns[0]
         held += best.low < 0.85 < best.high
     assert held >= 10
 
@@ -83,10 +84,10 @@ def test_the_strongest_shift_comes_first_and_is_where_the_wheel_turns(
 def test_a_small_change_that_no_cell_shows_is_found_by_its_pattern(
     diffdrive: Robot, before: Recording
 ) -> None:
-    result = found(diffdrive, before, logged(robot("all speeds", 0.985), 3))
+    result = found(diffdrive, before, logged(robot("all speeds", 0.99), 3))
     assert result.rejected == 0 and (result.verdict, result.pattern) == ("moved", "all speeds")
     assert any("pools all" in note for note in result.notes)
-    assert result.patterns[0].low < 0.985 < result.patterns[0].high
+    assert result.patterns[0].low < 0.99 < result.patterns[0].high
 
 
 def test_what_commands_cannot_tell_apart_is_said_with_those_that_can(diffdrive: Robot) -> None:
@@ -102,14 +103,45 @@ def test_what_commands_cannot_tell_apart_is_said_with_those_that_can(diffdrive: 
     assert "cannot tell apart" in str(result)
 
 
+def test_a_slippery_floor_has_moved_and_no_pattern_is_said_to_explain_it_well(
+    diffdrive: Robot, before: Recording
+) -> None:
+    """Slip is outside of what any pattern says: the best of them leaves much."""
+    result = found(diffdrive, before, logged(robot(grip=0.7), 2))
+    assert result.verdict == "moved" and result.patterns[0].share < 0.75
+    pure = found(diffdrive, before, logged(robot("all speeds", result.patterns[0].factor), 2))
+    assert pure.patterns[0].share > 0.9
+
+
+def test_a_factor_at_a_bound_is_said_to_stand_there(diffdrive: Robot) -> None:
+    """Wheels that hardly turn any more: 0.1 of what they did, half of the least that is looked for."""
+    pair = (logged(robot(*c), i, noise=0.2) for i, c in enumerate(((), ("all speeds", 0.1))))
+    result = found(diffdrive, *pair)
+    best = result.patterns[0]
+    assert (result.pattern, best.at_bound) == ("all speeds", True)
+    assert best.low == 0.2 and best.factor == pytest.approx(0.2, rel=1e-3)
+    assert "at a bound of the search" in str(result) and any("0.2 to 5" in note for note in result.notes)
+    assert Drift.model_validate_json(result.to_json()) == result
+
+
+def test_wheels_that_were_never_told_to_turn_leave_their_factor_open(diffdrive: Robot) -> None:
+    """The right wheel stood still: its factor is anything, and the document can be read again."""
+    pair = (logged(robot(), seed, like="left alone") for seed in (1, 2))
+    result = found(diffdrive, *pair)
+    right = next(p for p in result.patterns if p.name == "right wheel")
+    assert (right.low, right.high, right.at_bound) == (0.2, 5.0, False)
+    assert all(0.2 <= p.low <= p.factor <= p.high <= 5.0 for p in result.patterns)
+    assert Drift.model_validate_json(result.to_json()) == result
+
+
 # ---- what did not ----
 
 
 def test_without_a_change_alarms_are_as_rare_as_stated(diffdrive: Robot) -> None:
     """The false-discovery rate is kept: alarms in at most 5 %, so that 5 of 20 have a chance of 1 in 400."""
     alarms, below, tests = 0, 0, 0
-    for seed in range(SEEDS):
-        pair = (logged(robot(), 2 * seed + i, episodes=8) for i in range(2))
+    same = logs([(robot(), seed) for seed in range(2 * SEEDS)], episodes=8)
+    for pair in zip(same[::2], same[1::2], strict=True):
         result = found(diffdrive, *pair)
         alarms += result.verdict == "moved"
         below += sum(s.p < 0.05 for c in result.cells for s in c.shifts.values())
@@ -127,7 +159,7 @@ def test_one_by_one_there_are_false_alarms_and_they_are_measured(diffdrive: Robo
         assert alone.test == ("welch" if welch else "student") and not alone.together
         rates = alone.false_alarms
         assert rates.splits == 40 and rates.by == "episodes" and 0.01 < rates.one_by_one < 0.08
-        assert rates.alarms > 0.9  # of many tests at 5 % some are always below
+        assert rates.alarms > 0.5  # of many tests at 5 % some are mostly below
         kept = found(diffdrive, before, same, DriftSettings(welch=welch, splits=40))
         assert kept.rejected == 0 and kept.false_alarms.alarms < 0.5
 
@@ -138,6 +170,15 @@ def test_the_same_seed_gives_the_same_document(
     runs = [found(diffdrive, before, slower, DriftSettings(splits=10, seed=s)) for s in (3, 3, 4)]
     one, again, other = (r.model_copy(update={"seconds": 0.0}) for r in runs)
     assert one == again and one.false_alarms != other.false_alarms
+
+
+def test_what_was_not_split_is_not_called_too_small(diffdrive: Robot) -> None:
+    """Three commands cannot be split into halves of two samples each; but here that was asked for only once."""
+    few = [logged(robot(), seed, episodes=1, each=3, ticks=(10, 40)) for seed in (1, 3)]
+    for splits, told in ((0, False), (5, True)):
+        result = found(diffdrive, *few, DriftSettings(cells=1, splits=splits))
+        assert result.tests == 3 and result.false_alarms.splits == 0
+        assert any("too small" in note for note in result.notes) == told
 
 
 def test_too_little_data_is_no_verdict(diffdrive: Robot) -> None:
@@ -224,12 +265,26 @@ def test_a_session_keeps_the_result_and_takes_the_first_recording(
     assert not session.drift("friday", "monday", splits=0).chosen
 
 
+def test_what_was_ingested_later_is_no_earlier_recording(session: Session, tmp_path: Path) -> None:
+    """But a log that is not registered yet comes after all of them."""
+    with pytest.raises(NoMatchError, match="no earlier recording of 'diffdrive'"):
+        session.drift("monday", splits=0)
+    session.ingest(logged(robot(), 5), "diffdrive", name="sunday")
+    assert session.drift("sunday", splits=0).earlier.name == "monday"
+    from dynreg.data.table import write_csv
+
+    write_csv(_whole(logged(robot(), 6)), tmp_path / "new.csv")
+    assert session.drift(tmp_path / "new.csv", robot="diffdrive", splits=0).earlier.name == "monday"
+
+
 def test_the_updated_table_holds_all_samples_and_which_still_count(
     session: Session, before: Recording, tmp_path: Path
 ) -> None:
     import pandas as pd
 
+    assert not session.drift("friday", "monday", splits=0).kept
     result = session.drift("friday", "monday", splits=0, out=tmp_path / "table.parquet")
+    assert result.kept
     rows = pd.read_parquet(tmp_path / "table.parquet")
     old, new = rows[rows.born == 0], rows[rows.born == 1]
     assert (len(old), len(new)) == (result.earlier.samples, result.recent.samples)

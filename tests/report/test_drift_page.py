@@ -6,6 +6,7 @@ import made_up_drift
 import pytest
 
 from dynreg.report.drift_page import drift_page
+from dynreg.report.drift_tables import cells
 from dynreg.report.html import page
 
 
@@ -43,3 +44,15 @@ def test_rivals_are_named_with_the_commands_that_tell_them_apart() -> None:
     assert "To tell left wheel from all speeds, record left +0.19, right +0.19 m/s" in text
     assert 'class="chosen">left wheel' not in text
     assert 'class="chosen">left wheel' in page(made_up_drift.drift())
+
+
+def test_a_factor_at_a_bound_is_marked_and_an_axis_without_a_test_is_left_open() -> None:
+    result = made_up_drift.drift()
+    best, *others = result.patterns
+    ended = best.model_copy(update={"factor": 5.0, "high": 5.0, "at_bound": True})
+    first, *rest = result.cells
+    partly = first.model_copy(update={"shifts": {"dy": first.shifts["dy"]}})
+    made = result.model_copy(update={"patterns": (ended, *others), "cells": (partly, *rest)})
+    assert page(made).count("(at a bound)") == 1 and "(at a bound)" not in page(result)
+    assert "left wheel x 5.000 [0.799, 5.000], at a bound of the search" in page(made)
+    assert cells(partly) == ("-", "-6.00 +- 0.50 *", "-")

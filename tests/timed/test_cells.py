@@ -28,8 +28,9 @@ def test_a_grid_without_cells_is_refused(grid: tuple[float, float, int]) -> None
 def test_pieces_of_a_drive_are_one_sample_and_others_are_left_out() -> None:
     """A drive of two pieces and its short end; one too long; one too fast; the same speeds in another episode."""
     left = np.array([0.1, 0.1, 0.1, -0.1, 0.3, 0.15, 0.15])
+    before = np.array([0.0, 0.1, 0.1, 0.1, -0.1, 0.3, 0.0])
     seconds = np.array([0.5, 0.5, 0.1, 0.7, 0.5, 0.5, 0.5])
-    told = Commands(left, np.zeros(7), seconds, left, np.zeros(7))
+    told = Commands(left, np.zeros(7), seconds, before, np.zeros(7))
     moved = np.arange(21.0).reshape(7, 3)
     found = pieces(told, moved, np.array([0, 0, 0, 0, 0, 0, 1]), GRID, 0.5, told)
     assert (found.short, found.long, found.outside) == (1, 1, 1)
@@ -39,3 +40,13 @@ def test_pieces_of_a_drive_are_one_sample_and_others_are_left_out() -> None:
     assert table.cell.tolist() == [14, 14, 14] and table.born.tolist() == [3, 3, 3]
     means = mean_by_cell(GRID.cells, table.cell, table.values)
     assert np.allclose(means[14], table.values.mean(axis=0)) and np.isnan(np.delete(means, 14, axis=0)).all()
+
+
+def test_the_same_speeds_again_after_others_are_another_sample() -> None:
+    """Others in between were left out of the log for want of a pose; so was a piece of the second drive."""
+    speeds = np.array([0.1, 0.1, 0.1, 0.1])
+    still, half = np.zeros(4), np.full(4, 0.5)
+    for left_before, right_before in (([0.0, 0.1, -0.1, 0.1], still), ([0.0, 0.1, 0.1, 0.1], [0, 0, 0.1, 0])):
+        told = Commands(speeds, still, half, np.array(left_before), np.array(right_before, dtype=float))
+        found = pieces(told, np.zeros((4, 3)), np.zeros(4, dtype=int), GRID, 0.5, told)
+        assert found.drive.tolist() == [0, 0, 1, 1]
