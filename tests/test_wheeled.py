@@ -56,20 +56,20 @@ def test_commands_and_displacements_come_back(robot: Robot) -> None:
 def test_rows_with_the_same_speeds_are_one_command_up_to_a_length(robot: Robot) -> None:
     time = np.arange(11) / 10
     speed = np.repeat([[0.1, 0.1], [0.1, 0.2]], [6, 5], axis=0)
-    pose = np.stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)], axis=1)
+    pose = np.stack([np.linspace(0, 0.1, 11), np.zeros(11), np.zeros(11)], axis=1)
     found = told(robot, recording(robot, (time, speed, pose)))
     assert found.commands.seconds == pytest.approx([0.6, 0.4])
     assert found.commands.right == pytest.approx([0.1, 0.2]) and found.commands.right_before == pytest.approx(
         [0, 0.1]
     )
-    assert found.moved[:, 1] == pytest.approx([0.6, 0.4])
+    assert found.moved[:, 1] == pytest.approx([0.06, 0.04])
     short = told(robot, recording(robot, (time, speed, pose)), longest=0.3)
     assert short.commands.seconds == pytest.approx([0.3, 0.3, 0.3, 0.1])
     assert short.commands.right_before == pytest.approx([0.0, 0.1, 0.1, 0.2])
 
 
 def test_commands_without_a_pose_are_left_out(robot: Robot) -> None:
-    commands, moved, (time, speed, pose) = driven(robot, 3)
+    commands, moved, (time, speed, pose) = driven(robot, 6)
     pose[4] = np.nan
     found = told(robot, recording(robot, (time, speed, pose)))
     stay = np.array([i for i in range(12) if i not in (3, 4)])
@@ -114,8 +114,50 @@ def test_a_yaw_within_one_turn_makes_the_whole_turns_of_its_commands(robot: Robo
         assert np.allclose(told(robot, recording(robot, (time, speed, wrapped))).moved, moved)
 
 
+def turned(robot: Robot, told_rate: float, rate: float, period: float, seconds: float = 2.0) -> Recording:
+    """A base that is told a yaw rate and turns at another [rad/s], its yaw logged from -pi to pi."""
+    time = np.arange(0.0, seconds + 1e-9, period)
+    wheel = 0.5 * robot.file.base.track * told_rate
+    speed = np.tile([-wheel, wheel], (len(time), 1))
+    speed[len(time) // 2 :] *= 0.999  # a second command
+    yaw = np.mod(rate * time + np.pi, 2 * np.pi) - np.pi
+    return recording(robot, (time, speed, np.stack([0 * time, 0 * time, yaw], axis=1)))
+
+
+def test_rows_in_between_tell_whole_turns_whatever_was_told(robot: Robot) -> None:
+    """A base that is blocked, or turns twice as quickly: what was told is a turn off."""
+    for rate in (-0.5, 0.5, 10.0):
+        found = told(robot, turned(robot, 5.0, rate, 0.05))
+        assert found.moved[-1, 2] == pytest.approx(rate)
+
+
+def test_over_gaps_whole_turns_are_those_that_were_told(robot: Robot) -> None:
+    assert told(robot, turned(robot, 5.0, 4.8, 1.0)).moved[:, 2] == pytest.approx([4.8, 4.8])
+
+
+def test_an_episode_that_begins_on_the_way_loses_its_first_command(robot: Robot) -> None:
+    """Held wheels from standstill, by the unicycle; then the same log from later on, and from a change of command."""
+    base, period = robot.file.base, 0.05
+    time = period * np.arange(41)
+    speed = np.repeat([[0.15, 0.2], [0.1, 0.05]], [20, 21], axis=0)
+    run = Run(speed[None, :-1] / base.wheel_radius, period=period)
+    states = rollout(robot, robot.space.nominal[None], run, engine="unicycle").states[0, 0]
+    pose = states[:, [robot.channels.index(name) for name in POSE]]
+    whole = told(robot, recording(robot, (time, speed, pose)))
+    assert len(whole.commands) == 2 and whole.on_the_way == 0
+    for first in (10, 20):
+        cut = (time[first:], speed[first:], pose[first:])
+        both = told(robot, recording(robot, (time, speed, pose), cut))
+        assert both.on_the_way == 1 and both.left_out == 0
+        assert both.episode.tolist() == [0, 0] + [1] * (first == 10)
+    standing = (time, 0.0 * speed, np.tile(pose[:1], (41, 1)))
+    pushed = (time, 0.0 * speed, pose)
+    assert told(robot, recording(robot, standing)).on_the_way == 0
+    assert told(robot, recording(robot, pushed, (time, speed, pose))).on_the_way == 1
+
+
 def test_places_of_commands_are_told(robot: Robot) -> None:
-    commands, moved, (time, speed, pose) = driven(robot, 3)
+    commands, moved, (time, speed, pose) = driven(robot, 6)
     pose[4] = np.nan
     found = told(robot, recording(robot, (time, speed, pose)))
     stay = np.array([i for i in range(12) if i not in (3, 4)])

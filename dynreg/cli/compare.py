@@ -7,7 +7,7 @@ import typer
 
 from dynreg.cli.call import Call, at_least, can_write, verb
 from dynreg.cli.completion import MODELS, model_names
-from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog, Seed, Threads
+from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog, Seed, Threads
 from dynreg.errors import UsageError
 
 
@@ -42,9 +42,7 @@ def compare(
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
     threads: Threads = None,
-    report: Annotated[
-        Path | None, typer.Option("--html", "--report", help="Write an HTML report as well.")
-    ] = None,
+    report: Page = None,
 ) -> None:
     """Compare models and simulators of a wheeled robot.
 
@@ -52,7 +50,7 @@ def compare(
     layers. They are made from the first 84 % of the recording's commands, and all are judged on the last 16 %. A
     simulator named by --with drives the whole recording; whether it was fitted to that part is for you to know.
 
-    Example: dynreg compare monday --with nominal --html monday.html
+    Example: dynreg compare monday --with nominal --report monday.html
     """
     can_write(report)
     at_least("--starts", starts, 1)

@@ -93,7 +93,7 @@ def compare(
     found = told(robot, recording, longest=settings.longest)
     fit, validation, test = parts(len(found.commands))
     models = tuple(dict.fromkeys(settings.models))
-    _require_enough(found, fit, models)
+    _require_enough(found, fit, models, len(chosen))
     making = Making(
         found, fit, validation, settings.seed, settings.starts, settings.generations, settings.threads
     )
@@ -145,8 +145,8 @@ def parts(many: int) -> tuple[slice, slice, slice]:
     return slice(0, first), slice(first, second), slice(second, many)
 
 
-def _require_enough(found: Told, fit: slice, models: tuple[str, ...]) -> None:
-    """LogError where a model cannot be made from what there is to fit."""
+def _require_enough(found: Told, fit: slice, models: tuple[str, ...], simulators: int) -> None:
+    """LogError where a model cannot be made from what there is to fit; so many simulators are compared beside."""
     learned = [name for name in models if MODELS[name].least]
     short = [name for name in learned if MODELS[name].least > fit.stop]
     if short:
@@ -154,15 +154,21 @@ def _require_enough(found: Told, fit: slice, models: tuple[str, ...]) -> None:
         raise LogError(
             f"{fit.stop} of {len(found.commands)} commands are there to fit model {short[0]!r}",
             expected=f"at least {need}, which takes {-(-need * CUT[-1] // CUT[0])} in all",
-            do=f"record more, or leave it out: --models {','.join(n for n in models if n not in short) or 'kinematic'}",
+            do=f"record more, or leave it out: {_asked([n for n in models if n not in short], simulators)}",
         )
     still = [axis for axis, size in zip(AXES, np.ptp(found.moved[fit], axis=0), strict=True) if size < STILL]
     if learned and still:
         raise LogError(
             f"no two of the {fit.stop} commands to fit differ in {still[0]}",
             expected="commands that drive and turn in several ways",
-            do="record others, or compare without fitted models: --models kinematic",
+            do=f"record others, or compare without fitted models: {_asked(['kinematic'], simulators)}",
         )
+
+
+def _asked(models: list[str], simulators: int) -> str:
+    """Options that name these models beside so many simulators, and at least two to compare."""
+    named = models or ["kinematic"]
+    return f"--models {','.join(named)}" + (" --with nominal" if len(named) + simulators < 2 else "")
 
 
 def _best(errors: Errors) -> str:

@@ -83,7 +83,8 @@ def _driven(
     within = begin[:, None] + np.array(SHARES) * (end - begin)[:, None]
     times = np.concatenate([begin[:1], within.ravel()])
     values = episode.values[:, recording.columns(pose[:2])]
-    measured = np.stack([_known(times, episode.time, column) for column in values.T])
+    longest = np.append(end[0] - begin[0], np.repeat(end - begin, len(SHARES)))
+    measured = np.stack([_known(times, longest, episode.time, column) for column in values.T])
     start = told.start[run[0]]
     return DrivenPath(
         episode=episode.name,
@@ -94,10 +95,20 @@ def _driven(
     )
 
 
-def _known(times: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at times, between those that were measured: a camera may be slower than the log."""
+def _known(times: np.ndarray, longest: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values at times (n,), between those that were measured: a camera may be slower than the log.
+
+    NaN in gaps that are longer than `longest` (n,) [s], and before the first or after the last that was measured.
+    """
     known = np.isfinite(values)
-    return np.interp(times, stamps[known], values[known])
+    seen = stamps[known]
+    after = np.searchsorted(seen, times - SAME)  # the first that is not before
+    inside = after < len(seen)
+    last = np.minimum(after, len(seen) - 1)
+    at = np.abs(seen[last] - times) <= SAME
+    gap = seen[last] - seen[np.maximum(last - 1, 0)]
+    between = inside & (after > 0) & (gap <= longest + SAME)
+    return np.where(inside & at | between, np.interp(times, seen, values[known]), np.nan)
 
 
 def _predicted(contender: Predicts, run: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from dynreg.timed.commands import displacement
 from dynreg.wheeled import Told, pose_names
 
 EVEN = 0.01  # of the period that a row may come early or late
+START = 0.1  # s: as long as the quickest bases take to follow; a speed that is seen later is another one
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,8 @@ def evenly(robot: Robot, recording: Recording) -> Recording:
 
     Where rows come unevenly, each with the commands that hold from then on, they are put on a grid of the engine's time
     step: a command begins up to half of it early or late. A channel that the first row lacks starts with its first
-    value. Channels that the recording lacks are NaN.
+    value of the first 0.1 s, and is NaN where there is none: the engine then starts as it does without that channel.
+    Channels that the recording lacks are NaN.
     """
     gaps = np.concatenate([np.diff(e.time) for e in recording.episodes])
     period = float(np.median(gaps)) if len(gaps) else 0.0
@@ -107,7 +109,8 @@ def evenly(robot: Robot, recording: Recording) -> Recording:
         for column, name in enumerate(names):
             if name in recording.names:
                 values[:, column] = e.values[:, recording.names.index(name)]
-        begin = _first_values(values[:, : len(robot.channels)])
+        early = e.time - e.time[0] <= START * (1.0 + EVEN)
+        begin = _first_values(values[early, : len(robot.channels)])
         stamps = e.time
         if uneven:
             stamps = e.time[0] + step * np.arange(int(np.ceil(e.duration / step - EVEN)) + 1)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from dynreg.report.comparison_tables import DIRECTIONS, chance
+from dynreg.report.comparison_tables import DIRECTIONS, chance, ratio
 from dynreg.report.plan import Plan, plan
 from dynreg.results import Comparison, DrivenPath
 
@@ -22,6 +22,7 @@ def comparison_page(result: Comparison) -> dict[str, Any]:
         "ends": _ends(result),
         "plans": [p for p in (_plan(path, styles) for path in result.driven) if p is not None],
         "chance": chance,
+        "ratio": ratio,
     }
 
 

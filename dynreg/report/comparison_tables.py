@@ -38,6 +38,15 @@ def chance(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
 
 
+def ratio(f: float | None) -> str:
+    """A ratio of variances.
+
+    >>> ratio(4.2613), ratio(None)
+    ('4.26', 'infinite')
+    """
+    return "infinite" if f is None else f"{f:.3g}"
+
+
 def _error_tables(result: Comparison) -> Iterator[RenderableType]:
     errors = result.errors
     for whole in errors.variance:
@@ -46,7 +55,7 @@ def _error_tables(result: Comparison) -> Iterator[RenderableType]:
         unit = errors.models[result.best][axis].unit
         title = (
             f"{DIRECTIONS[axis]} ({axis}): absolute error [{unit}], of {errors.displacements[axis]:.3g} on average;"
-            f" analysis of variance: F({whole.between}, {whole.within}) = {whole.f:.3g}, p {_p(whole.p)}"
+            f" analysis of variance: F({whole.between}, {whole.within}) = {ratio(whole.f)}, p {_p(whole.p)}"
         )
         yield table(("model", "mean", "min", "max", "SD"), rows, title)
 

@@ -39,20 +39,26 @@ def plan(title: str, ways: Sequence[tuple[str, Points]]) -> Plan | None:
         return 0.5 * SIZE + scale * (x - middle[0]), 0.5 * SIZE - scale * (y - middle[1])
 
     lines = tuple(
-        Line(style, _path([place(*point) for point in way]))
-        for (style, _), way in zip(ways, known, strict=True)
+        Line(style, _path([point and place(*point) for point in _points(*ways[number][1])]))
+        for number, ((style, _), way) in enumerate(zip(ways, known, strict=True))
         if len(way) > 1
     )
     length = ticks(0.0, 0.4 * side, 2)[1]
     return Plan(title, lines, place(*points[0]), 100.0 * scale * length / SIZE, _length(length))
 
 
+def _points(x: Sequence[float | None], y: Sequence[float | None]) -> list[tuple[float, float] | None]:
+    return [None if a is None or b is None else (a, b) for a, b in zip(x, y, strict=True)]
+
+
 def _known(x: Sequence[float | None], y: Sequence[float | None]) -> list[tuple[float, float]]:
-    return [(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None]
+    return [point for point in _points(x, y) if point is not None]
 
 
-def _path(points: Sequence[tuple[float, float]]) -> str:
-    return "".join(f"{'L' if i else 'M'}{x:.1f} {y:.1f}" for i, (x, y) in enumerate(points))
+def _path(points: Sequence[tuple[float, float] | None]) -> str:
+    """A polyline that is broken where a point is not known."""
+    pairs = zip([None, *points], points, strict=False)
+    return "".join(f"{'L' if before else 'M'}{now[0]:.1f} {now[1]:.1f}" for before, now in pairs if now)
 
 
 def _length(metres: float) -> str:

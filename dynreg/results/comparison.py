@@ -36,10 +36,13 @@ class Pair(Result):
 
 
 class Variance(Result):
-    """One-way analysis of variance of the absolute errors on one axis."""
+    """One-way analysis of variance of the absolute errors on one axis.
+
+    f : null where it is infinite: no model's errors vary, and the models differ; then p is 0.
+    """
 
     axis: str
-    f: float
+    f: float | None
     between: int
     within: int
     p: float
@@ -113,7 +116,11 @@ class Paths(Result):
 
 
 class Way(Result):
-    """Points of a path on the ground [m], None where the place was not measured."""
+    """Points of a path on the ground [m].
+
+    None where a model says no number, or where the place was not measured. Between two measured places it is
+    interpolated, but not over a gap that is longer than the command.
+    """
 
     x: tuple[float | None, ...]
     y: tuple[float | None, ...]

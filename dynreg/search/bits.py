@@ -5,7 +5,6 @@ does not print are ours: see `Operon`.
 """
 
 from abc import ABC, abstractmethod
-from typing import Any
 
 import numpy as np
 
@@ -25,9 +24,7 @@ def numbers(bits: np.ndarray) -> np.ndarray:
 class _Bits(ABC):
     """What both have in common: turns, tournaments, and the best that go on as they are.
 
-    dimensions : P. rng : of all draws. population : candidates of one ask. tournament : drawn with replacement, the
-    best of them becomes a parent. elite : the best so many go on unchanged. mutation : chance of every bit to turn;
-    None for one bit of all on average. Raises UsageError for sizes that do not fit each other.
+    Its arguments are told where they are given: `BitGenetic`, `Operon`.
     """
 
     def __init__(
@@ -88,11 +85,31 @@ class _Bits(ABC):
 class BitGenetic(_Bits):
     """The plain one: two-point crossover of bits and mutation.
 
-    crossover : share of the children that have two parents. common : what `_Bits` takes.
+    dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. tournament : so many
+    are drawn with replacement, and the best of them becomes a parent. elite : the best so many go on unchanged.
+    mutation : chance of every bit to turn; None for one bit of all on average. crossover : share of the children that
+    have two parents. Raises UsageError for sizes that do not fit each other.
     """
 
-    def __init__(self, dimensions: int, *, crossover: float = 0.7, **common: Any):
-        super().__init__(dimensions, **common)
+    def __init__(
+        self,
+        dimensions: int,
+        *,
+        rng: np.random.Generator,
+        population: int = 50,
+        tournament: int = 6,
+        elite: int = 1,
+        mutation: float | None = None,
+        crossover: float = 0.7,
+    ):
+        super().__init__(
+            dimensions,
+            rng=rng,
+            population=population,
+            tournament=tournament,
+            elite=elite,
+            mutation=mutation,
+        )
         self._crossover = crossover
         self._bits = self._rng.integers(2, size=(self._size, self._loci), dtype=np.uint8)
 
@@ -120,21 +137,36 @@ class Operon(_Bits):
     deletion (every list of an operon that has more than one loses one), inversion (the lists of an operon are turned
     round, which expresses what was hidden). Every value, hidden ones too, turns by mutation.
 
-    common : what `_Bits` takes; an elite is optional in the paper.
+    dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. tournament : so many
+    are drawn with replacement, and the best of them becomes a parent. elite : the best so many go on unchanged;
+    optional in the paper. mutation : chance of every value to turn; None for one expressed bit of all on average.
+    connection, division, duplication, deletion, inversion : chances. Raises UsageError for sizes that do not fit each
+    other.
     """
 
     def __init__(
         self,
         dimensions: int,
         *,
+        rng: np.random.Generator,
+        population: int = 50,
+        tournament: int = 6,
+        elite: int = 1,
+        mutation: float | None = None,
         connection: float = 0.3,
         division: float = 0.3,
         duplication: float = 0.6,
         deletion: float = 0.3,
         inversion: float = 0.3,
-        **common: Any,
     ):
-        super().__init__(dimensions, **common)
+        super().__init__(
+            dimensions,
+            rng=rng,
+            population=population,
+            tournament=tournament,
+            elite=elite,
+            mutation=mutation,
+        )
         self._chances = (connection, division, duplication, deletion, inversion)
         shape = (self._size, self._loci)
         self._values = np.zeros((*shape, LIST), dtype=np.uint8)

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import SimulationError, UsageError
 from dynreg.results.comparison import Errors, Pair, Spread, Variance
 from dynreg.timed.commands import AXES
 
@@ -17,8 +17,9 @@ def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:
     """How far predictions {model: (n, 3)} are from displacements (n, 3) [m, m, rad].
 
     Tukey's test takes the errors of the models for independent samples (Pretorius et al.); they are of the same
-    commands, so Wilcoxon's signed ranks, corrected by Holm's method, are told beside. Raises UsageError for fewer than
-    two models or three commands.
+    commands, so Wilcoxon's signed ranks, corrected by Holm's method, are told beside. Where no model's errors vary on
+    an axis, models that are off alike have F = 0 and p = 1, others F = None (infinite) and p = 0. Raises UsageError for
+    fewer than two models or three commands, SimulationError where a prediction is no number.
     """
     if len(predicted) < 2 or len(moved) < 3:
         raise UsageError(
@@ -26,6 +27,14 @@ def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:
             expected="two models or more, on three commands or more",
             do="name more models, or a longer recording",
         )
+    for name, found in predicted.items():
+        lost = int((~np.isfinite(found).all(axis=1)).sum())
+        if lost:
+            raise SimulationError(
+                f"model {name!r} diverges on {lost} of {len(moved)} commands",
+                expected="a displacement for every command",
+                do="leave it out, or fit it to more commands such as these",
+            )
     errors = {name: np.abs(p - moved) * FACTORS for name, p in predicted.items()}
     variance, pairs = [], []
     for at, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True)):
@@ -46,28 +55,36 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
     from scipy import stats
 
     names, columns = list(errors), list(errors.values())
-    f, p = stats.f_oneway(*columns)
+    steady = all(np.ptp(c) == 0.0 for c in columns)
+    f, p = _without_scatter(columns) if steady else map(float, stats.f_oneway(*columns))
     within = sum(len(c) - 1 for c in columns)
-    whole = Variance(axis=axis, f=float(f), between=len(columns) - 1, within=within, p=float(p))
-    tukey = stats.tukey_hsd(*columns)
-    interval = tukey.confidence_interval(0.95)
+    whole = Variance(axis=axis, f=f, between=len(columns) - 1, within=within, p=p)
+    tukey = None if steady else stats.tukey_hsd(*columns)
+    interval = None if steady else tukey.confidence_interval(0.95)
     both = list(combinations(range(len(columns)), 2))
     paired = _holm([_signed_ranks(columns[a] - columns[b]) for a, b in both])
-    pairs = [
-        Pair(
-            axis=axis,
-            first=names[a],
-            second=names[b],
-            difference=float(tukey.statistic[a, b]),
-            low=float(interval.low[a, b]),
-            high=float(interval.high[a, b]),
-            unit=unit,
-            tukey=float(tukey.pvalue[a, b]),
-            paired=chance,
+    pairs = []
+    for (a, b), chance in zip(both, paired, strict=True):
+        apart = float(columns[a].mean() - columns[b].mean())
+        pairs.append(
+            Pair(
+                axis=axis,
+                first=names[a],
+                second=names[b],
+                difference=apart,
+                low=apart if steady else float(interval.low[a, b]),
+                high=apart if steady else float(interval.high[a, b]),
+                unit=unit,
+                tukey=_without_scatter([columns[a], columns[b]])[1] if steady else float(tukey.pvalue[a, b]),
+                paired=chance,
+            )
         )
-        for (a, b), chance in zip(both, paired, strict=True)
-    ]
     return whole, pairs
+
+
+def _without_scatter(columns: list[np.ndarray]) -> tuple[float | None, float]:
+    """F and p where no model's errors (n,) vary: 0 and 1 where all are the same, else infinite (None) and 0."""
+    return (0.0, 1.0) if len({float(c[0]) for c in columns}) == 1 else (None, 0.0)
 
 
 def spread(errors: np.ndarray, unit: str) -> Spread:

@@ -67,6 +67,7 @@ def fit_unicycle(
             continue
         last = asked[at]
         unseen = float(errors_of(last[None], *validation)[0])
+        unseen = unseen if np.isfinite(unseen) else np.inf  # it diverges there: anything else is better
         if best is None or unseen < best[0]:
             best = (unseen, history[-1], last)
     return Fitted(best[2], best[1], best[0], np.array(history))

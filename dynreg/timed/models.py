@@ -1,7 +1,7 @@
 """What predicts displacements of timed commands: one interface for the closed form, the unicycle and the networks."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -15,6 +15,14 @@ class Model(Protocol):
 
     def predict(self, commands: Commands) -> np.ndarray:
         """(n, 3) displacements of commands (n,)."""
+
+
+@runtime_checkable
+class Continuous(Protocol):
+    """A model that knows the way between the begin and the end of a command, and tells all of it in one go."""
+
+    def along(self, commands: Commands, every: float) -> np.ndarray:
+        """(n, S, 3) displacements; see the function `along`."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +56,15 @@ class Unicycle:
 def along(model: Model, commands: Commands, every: float) -> np.ndarray:
     """(n, S, 3) displacements of commands (n,) after `every` [s], twice that, ... and at the end of each; NaN after.
 
-    A model without a way of its own (`along`) is asked for commands that end sooner, as the paper asks its networks.
+    Every command has its end, also one of 0 s. A model that is not `Continuous` is asked for commands that end sooner,
+    as the paper asks its networks.
     """
-    if hasattr(model, "along"):
+    if isinstance(model, Continuous):
         return model.along(commands, every)
-    most = int(np.ceil(commands.seconds.max(initial=0.0) / every - 1e-9))
-    ends = np.minimum(every * np.arange(1, most + 1), commands.seconds[:, None])
-    there = ends - every * np.arange(most) > 1e-9
+    points = np.maximum(np.ceil(commands.seconds / every - 1e-9).astype(int), 1)
+    number = np.arange(points.max(initial=0))
+    ends = np.minimum(every * (number + 1), commands.seconds[:, None])
+    there = number < points[:, None]
     which = np.nonzero(there)[0]
     left, right, _, *before = (column[which] for column in commands.columns)
     out = np.full((*there.shape, 3), np.nan)

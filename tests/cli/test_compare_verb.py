@@ -63,7 +63,7 @@ def test_compare_answers_in_json_and_in_tables(dynreg, session) -> None:
         ("--starts 0", "--starts 0"),
         ("--generations 0", "--generations 0"),
         ("--longest 0", "--longest 0"),
-        ("--html nowhere/page.html", "cannot write 'nowhere/page.html'"),
+        ("--report nowhere/page.html", "cannot write 'nowhere/page.html'"),
     ],
 )
 def test_misuse_is_refused_before_a_registry_is_opened(line: str, says: str, dynreg, session) -> None:
@@ -72,5 +72,5 @@ def test_misuse_is_refused_before_a_registry_is_opened(line: str, says: str, dyn
 
 
 def test_its_page_is_written(dynreg, session, tmp_path: Path) -> None:
-    assert dynreg("compare", "monday", "--html", tmp_path / "page.html").status == 0
+    assert dynreg("compare", "monday", "--report", tmp_path / "page.html").status == 0
     assert "dynamic is off least" in (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -77,10 +77,27 @@ def test_a_channel_that_comes_late_does_not_take_commands_away(robot: Robot) -> 
     values[1::2, log.names.index("base/x")] = np.nan  # a camera half as quick: some commands have no pose
     late = Recording(log.channels, (Episode("run", episode.time, values),))
     even = evenly(robot, late).episodes[0]
-    assert np.isfinite(even.values[0]).all() and np.array_equal(even.time, episode.time)
+    unknown = [log.names.index("left_wheel/velocity")]  # first seen 0.8 s later: then it was another one
+    assert np.flatnonzero(np.isnan(even.values[0])).tolist() == unknown
+    assert np.array_equal(even.time, episode.time)
     found = told(robot, late)
     assert len(found.commands) + found.left_out == 30 and 5 < found.left_out < 25 and found.begin[0] < 0.8
     assert error(robot, config(robot), late)[1] < 0.01
+
+
+def test_a_channel_starts_with_a_value_of_the_first_tenth_of_a_second(robot: Robot) -> None:
+    log = logged(robot, config(robot), [commands(robot, 10, 5)])
+    (episode,) = log.episodes
+    column = log.names.index("left_wheel/velocity")
+    for missing, begins in ((0, 0), (5, 5), (6, None)):
+        values = episode.values.copy()
+        values[:missing, column] = np.nan
+        first = (
+            evenly(robot, Recording(log.channels, (replace(episode, values=values),))).episodes[0].values[0]
+        )
+        assert np.array_equal(
+            first[column], np.nan if begins is None else episode.values[begins, column], equal_nan=True
+        )
 
 
 def test_a_base_that_is_told_its_speed_and_yaw_rate(tmp_path: Path) -> None:

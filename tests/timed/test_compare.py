@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dynreg.errors import UsageError
+from dynreg.errors import SimulationError, UsageError
+from dynreg.results import Errors
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES
 from dynreg.timed.compare import _holm, compared, judged
@@ -61,6 +62,33 @@ def test_a_paired_test_sees_what_tukeys_does_not() -> None:
 def test_p_values_hold_together_by_holms_method() -> None:
     assert _holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
     assert _holm([0.5, 0.9]) == pytest.approx([1.0, 1.0]) and _holm([0.2]) == [0.2]
+
+
+def test_axes_without_scatter_have_honest_numbers() -> None:
+    """A recording in which nothing turned: every model is right, or off by the same on every command."""
+    moved = np.array([[0.01, -0.02, 0.0], [0.03, 0.04, 0.0], [0.0, 0.0, 0.0]])
+    off = np.array([[0.01, 0.0, 0.5], [0.02, 0.0, 0.5], [0.05, 0.0, 0.5]])
+    found = compared(moved, {"right": moved, "same": moved.copy(), "off": moved + off})
+    whole = {v.axis: v for v in found.variance}
+    assert (whole["dy"].f, whole["dy"].p) == (0.0, 1.0)
+    assert (whole["dtheta"].f, whole["dtheta"].p) == (None, 0.0) and 0 < whole["dx"].p < 1
+    pairs = {(p.axis, p.first, p.second): p for p in found.pairs}
+    alike, apart = pairs["dtheta", "right", "same"], pairs["dtheta", "right", "off"]
+    assert (alike.difference, alike.low, alike.high, alike.tukey, alike.paired) == (0.0, 0.0, 0.0, 1.0, 1.0)
+    half = -np.degrees(0.5)
+    assert (apart.difference, apart.low, apart.high) == pytest.approx(
+        (half, half, half)
+    ) and apart.tukey == 0.0
+    assert pairs["dy", "right", "off"].tukey == 1.0
+    assert Errors.model_validate(found.to_dict()) == found
+
+
+def test_a_prediction_that_is_no_number_is_refused() -> None:
+    moved = stream(1, "moved").standard_normal((5, 3))
+    wild = moved.copy()
+    wild[2:, 1] = np.inf
+    with pytest.raises(SimulationError, match="model 'wild' diverges on 3 of 5 commands"):
+        compared(moved, {"right": moved, "wild": wild})
 
 
 def test_one_model_or_two_commands_are_refused() -> None:
