@@ -6,6 +6,8 @@ from pydantic import Field
 
 from dynreg.results.result import Result
 
+HALF = 0.5  # of the squared shifts: a pattern that explains less is told with its share
+
 
 class Shift(Result):
     """What the commands of a cell move more than they did on one axis, in `unit`, with its standard error.
@@ -163,7 +165,8 @@ class Drift(Result):
         if self.pattern is not None:
             p = by_name[self.pattern]
             end = ", at a bound of the search" if p.at_bound else ""
-            return f"{p.name} x {p.factor:.3f} [{p.low:.3f}, {p.high:.3f}]{end}"
+            most = f", {100 * p.share:.0f} % of the squared shifts" if p.share < HALF else ""
+            return f"{p.name} x {p.factor:.3f} [{p.low:.3f}, {p.high:.3f}]{end}{most}"
         if self.rivals:
             told = [f"{name} x {by_name[name].factor:.3f}" for name in self.rivals]
             return f"{' or '.join(told)}, which these commands cannot tell apart"
