@@ -1,7 +1,8 @@
 """Models and simulators of a wheeled robot on one recording of it: errors and tests, times, paths (Pretorius et al.).
 
 The commands of a recording, in the order of its episodes, are cut into 1000 to fit, 230 to validate and 230 to test of
-each 1460. What a simulator was fitted to is the user's business: a diagnosis or a query held out a part of its own.
+each 1460. What a diagnosis or a query held out is a part of its own: a note says where simulators may have seen
+commands to test.
 """
 
 import time
@@ -14,7 +15,7 @@ from dynreg.compare.contenders import MODELS, Making, Predicts, made
 from dynreg.compare.paces import paces
 from dynreg.compare.paths import driven, ends, runs
 from dynreg.compare.simulated import replayed
-from dynreg.compare.simulators import simulators
+from dynreg.compare.simulators import Simulator, simulators
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, UsageError
 from dynreg.registry import Registry
@@ -39,7 +40,8 @@ class Settings:
     models : names of `contenders.MODELS`. simulators : ids of simulators, entries or results, "nominal", or
     "diagnosis", "query", "calibration": the newest of the recording.
     seed : of every draw. starts : of the networks. generations : of the genetic algorithm that fits the unicycle.
-    longest : seconds after which a command counts as another. threads : 0 for all cores; changes no number.
+    longest : seconds after which a command counts as another. threads : 0 for all cores; changes no number
+    but the networks' last bits, which differ from run to run (`timed.networks.train`).
     """
 
     models: tuple[str, ...] = tuple(MODELS)
@@ -128,7 +130,7 @@ def compare(
         paths=ends(found, contenders, ten),
         driven=driven(found, recording, pose_names(robot, recording.names), contenders, ten),
         paces=paces(found, contenders, which),
-        notes=_notes(settings, found, ten),
+        notes=(*_seen(chosen, recording, found.episode[which]), *_notes(found, ten)),
         cost=Cost(evaluations=0, rollouts=len(chosen), seconds=time.perf_counter() - began),
     )
 
@@ -181,14 +183,33 @@ def _best(errors: Errors) -> str:
     return min(share, key=share.__getitem__)
 
 
-def _notes(settings: Settings, found: Told, ten: np.ndarray) -> tuple[str, ...]:
+def _seen(chosen: tuple[Simulator, ...], recording: Recording, test: np.ndarray) -> tuple[str, ...]:
+    """Which simulators were fitted to episodes that hold commands to test, and to how many of these (m,) episodes."""
     out = []
-    if settings.simulators:
-        out.append(
-            "a simulator that was fitted to this recording may have seen its last commands; models made here have not"
-        )
+    names = np.array([e.name for e in recording.episodes])[test]
+    for one in chosen:
+        if one.fitted_to is None:
+            out.append(
+                f"{one.shown.name} was fitted to this recording, and nothing says to which part: it may have seen the"
+                " commands to test, which models made here have not"
+            )
+        elif many := int(np.isin(names, sorted(one.fitted_to)).sum()):
+            out.append(
+                f"{one.shown.name} was fitted to episodes of this recording that hold {many} of the {len(test)}"
+                " commands to test: it may have seen them, which models made here have not"
+            )
+    return tuple(out)
+
+
+def _notes(found: Told, ten: np.ndarray) -> tuple[str, ...]:
+    out = []
     if found.left_out:
         out.append(f"commands left out, at whose begin or end no pose was measured: {found.left_out}")
+    if found.on_the_way:
+        out.append(
+            "first commands of episodes left out, because the robot seems to move before them, at speeds that nobody"
+            f" knows: {found.on_the_way}"
+        )
     usual = float(np.median(found.commands.seconds))
     if usual < SHORT:
         out.append(

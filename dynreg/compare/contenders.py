@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from dynreg.compare.mlp import train_mlp
+from dynreg.models.threads import available_threads
 from dynreg.results.comparison import Contender
 from dynreg.timed.commands import Commands
 from dynreg.timed.fit import fit_unicycle
@@ -45,7 +46,7 @@ class Made:
 class Making:
     """What models are made from: the commands of a recording, those to fit and to validate (slices), and how.
 
-    starts : of the networks. generations : of the genetic algorithm.
+    starts : of the networks. generations : of the genetic algorithm. threads : 0 for all cores.
     """
 
     told: Told
@@ -55,6 +56,11 @@ class Making:
     starts: int
     generations: int
     threads: int
+
+    @property
+    def cores(self) -> int:
+        """That work side by side."""
+        return self.threads or available_threads()
 
     @property
     def known(self) -> tuple[Commands, np.ndarray]:
@@ -79,16 +85,22 @@ def _dynamic(making: Making, report: Callable[[int, int], None]) -> tuple[Model,
         track,
         generations=making.generations,
         seed=making.seed,
+        threads=making.cores,
         progress=report,
     ).parameters
     return Unicycle(found, track), {"track": track, **dict(zip(NAMES, map(float, found), strict=True))}
 
 
 def _network(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
-    return (
-        train(*making.known, making.unseen, starts=making.starts, seed=making.seed, progress=report),
-        {},
+    found = train(
+        *making.known,
+        making.unseen,
+        starts=making.starts,
+        seed=making.seed,
+        workers=making.cores,
+        progress=report,
     )
+    return found, {}
 
 
 def _mlp(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:

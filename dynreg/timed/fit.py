@@ -1,6 +1,7 @@
 """The unicycle's six parameters from a log, by the genetic algorithm of the paper on wheeled robots."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -42,34 +43,36 @@ def fit_unicycle(
     tournament: int = 40,
     step: float = STEP,
     seed: int = 0,
+    threads: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fitted:
     """The six parameters that explain displacements (n, 3) of commands (n,) best.
 
     Of the best of every generation the one with the lowest error on `validation` is kept (Pretorius et al.).
     step : time step [s] at most; twice that of the model is as good for lags that robots have, and half the work.
-    progress : called with generations done and all of them.
+    threads : that simulate side by side; they change no number. progress : called with generations done and all.
     """
     variance = moved.var(axis=0)
-    errors_of = partial(_errors, variance=variance, track=track, step=step)
     search = Genetic(6, rng=stream(seed, "fit unicycle"), population=population, tournament=tournament)
     best: tuple[float, float, np.ndarray] | None = None
     last, history = None, []
-    for generation in range(generations):
-        asked = RANGES[:, 0] + search.ask() * np.ptp(RANGES, axis=1)
-        errors = errors_of(asked, commands, moved)
-        search.tell(errors)
-        at = int(np.argmin(np.where(np.isfinite(errors), errors, np.inf)))
-        history.append(float(errors[at]))
-        if progress:
-            progress(generation + 1, generations)
-        if last is not None and np.array_equal(asked[at], last):
-            continue
-        last = asked[at]
-        unseen = float(errors_of(last[None], *validation)[0])
-        unseen = unseen if np.isfinite(unseen) else np.inf  # it diverges there: anything else is better
-        if best is None or unseen < best[0]:
-            best = (unseen, history[-1], last)
+    with ThreadPoolExecutor(threads) as pool:
+        errors_of = partial(_errors, variance=variance, track=track, step=step, pool=pool)
+        for generation in range(generations):
+            asked = RANGES[:, 0] + search.ask() * np.ptp(RANGES, axis=1)
+            errors = errors_of(asked, commands, moved)
+            search.tell(errors)
+            at = int(np.argmin(np.where(np.isfinite(errors), errors, np.inf)))
+            history.append(float(errors[at]))
+            if progress:
+                progress(generation + 1, generations)
+            if last is not None and np.array_equal(asked[at], last):
+                continue
+            last = asked[at]
+            unseen = float(errors_of(last[None], *validation)[0])
+            unseen = unseen if np.isfinite(unseen) else np.inf  # it diverges there: anything else is better
+            if best is None or unseen < best[0]:
+                best = (unseen, history[-1], last)
     return Fitted(best[2], best[1], best[0], np.array(history))
 
 
@@ -81,11 +84,14 @@ def _errors(
     variance: np.ndarray,
     track: float,
     step: float,
+    pool: ThreadPoolExecutor,
 ) -> np.ndarray:
     """(B,) of parameters (B, 6); NaN where a simulation is no number."""
-    out = np.empty(len(parameters))
-    for at in range(0, len(parameters), AT_ONCE):
-        found = unicycle(commands, parameters[at : at + AT_ONCE], track, step=step)
+
+    def errors(some: np.ndarray) -> np.ndarray:
+        found = unicycle(commands, some, track, step=step)
         with np.errstate(over="ignore", invalid="ignore"):
-            out[at : at + AT_ONCE] = ((found - moved) ** 2 / variance).sum(axis=2).mean(axis=1)
-    return out
+            return ((found - moved) ** 2 / variance).sum(axis=2).mean(axis=1)
+
+    batches = [parameters[at : at + AT_ONCE] for at in range(0, len(parameters), AT_ONCE)]
+    return np.concatenate(list(pool.map(errors, batches)))

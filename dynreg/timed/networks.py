@@ -4,7 +4,7 @@ Pretorius et al.: inputs are the command, the one before and its time; training 
 error in a row; of 30 random starts the one with the lowest validation error is kept.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.special import expit
 from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES, Commands
+from dynreg.timed.starts import side_by_side
 
 HIDDEN = 20
 WEIGHTS = 7 * HIDDEN + 1  # of one network with five inputs
@@ -20,6 +21,7 @@ RISES = 10  # of the validation error in a row
 STARTS = 30
 ITERATIONS = 500  # at most
 SPREAD = 0.5  # 1 sigma of a weight at the start
+Part = tuple[np.ndarray, np.ndarray]
 STILL = 1e-6  # a column whose spread is below this share of its size carries rounding, not information
 
 
@@ -52,12 +54,15 @@ def train(
     *,
     starts: int = STARTS,
     seed: int = 0,
+    workers: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Networks:
     """Networks of commands (n,) and displacements (n, 3); `validation` is the same of others.
 
-    progress : called with starts done and all of them. Raises UsageError where there are fewer commands than weights of
-    a network.
+    workers : programs that train side by side (see `starts.side_by_side`), 0 for none but this one; they do the same.
+    The last bits of MINPACK's steps differ from run to run, whatever the seed and the workers, and a long training
+    makes them larger. progress : called with starts done and all of them. Raises UsageError where there are fewer
+    commands than weights of a network.
     """
     if len(commands) < WEIGHTS:
         raise UsageError(
@@ -69,18 +74,31 @@ def train(
     (mean, scale), (out_mean, out_scale) = scales(inputs), scales(targets)
     known = (inputs - mean) / scale, (targets - out_mean) / out_scale
     unseen = (validation[0].table - mean) / scale, (validation[1] - out_mean) / out_scale
-    weights, errors = [], []
-    for axis, name in enumerate(AXES):
-        tried = []
-        for start in range(starts):
-            rng = stream(seed, "networks", name, start)
-            tried.append(_trained(rng, (known[0], known[1][:, axis]), (unseen[0], unseen[1][:, axis])))
-            if progress:
-                progress(axis * starts + start + 1, len(AXES) * starts)
-        best = min(range(starts), key=lambda i: tried[i][1])
-        weights.append(tried[best][0])
-        errors.append(tried[best][1])
+    jobs = [(axis, start) for axis in range(len(AXES)) for start in range(starts)]
+    answers = _answers(known, unseen, jobs, seed, min(workers, len(jobs)))
+    best: dict[int, tuple[np.ndarray, float]] = {}
+    for done, ((axis, start), found) in enumerate(zip(jobs, answers, strict=True)):
+        if found is None:
+            found = trained(seed, axis, start, *_of(axis, known, unseen), ITERATIONS)
+        if axis not in best or found[1] < best[axis][1]:
+            best[axis] = found
+        if progress:
+            progress(done + 1, len(jobs))
+    weights, errors = zip(*(best[axis] for axis in range(len(AXES))), strict=True)
     return Networks(np.array(weights), mean, scale, out_mean, out_scale, np.array(errors))
+
+
+def _answers(
+    known: Part, unseen: Part, jobs: Sequence[tuple[int, int]], seed: int, workers: int
+) -> Iterable[tuple[np.ndarray, float] | None]:
+    """Of workers; None for what is to be trained here."""
+    if not workers:
+        return [None] * len(jobs)
+    return side_by_side(known, unseen, jobs, seed=seed, iterations=ITERATIONS, workers=workers)
+
+
+def _of(axis: int, *parts: Part) -> tuple[Part, ...]:
+    return tuple((inputs, moved[:, axis]) for inputs, moved in parts)
 
 
 def scales(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -89,15 +107,16 @@ def scales(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return mean, np.where(scale > STILL * np.maximum(np.abs(mean), STILL), scale, 1.0)
 
 
-def _trained(
-    rng: np.random.Generator,
-    known: tuple[np.ndarray, np.ndarray],
-    unseen: tuple[np.ndarray, np.ndarray],
+def trained(
+    seed: int, axis: int, start: int, known: Part, unseen: Part, iterations: int
 ) -> tuple[np.ndarray, float]:
-    """Weights (141,) with the lowest validation error on the way, and that error."""
+    """Weights (141,) of the network of an axis with the lowest validation error on the way from a start; that error.
+
+    known, unseen : standardised inputs (n, 5) and displacements (n,) along the axis.
+    """
     from scipy.optimize import least_squares
 
-    first = SPREAD * rng.standard_normal(WEIGHTS)
+    first = SPREAD * stream(seed, "networks", AXES[axis], start).standard_normal(WEIGHTS)
     best, last, rises = (first, np.inf), np.inf, 0
 
     def slopes(weights: np.ndarray) -> np.ndarray:
@@ -114,7 +133,7 @@ def _trained(
 
     try:
         least_squares(
-            lambda w: _out(w, known[0])[0] - known[1], first, jac=slopes, method="lm", max_nfev=ITERATIONS
+            lambda w: _out(w, known[0])[0] - known[1], first, jac=slopes, method="lm", max_nfev=iterations
         )
     except _Enough:
         pass

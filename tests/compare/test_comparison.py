@@ -73,12 +73,19 @@ def _leaves(part: object, place: str = "") -> dict[str, object]:
 
 
 def test_the_same_seed_gives_the_same_numbers_on_any_threads(registry: Session, found: Comparison) -> None:
+    """The same bytes but for the networks, whose MINPACK rounds differently from run to run."""
+    known = ["kinematic", "dynamic", "mlp"]
+    one, two = (
+        registry.compare("monday", models=known, simulators=["nominal"], **QUICK | {"threads": threads})
+        for threads in (1, 2)
+    )
+    first, second = (_leaves(result.model_dump(exclude={"paces", "cost"})) for result in (one, two))
+    assert first == second
     again = registry.compare("monday", simulators=["nominal"], **QUICK | {"threads": 2})
-    apart = {"paces", "cost"}
-    first, second = (_leaves(one.model_dump(exclude=apart)) for one in (found, again))
+    first, second = (_leaves(result.model_dump(exclude={"paces", "cost"})) for result in (found, again))
     assert first.keys() == second.keys()
     for place, value in first.items():
-        same = pytest.approx(value, rel=1e-6, abs=1e-6) if isinstance(value, float) else value
+        same = pytest.approx(value, rel=1e-3, abs=1e-6) if isinstance(value, float) else value
         assert second[place] == same, place
     other = registry.compare("monday", models=["kinematic", "network"], seed=1, starts=1)
     assert other.errors.models["network"] != found.errors.models["network"]
@@ -113,6 +120,33 @@ def test_parts_follow_each_other_in_the_published_shares() -> None:
         parts(60)
 
 
+def test_a_simulator_is_told_of_where_it_may_have_seen_commands_to_test(
+    registry: Session, robot: Robot, log: Recording
+) -> None:
+    """The test part lies in the second episode."""
+    store, identity = registry.registry, registry.recording("monday").id
+    lineage = {"made_by": "diagnose", "kind": "calibrated", "recording": identity}
+    parts = {"fit": ["run_0[0]", "run_0[3]"], "select": ["run_0[1]"], "test": ["run_1"]}
+
+    def notes(simulator: str) -> str:
+        return " ".join(registry.compare("monday", models=["kinematic"], simulators=[simulator]).notes)
+
+    assert "fitted" not in notes("nominal")
+    made = config(robot, {"yaw_lag": 0.17}).as_dict() | {"lineage": lineage}
+    simulator = store.put_simulator(made)
+    assert "was fitted to this recording, and nothing says to which part" in notes(simulator)
+    other = store.put_simulator(
+        config(robot, {"yaw_lag": 0.16}).as_dict() | {"lineage": lineage | {"recording": "ab" * 32}}
+    )
+    assert "fitted" not in notes(other)
+    document = {"extended_simulator": None, "calibrated_simulator": simulator, "parts": parts}
+    store.put_result("diagnosis", identity, document)
+    assert "fitted" not in notes("diagnosis") and "fitted" not in notes(simulator)
+    store.put_result("diagnosis", identity, document | {"parts": parts | {"select": ["run_1[2]"]}})
+    for ref in ("diagnosis", simulator):
+        assert "episodes of this recording that hold 38 of the 38 commands to test" in notes(ref)
+
+
 def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log: Recording) -> None:
     for asked, says in (
         ({"models": ["magic"]}, "model 'magic'"),
@@ -127,13 +161,24 @@ def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log
         registry.compare("monday", simulators=["nowhere"])
     short = Recording(log.channels, log.episodes[1:])
     registry.ingest(short, "diffdrive", name="short")
-    with pytest.raises(LogError, match="62 of 90 commands are there to fit model 'network'.*206 in all"):
+    with pytest.raises(
+        LogError, match="62 of 90 commands are there to fit model 'network'.*206 in all"
+    ) as told:
         registry.compare("short")
+    assert str(told.value).endswith("--models kinematic,dynamic,mlp")
+    for models, simulators, advice in (
+        (["kinematic", "network"], [], "--models kinematic --with nominal"),
+        (["network"], ["nominal"], "--models kinematic"),
+    ):
+        with pytest.raises(LogError) as told:
+            registry.compare("short", models=models, simulators=simulators)
+        assert str(told.value).endswith(f"leave it out: {advice}")
     before = len(registry.registry.ids("result"))
     straight = [np.tile(commands(robot, 100, 3)[:, :1], 2)]
     registry.ingest(logged(robot, config(robot), straight), "diffdrive", name="straight")
-    with pytest.raises(LogError, match="no two of the 68 commands to fit differ in dx"):
+    with pytest.raises(LogError, match="no two of the 68 commands to fit differ in dx") as told:
         registry.compare("straight", models=["kinematic", "dynamic"])
+    assert str(told.value).endswith("--models kinematic --with nominal")
     assert len(registry.registry.ids("result")) == before
 
 

@@ -64,6 +64,29 @@ def test_the_end_of_a_path_is_off_by_what_its_last_command_is(robot: Robot, log:
     assert ends(found, {"right": Off(found, 0.0)}, ten[:0]) is None
 
 
+def test_places_are_not_made_up_over_gaps(robot: Robot, log: Recording) -> None:
+    """A camera that is blind for all of a command but its ends, and one half as quick as the log."""
+    first = log.episodes[0]
+    found = told(robot, Recording(log.channels, (first,)))
+    x = log.names.index("base/x")
+    rows = np.searchsorted(first.time, [found.begin[3] - 1e-9, found.end[5] - 1e-9])
+    values = first.values.copy()
+    values[rows[0] + 1 : rows[1], x] = np.nan  # commands 3 to 5 but for their ends
+    holed = Recording(log.channels, (Episode("run", first.time, values),))
+    kinematic = {"kinematic": Made(Kinematic(found.track), found, 0.0)}
+    (path, _) = driven(found, holed, POSE, kinematic, runs(found, 0))
+    unknown = [i for i, place in enumerate(path.measured.x) if place is None]
+    assert unknown == list(range(13, 24)) and None not in path.measured.y
+    values = first.values.copy()
+    keep = np.zeros(len(values), dtype=bool)
+    keep[::2] = True
+    keep[np.searchsorted(first.time, [*found.begin - 1e-9, found.end[-1] - 1e-9])] = True
+    values[~keep, x] = np.nan
+    halved = Recording(log.channels, (Episode("run", first.time, values),))
+    (path, _) = driven(found, halved, POSE, kinematic, runs(found, 0))
+    assert None not in path.measured.x
+
+
 def test_a_drawn_path_lies_on_the_measured_one_where_the_model_is_right(robot: Robot) -> None:
     """The closed form on wheels that turn as they are told; parts of a command are arcs as well."""
     rng = stream(1, "arcs")

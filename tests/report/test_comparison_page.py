@@ -33,7 +33,7 @@ def test_a_plan_has_one_scale_and_stays_in_its_box() -> None:
 
 def test_points_that_were_not_measured_are_left_out_and_nothing_gives_no_plan() -> None:
     (line,) = plan("", [("measured", ([0.0, None, 1.0], [0.0, 1.0, 1.0]))]).lines
-    assert len(points(line.path)) == 2
+    assert len(points(line.path)) == 2 and line.path.count("M") == 2  # and no line is drawn over the gap
     assert plan("", [("measured", ([0.0, None], [0.0, 1.0]))]) is None
     assert plan("", [("measured", ([1.0, 1.0], [2.0, 2.0]))]) is not None  # a robot that stood still
 
@@ -48,6 +48,14 @@ def test_models_stand_in_the_order_in_which_they_were_asked_for() -> None:
     assert [name for name, *_ in found["bars"][0]["rows"]] == list(made_up_comparison.NAMES)
     assert [bar["axis"] for bar in found["bars"]] == ["dx", "dy", "dtheta"]
     assert page(stored) == page(result)
+
+
+def test_an_infinite_ratio_of_variances_is_called_so() -> None:
+    result = made_up_comparison.comparison()
+    first, *rest = result.errors.variance
+    variance = (first.model_copy(update={"f": None, "p": 0.0}), *rest)
+    changed = result.model_copy(update={"errors": result.errors.model_copy(update={"variance": variance})})
+    assert "F(3, 156) = infinite, p &lt; 0.001" in page(changed)
 
 
 def test_every_model_is_drawn_in_every_path() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from dynreg.rng import stream
+from dynreg.timed import fit
 from dynreg.timed.commands import drawn
 from dynreg.timed.fit import RANGES, fit_unicycle
 from dynreg.timed.unicycle import LAUT, unicycle
@@ -21,8 +22,26 @@ def test_the_parameters_of_a_robot_are_found() -> None:
     scale = np.ptp(RANGES, axis=1)
     assert (np.abs(found.parameters - LAUT) / scale)[[0, 1, 3, 5]].max() < 0.15  # the couplings hardly show
     assert found.validation < 0.02 and found.error >= found.history.min()
-    again = fit_unicycle(commands.take(cut), moved[cut], unseen, TRACK, **given)
+    again = fit_unicycle(commands.take(cut), moved[cut], unseen, TRACK, threads=2, **given)
     assert np.array_equal(again.parameters, found.parameters)
+
+
+def test_a_first_guess_that_diverges_on_the_validation_part_does_not_stay(monkeypatch) -> None:
+    """A comparison with NaN is always false."""
+    commands = drawn(20, stream(5, "commands"), seconds=(0.1, 0.6))
+    moved = unicycle(commands, LAUT, TRACK)
+    real, seen = fit._errors, []
+
+    def first_diverges(parameters, *rest, **more):
+        if len(parameters) > 1:
+            return real(parameters, *rest, **more)
+        seen.append(parameters[0])
+        return np.array([np.nan]) if len(seen) == 1 else real(parameters, *rest, **more)
+
+    monkeypatch.setattr(fit, "_errors", first_diverges)
+    given = {"generations": 8, "population": 40, "tournament": 8}
+    found = fit_unicycle(commands, moved, (commands, moved), TRACK, **given)
+    assert len(seen) > 1 and np.isfinite(found.validation)
 
 
 def test_what_the_validation_likes_best_is_kept() -> None:
