@@ -7,15 +7,21 @@ closed form as it stands, the unicycle by the genetic algorithm, three networks 
 
 Ratios of mean errors, and Tukey's p-values, beside the published ones; microseconds for a command, one by one and all
 at once, in the same run.
+
+Every finished robot is a line of the journal (`--journal`); a second start goes on.
 """
 
 import argparse
 import json
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from journal import Journal
 
 from dynreg.results.comparison import Errors
 from dynreg.rng import stream
@@ -23,7 +29,7 @@ from dynreg.timed.commands import AXES, drawn
 from dynreg.timed.compare import FACTORS, compared
 from dynreg.timed.fit import fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
-from dynreg.timed.networks import train
+from dynreg.timed.networks import Networks, train
 from dynreg.timed.unicycle import KHEPERA, LAUT, unicycle
 
 FILE = Path(__file__).parent / "results" / "wheeled_models.json"
@@ -47,6 +53,16 @@ QUICK = {"network": 484.0, "dynamic": 16700.0, "kinematic": 24.0}  # ms for 100,
 NOISE = (
     np.array(PUBLISHED["dynamic"]) / FACTORS * np.sqrt(np.pi / 2)
 )  # 1 sigma, of that mean size [m, m, rad]
+NETWORK = ("weights", "mean", "scale", "out_mean", "out_scale", "errors")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What makes it this table."""
+
+    seed: int
+    generations: int
+    starts: int
 
 
 def main() -> None:
@@ -54,43 +70,64 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--generations", type=int, default=300)
+    parser.add_argument("--generations", type=int, default=150)
     parser.add_argument("--starts", type=int, default=30)
     parser.add_argument("--robots", type=int, default=len(TRUTHS))
-    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--journal", type=Path, help="[benchmarks/results/wheeled_models.jsonl]")
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
     given = parser.parse_args()
-    seed = TUNE if given.tune else REPORT
-    robots = list(TRUTHS.items())[: given.robots]
-    figures = {"errors": [_robot(n, *robot, seed, given) for n, robot in enumerate(robots)]}
-    figures["speed"] = _speed(figures["errors"][0].pop("models"))
-    for row in figures["errors"]:
-        row.pop("models", None)
+    plan = Plan(TUNE if given.tune else REPORT, given.generations, given.starts)
+    path = given.journal or FILE.with_suffix(".jsonl")
+    journal = Journal(path, {"plan": asdict(plan)})
+    journal.begin()
+    names = list(TRUTHS)[: given.robots]
+    left = [name for name in names if name not in {row["robot"] for row in journal.lines()}]
+    with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(work, plan, name, path) for name in left]):
+            print(future.result(), flush=True)
+    rows = {row["robot"]: row for row in journal.lines()}
+    for name in names:
+        _show(rows[name])
+    figures = {
+        "plan": asdict(plan),
+        "errors": [rows[name] for name in names],
+        "speed": _speed(rows[names[0]]),
+    }
     if not given.tune:
         FILE.write_text(json.dumps(figures, indent=1) + "\n")
 
 
-def _robot(number: int, name: str, truth: np.ndarray, seed: int, given: argparse.Namespace) -> dict:
-    commands = drawn(CUT[-1].stop, stream(seed, "commands", number))
+def work(plan: Plan, name: str, path: Path) -> str:
+    """One hidden robot, on one core; its name and what it took."""
+    number, truth = list(TRUTHS).index(name), TRUTHS[name]
+    commands = drawn(CUT[-1].stop, stream(plan.seed, "commands", number))
     moved = unicycle(commands, truth, TRACK)
-    moved += NOISE * stream(seed, "tracker", number).standard_normal(moved.shape)
+    moved += NOISE * stream(plan.seed, "tracker", number).standard_normal(moved.shape)
     known, unseen, rest = ((commands.take(c), moved[c]) for c in CUT)
-    began = time.perf_counter()
-    fitted = fit_unicycle(*known, unseen, TRACK, generations=given.generations, seed=number)
-    middle = time.perf_counter()
-    models: dict[str, Model] = {
-        "kinematic": Kinematic(TRACK),
-        "dynamic": Unicycle(fitted.parameters, TRACK),
-        "network": train(*known, unseen, starts=given.starts, seed=number),
-    }
-    end = time.perf_counter()
+    began = time.process_time()
+    fitted = fit_unicycle(*known, unseen, TRACK, generations=plan.generations, seed=number)
+    middle = time.process_time()
+    networks = train(*known, unseen, starts=plan.starts, seed=number)
+    seconds = (middle - began, time.process_time() - middle)
+    models = _models(fitted.parameters, networks)
     found = compared(rest[1], {kind: model.predict(rest[0]) for kind, model in models.items()})
-    print(f"\n{name}: unicycle fitted in {middle - began:.0f} s, networks in {end - middle:.0f} s")
-    print("  a1 to a6", np.round(truth, 4).tolist(), "found", np.round(fitted.parameters, 4).tolist())
-    _show(found)
-    return {"robot": name, "found": fitted.parameters.tolist(), **found.to_dict(), "models": models}
+    kept = {field: getattr(networks, field).tolist() for field in NETWORK}
+    row = {"robot": name, "truth": truth.tolist(), "found": fitted.parameters.tolist(), "networks": kept}
+    Journal(path, {"plan": asdict(plan)}).add(row | {"core": seconds, "errors": found.to_dict()})
+    return f"{name}: unicycle fitted in {seconds[0]:.0f} core s, networks in {seconds[1]:.0f}"
 
 
-def _show(found: Errors) -> None:
+def _models(parameters: np.ndarray, networks: Networks) -> dict[str, Model]:
+    return {"kinematic": Kinematic(TRACK), "dynamic": Unicycle(parameters, TRACK), "network": networks}
+
+
+def _show(row: dict) -> None:
+    """Print one robot."""
+    found = Errors.model_validate(row["errors"])
+    print(
+        f"\n{row['robot']}: a1 to a6 {np.round(row['truth'], 4).tolist()}, found {np.round(row['found'], 4).tolist()}"
+    )
     mean = {kind: [axes[axis].mean for axis in AXES] for kind, axes in found.models.items()}
     for kind, errors in mean.items():
         print(f"  {kind:10s} {errors[0]:6.3f} cm {errors[1]:6.3f} cm {errors[2]:7.3f} deg")
@@ -104,8 +141,10 @@ def _show(found: Errors) -> None:
         )
 
 
-def _speed(models: dict[str, Model], many: int = 20_000, alone: int = 200) -> dict[str, dict[str, float]]:
-    """Microseconds a command: all at once, and one by one."""
+def _speed(row: dict, many: int = 20_000, alone: int = 200) -> dict[str, dict[str, float]]:
+    """Microseconds a command of a robot's models: all at once, and one by one."""
+    networks = Networks(**{field: np.array(values) for field, values in row["networks"].items()})
+    models = _models(np.array(row["found"]), networks)
     commands = drawn(many, stream(0, "speed"))
     ones = [commands.take(slice(i, i + 1)) for i in range(alone)]
     out = {}

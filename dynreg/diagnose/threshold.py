@@ -22,7 +22,7 @@ USUAL = 20.0  # and this is it where nothing was simulated
 ALARMS = 0.01  # of robots without an effect that may score more
 TAIL = 5  # of the largest scores, and at least a tenth of all: what the exponential tail is fitted to
 KIND = "threshold"
-SEARCH = 8  # goes up when scores change: thresholds found before no longer serve
+SEARCH = 9  # goes up when scores change: thresholds found before no longer serve
 Progress = Callable[[str, int, int], None]
 
 

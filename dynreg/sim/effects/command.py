@@ -48,6 +48,9 @@ class CommandGain(_OnCommands):
     near = ("encoder_scale",)
     separate_by = "hold three distant targets without load and measure the angles by hand"
 
+    def alone(self, robot: Robot) -> bool:
+        return robot.file.base is None  # one wheel's is `wheel_gain` and half of both wheels'
+
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         return u * (1.0 + p["gain"])
 
@@ -68,8 +71,9 @@ class RateLimit(_OnTargets):
         reach, gap = p["rate"] * x.h, u - last
         moved = np.clip(gap, -reach, reach)
         x.memory["u"] = last + moved
-        # the mean over the time step while the limit acts; commands reached within it count as reached at once
-        late = 0.5 * np.clip(np.abs(gap) / reach - 1.0, 0.0, 1.0)
+        # the mean over the time step; positions that are reached within it count as reached at once, for a servo's own
+        # loop is quicker, while a speed that is asked for at once would be off in all that it drives
+        late = 0.5 * np.clip(np.abs(gap) / reach - (0.0 if x.speeds else 1.0), 0.0, 1.0)
         return last + moved * (1.0 - late)
 
 

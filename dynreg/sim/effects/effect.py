@@ -157,6 +157,10 @@ class Effect:
         """Why the effect cannot act on this robot; None where it can."""
         return None if drives(robot, "position", "duty_servo", "torque", "dcmotor") else "no driven joint"
 
+    def alone(self, robot: Robot) -> bool:
+        """Whether it is looked for in single joints, too."""
+        return self.scope == "joint"
+
     def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
         """Joints at which the exact group's members cannot be told apart, when this one acts on `joints`.
 
