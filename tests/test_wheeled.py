@@ -129,6 +129,10 @@ def test_rows_in_between_tell_whole_turns_whatever_was_told(robot: Robot) -> Non
     for rate in (-0.5, 0.5, 10.0):
         found = told(robot, turned(robot, 5.0, rate, 0.05))
         assert found.moved[-1, 2] == pytest.approx(rate)
+    back = told(
+        robot, turned(robot, 2.4, -4.4, 0.5)
+    )  # 1.2 rad told between rows, 2.2 rad turned the other way
+    assert back.moved[-1, 2] == pytest.approx(-4.4)
 
 
 def test_over_gaps_whole_turns_are_those_that_were_told(robot: Robot) -> None:
