@@ -261,7 +261,7 @@ class Session:
         simulators: Sequence[str] = (),
         seed: int = 0,
         starts: int = 30,
-        generations: int = 300,
+        generations: int = 60,
         longest: float = 2.0,
         robot: "str | Path | Robot | None" = None,
         log_map: str | Path | None = None,

@@ -34,7 +34,7 @@ def compare(
     starts: Annotated[int, typer.Option(help="Random starts of the networks.")] = 30,
     generations: Annotated[
         int, typer.Option(help="Generations of the search that fits the dynamic model.")
-    ] = 300,
+    ] = 60,
     longest: Annotated[
         float, typer.Option(help="Seconds after which a held command counts as another.")
     ] = 2.0,

@@ -48,7 +48,7 @@ class Settings:
     simulators: tuple[str, ...] = ()
     seed: int = 0
     starts: int = 30
-    generations: int = 300
+    generations: int = 60
     longest: float = 2.0
     threads: int = 0
 
