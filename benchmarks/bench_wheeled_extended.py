@@ -93,7 +93,9 @@ def show(row: dict) -> None:
     """Print one robot."""
     sizes = "; ".join(f"{k} {', '.join(f'{n} {v:.4g}' for n, v in p.items())}" for k, p in row["causes"])
     diagnosed, made = row["seconds"]
-    print(f"\n{row['effect']}: {row['verdict']}: {sizes or 'nothing'} ({diagnosed:.0f} s, models {made:.0f} s)")
+    print(
+        f"\n{row['effect']}: {row['verdict']}: {sizes or 'nothing'} ({diagnosed:.0f} s, models {made:.0f} s)"
+    )
     for name, axes in row["means"].items():
         chances = [row["paired"].get(f"{name} {a}") for a in axes]
         beside = "" if name == "extended" else "  p " + " ".join(f"{c:.2g}" for c in chances)

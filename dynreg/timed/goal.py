@@ -20,7 +20,9 @@ HEADINGS = np.array([0.5 * np.pi, 0.5 * np.pi, 0.0, 0.0])  # up and to the right
 STEPS = 40
 DRAWS = 2  # displacements of half a second in a step
 ROBOT = 0.07  # m, its radius: no nearer to a wall
-LEVELS = np.linspace(0.05, 0.14, SPEEDS)  # m/s of a wheel: all drive on, or few controllers ever see the far corner
+LEVELS = np.linspace(
+    0.05, 0.14, SPEEDS
+)  # m/s of a wheel: all drive on, or few controllers ever see the far corner
 SECTORS = 16
 RINGS = np.array([0.3, 0.7, 1.3])  # m: between four rings
 Mover = Callable[[np.ndarray], np.ndarray]  # cells (n,) of commands to displacements (n, 3) of half a second
