@@ -13,7 +13,6 @@ from scipy.special import expit
 from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES, Commands
-from dynreg.timed.starts import side_by_side
 
 HIDDEN = 20
 WEIGHTS = 7 * HIDDEN + 1  # of one network with five inputs
@@ -59,10 +58,9 @@ def train(
 ) -> Networks:
     """Networks of commands (n,) and displacements (n, 3); `validation` is the same of others.
 
-    workers : programs that train side by side (see `starts.side_by_side`), 0 for none but this one; they do the same.
-    The last bits of MINPACK's steps differ from run to run, whatever the seed and the workers, and a long training
-    makes them larger. progress : called with starts done and all of them. Raises UsageError where there are fewer
-    commands than weights of a network.
+    workers : processes that train side by side, 0 for none but this one; they do the same. The last bits of MINPACK's
+    steps differ from run to run, whatever the seed and the workers, and a long training makes them larger. progress :
+    called with starts done and all of them. Raises UsageError where there are fewer commands than weights of a network.
     """
     if len(commands) < WEIGHTS:
         raise UsageError(
@@ -77,9 +75,7 @@ def train(
     jobs = [(axis, start) for axis in range(len(AXES)) for start in range(starts)]
     answers = _answers(known, unseen, jobs, seed, min(workers, len(jobs)))
     best: dict[int, tuple[np.ndarray, float]] = {}
-    for done, ((axis, start), found) in enumerate(zip(jobs, answers, strict=True)):
-        if found is None:
-            found = trained(seed, axis, start, *_of(axis, known, unseen), ITERATIONS)
+    for done, ((axis, _), found) in enumerate(zip(jobs, answers, strict=True)):
         if axis not in best or found[1] < best[axis][1]:
             best[axis] = found
         if progress:
@@ -90,11 +86,20 @@ def train(
 
 def _answers(
     known: Part, unseen: Part, jobs: Sequence[tuple[int, int]], seed: int, workers: int
-) -> Iterable[tuple[np.ndarray, float] | None]:
-    """Of workers; None for what is to be trained here."""
-    if not workers:
-        return [None] * len(jobs)
-    return side_by_side(known, unseen, jobs, seed=seed, iterations=ITERATIONS, workers=workers)
+) -> Iterable[tuple[np.ndarray, float]]:
+    """What `trained` says of each job, in their order.
+
+    MINPACK never lets go of Python's lock, so threads would not help. scikit-learn's processes do not run the caller's
+    script again, as those of the standard library do where it has no main guard.
+    """
+    asked = [(seed, axis, start, *_of(axis, known, unseen), ITERATIONS) for axis, start in jobs]
+    if workers < 2:
+        return (trained(*one) for one in asked)
+    from sklearn.utils.parallel import Parallel, delayed
+
+    return Parallel(n_jobs=workers, backend="loky", return_as="generator")(
+        delayed(trained)(*one) for one in asked
+    )
 
 
 def _of(axis: int, *parts: Part) -> tuple[Part, ...]:

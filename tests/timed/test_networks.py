@@ -5,7 +5,7 @@ import pytest
 
 from dynreg.errors import UsageError
 from dynreg.rng import stream
-from dynreg.timed import networks, starts
+from dynreg.timed import networks
 from dynreg.timed.commands import drawn
 from dynreg.timed.kinematic import kinematic
 from dynreg.timed.networks import _out, _slopes, train
@@ -58,27 +58,17 @@ def test_training_ends_after_ten_rises_and_keeps_the_best_of_all_starts(monkeypa
     assert (found.errors <= train(*few, unseen, starts=1).errors).all()
 
 
-def test_workers_change_nothing_and_what_they_do_not_answer_is_trained_here(monkeypatch) -> None:
-    monkeypatch.setattr(networks, "ITERATIONS", 12)
+def test_workers_change_nothing() -> None:
     known, unseen, _ = parts()
+    few = (known[0].take(slice(0, 150)), known[1][:150])
     done = []
-    alone = train(*known, unseen, starts=2)
-    one, two = (
-        train(*known, unseen, starts=2, workers=workers, progress=lambda *n: done.append(n))
-        for workers in (1, 2)
+    alone, two = (
+        train(*few, unseen, starts=2, workers=workers, progress=lambda *n: done.append(n))
+        for workers in (0, 2)
     )
-    for found in (one, two):  # MINPACK's last bits differ from run to run
-        assert np.allclose(found.weights, alone.weights, rtol=1e-6)
-        assert np.allclose(found.errors, alone.errors, rtol=1e-6)
+    assert np.allclose(two.weights, alone.weights, rtol=1e-6)  # MINPACK's last bits differ from run to run
+    assert np.allclose(two.errors, alone.errors, rtol=1e-6)
     assert done == [(i, 6) for i in range(1, 7)] * 2
-    real = networks.trained
-    monkeypatch.setattr(networks, "trained", lambda *a: pytest.fail("a worker should have answered"))
-    train(*known, unseen, starts=1, workers=2)
-    monkeypatch.setattr(networks, "trained", real)
-    monkeypatch.setattr(starts.sys, "executable", "no-such-program")
-    assert np.allclose(train(*known, unseen, starts=2, workers=2).weights, alone.weights, rtol=1e-6)
-    monkeypatch.setattr(starts.sys, "executable", "false")  # ends without a word
-    assert np.allclose(train(*known, unseen, starts=2, workers=2).weights, alone.weights, rtol=1e-6)
 
 
 def test_fewer_commands_than_weights_are_refused() -> None:
