@@ -141,10 +141,15 @@ def _show(row: dict) -> None:
         )
 
 
+def models_of(row: dict) -> dict[str, Model]:
+    """The models of a journal's line."""
+    networks = Networks(**{field: np.array(values) for field, values in row["networks"].items()})
+    return _models(np.array(row["found"]), networks)
+
+
 def _speed(row: dict, many: int = 20_000, alone: int = 200) -> dict[str, dict[str, float]]:
     """Microseconds a command of a robot's models: all at once, and one by one."""
-    networks = Networks(**{field: np.array(values) for field, values in row["networks"].items()})
-    models = _models(np.array(row["found"]), networks)
+    models = models_of(row)
     commands = drawn(many, stream(0, "speed"))
     ones = [commands.take(slice(i, i + 1)) for i in range(alone)]
     out = {}
