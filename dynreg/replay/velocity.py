@@ -30,3 +30,21 @@ def base_velocities(robot: Robot, values: np.ndarray, rows: np.ndarray, period: 
         heading = pose[np.abs(known + first - row).argmin(), 2]
         out[number] = vx * np.cos(heading) + vy * np.sin(heading), turning
     return out
+
+
+def told_velocities(robot: Robot, commands: np.ndarray) -> np.ndarray:
+    """(n, 2) speed [m/s] and yaw rate [rad/s] that commands (n, A) ask of a planar base by its nameplate."""
+    names, base = robot.actions, robot.file.base
+    if base is None:
+        order = [
+            names.index(n)
+            for kind in ("/speed_command", "/yaw_rate_command")
+            for n in names
+            if n.endswith(kind)
+        ]
+        return commands[:, order]
+    left, right = (
+        base.wheel_radius * commands[:, names.index(f"{wheel}/velocity_command")]
+        for wheel in (base.left, base.right)
+    )
+    return np.stack([0.5 * (left + right), (right - left) / base.track], axis=1)

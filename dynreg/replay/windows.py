@@ -6,7 +6,8 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
-from dynreg.replay.velocity import base_velocities
+from dynreg.replay.timed import on_grid
+from dynreg.replay.velocity import base_velocities, told_velocities
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -59,8 +60,10 @@ class Windows:
 def windows(robot: Robot, recording: Recording) -> Windows:
     """Cut a recording for replay, each window from a measured state; at most `replay.horizon` [s] long.
 
+    Of robots with control = "timed" on the grid of `timed.on_grid`, to which the windows' `rows` then belong.
     Raises LogError where the recording lacks the commands to replay or has no rows.
     """
+    recording = on_grid(robot, recording)
     state, action = recording.columns(robot.channels), _action_columns(robot, recording)
     startable = _startable(robot, recording)
     cuts = [cut for number in range(len(startable)) for cut in _cuts(robot, recording, number, startable)]
@@ -163,13 +166,25 @@ def errors(residuals: np.ndarray) -> np.ndarray:
 
 
 def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray | None:
-    """(W, 2) of a planar base at the first row of each window, rows before it included."""
-    state, period = recording.columns(robot.channels), _period(recording)
-    found = [
-        base_velocities(robot, recording.episodes[number].values[:, state], np.array([start]), period)
-        for number, start, _ in cuts
-    ]
-    return None if found[0] is None else np.concatenate(found)
+    """(W, 2) of a planar base at the first row of each window, rows before it included.
+
+    Where poses are too rare to show it, what the base was told until then: without lags it had that velocity.
+    """
+    state, action, period = (
+        recording.columns(robot.channels),
+        recording.columns(robot.actions),
+        _period(recording),
+    )
+    out = []
+    for number, start, _ in cuts:
+        values = recording.episodes[number].values
+        found = base_velocities(robot, values[:, state], np.array([start]), period)
+        if found is None:
+            return None
+        if start and np.isnan(found).any():
+            found = told_velocities(robot, values[start - 1 : start, action])
+        out.append(found)
+    return np.concatenate(out)
 
 
 def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:
