@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.models.losses import predict
 from dynreg.models.mlp import MlpStack, initial
 from dynreg.models.train import train
 from dynreg.rng import stream_seed
@@ -39,7 +40,7 @@ class Mlp:
     def predict(self, commands: Commands) -> np.ndarray:
         """(n, 3) displacements of commands (n,)."""
         inputs = ((commands.table - self.mean) / self.scale).astype(np.float32)
-        return self.out_mean + self.out_scale * outputs(self.stack, inputs)[0]
+        return self.out_mean + self.out_scale * predict(self.stack, inputs, threads=1, device="cpu")[0]
 
 
 def train_mlp(
@@ -75,19 +76,8 @@ def train_mlp(
             threads=threads or None,
             device="cpu",
         )
-        errors = ((outputs(stack, unseen) - wanted) ** 2).mean(axis=(1, 2))
+        errors = ((predict(stack, unseen, threads=1, device="cpu") - wanted) ** 2).mean(axis=(1, 2))
         at = int(np.argmin(errors))
         if best is None or errors[at] < best[0]:
             best = (float(errors[at]), epochs, stack[at])
     return Mlp(best[2], mean, scale, out_mean, out_scale, best[1], best[0])
-
-
-def outputs(stack: MlpStack, inputs: np.ndarray) -> np.ndarray:
-    """(M, n, 3) outputs of M networks for standardised inputs (n, 5)."""
-    x = inputs[None]
-    last = len(stack.weights) - 1
-    for layer, (weight, bias) in enumerate(zip(stack.weights, stack.biases, strict=True)):
-        x = x @ weight + bias[:, None]
-        if layer < last:
-            x = np.maximum(x, 0.0)
-    return x

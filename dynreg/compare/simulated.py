@@ -10,6 +10,7 @@ import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import LogError, RobotError, SimulationError
+from dynreg.replay.timed import EVEN, grid
 from dynreg.replay.windows import Windows, windows
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
@@ -18,7 +19,6 @@ from dynreg.sim.spec import ReplayTable
 from dynreg.timed.commands import displacement
 from dynreg.wheeled import Told, pose_names
 
-EVEN = 0.01  # of the period that a row may come early or late
 START = 0.1  # s: as long as the quickest bases take to follow; a speed that is seen later is another one
 
 
@@ -113,9 +113,8 @@ def evenly(robot: Robot, recording: Recording) -> Recording:
         begin = _first_values(values[early, : len(robot.channels)])
         stamps = e.time
         if uneven:
-            stamps = e.time[0] + step * np.arange(int(np.ceil(e.duration / step - EVEN)) + 1)
-            row = np.searchsorted(e.time, stamps + 0.5 * step, side="right") - 1
-            values = values[np.clip(row, 0, len(e.time) - 1)]
+            stamps, row = grid(e.time, step)
+            values = values[row]
         values[0, : len(robot.channels)] = begin
         episodes.append(Episode(e.name, stamps, values, e.settings))
     return Recording(tuple(Channel(n, units[n]) for n in names), tuple(episodes), recording.measured)

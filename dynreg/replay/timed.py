@@ -5,12 +5,24 @@ import numpy as np
 from dynreg.data.recording import Episode, Recording
 from dynreg.sim.robot import Robot
 
+EVEN = 0.01  # of a step that a row may come early or late
+
+
+def grid(time: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """(G,) stamps a `step` [s] apart from the first of `time` (T,) to the last, and the row that holds at each (G,).
+
+    A row holds from the stamp nearest to it on: its commands begin up to half a step early or late.
+    """
+    stamps = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step - EVEN)) + 1)
+    row = np.searchsorted(time, stamps + 0.5 * step, side="right") - 1
+    return stamps, np.clip(row, 0, len(time) - 1)
+
 
 def on_grid(robot: Robot, recording: Recording) -> Recording:
     """The recording with rows at every time step of `robot`; as it is where commands come at a fixed rate.
 
-    Each row's commands hold until the next; a command begins up to half a time step early or late. States stand at the
-    row nearest to when they were measured, NaN at the others: nothing between them is made up.
+    Each row's commands hold until the next (`grid`). States stand at the row nearest to when they were measured, NaN at
+    the others: nothing between them is made up.
     """
     if robot.file.robot.control != "timed":
         return recording
@@ -18,9 +30,8 @@ def on_grid(robot: Robot, recording: Recording) -> Recording:
     measured = np.array([name in robot.channels for name in recording.names])
     episodes = []
     for e in recording.episodes:
-        stamps = e.time[0] + step * np.arange(int(np.round(e.duration / step)) + 1)
-        row = np.searchsorted(e.time, stamps + 0.5 * step, side="right") - 1
-        values = e.values[np.clip(row, 0, len(e.time) - 1)].copy()
+        stamps, row = grid(e.time, step)
+        values = e.values[row]
         values[:, measured] = np.nan
         at = np.clip(np.round((e.time - e.time[0]) / step).astype(int), 0, len(stamps) - 1)
         values[np.ix_(at, measured)] = e.values[:, measured]

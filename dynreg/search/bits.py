@@ -13,6 +13,8 @@ from dynreg.search.turns import may_ask, may_tell, ranked
 
 BITS = 10  # of a number
 LIST = 6  # values of a locus at most
+CROSSOVER = 0.7  # of the plain one's children have two parents
+CHANCES = (0.3, 0.3, 0.6, 0.3, 0.3)  # of connection, division, duplication, deletion, inversion
 
 
 def numbers(bits: np.ndarray) -> np.ndarray:
@@ -22,10 +24,7 @@ def numbers(bits: np.ndarray) -> np.ndarray:
 
 
 class _Bits(ABC):
-    """What both have in common: turns, tournaments, and the best that go on as they are.
-
-    Its arguments are told where they are given: `BitGenetic`, `Operon`.
-    """
+    """What both have in common: turns, tournaments, and the best that go on as they are."""
 
     def __init__(
         self,
@@ -37,6 +36,13 @@ class _Bits(ABC):
         elite: int = 1,
         mutation: float | None = None,
     ):
+        """The first generation.
+
+        dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. tournament : so
+        many are drawn with replacement, and the best of them becomes a parent. elite : the best so many go on
+        unchanged. mutation : chance of every value to turn; None for one expressed bit of all on average. Raises
+        UsageError for sizes that do not fit each other.
+        """
         if population < 1 or tournament < 1 or not 0 <= elite < population:
             raise UsageError(
                 f"population {population}, tournament {tournament}, elite {elite}",
@@ -47,6 +53,7 @@ class _Bits(ABC):
         self._loci = BITS * dimensions
         self._mutation = 1.0 / self._loci if mutation is None else mutation
         self._asked: np.ndarray | None = None
+        self._begin()
 
     @property
     def middle(self) -> None:
@@ -74,6 +81,10 @@ class _Bits(ABC):
         self._asked = None
 
     @abstractmethod
+    def _begin(self) -> None:
+        """Draw the first generation."""
+
+    @abstractmethod
     def _expressed(self) -> np.ndarray:
         """(population, 10 P) bits."""
 
@@ -83,34 +94,9 @@ class _Bits(ABC):
 
 
 class BitGenetic(_Bits):
-    """The plain one: two-point crossover of bits and mutation.
+    """The plain one: two-point crossover of bits in `CROSSOVER` of the children, and mutation."""
 
-    dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. tournament : so many
-    are drawn with replacement, and the best of them becomes a parent. elite : the best so many go on unchanged.
-    mutation : chance of every bit to turn; None for one bit of all on average. crossover : share of the children that
-    have two parents. Raises UsageError for sizes that do not fit each other.
-    """
-
-    def __init__(
-        self,
-        dimensions: int,
-        *,
-        rng: np.random.Generator,
-        population: int = 50,
-        tournament: int = 6,
-        elite: int = 1,
-        mutation: float | None = None,
-        crossover: float = 0.7,
-    ):
-        super().__init__(
-            dimensions,
-            rng=rng,
-            population=population,
-            tournament=tournament,
-            elite=elite,
-            mutation=mutation,
-        )
-        self._crossover = crossover
+    def _begin(self) -> None:
         self._bits = self._rng.integers(2, size=(self._size, self._loci), dtype=np.uint8)
 
     def _expressed(self) -> np.ndarray:
@@ -120,9 +106,7 @@ class BitGenetic(_Bits):
         kept, children = self._bits[elite], self._bits[parents]
         cuts = np.sort(self._rng.integers(self._loci + 1, size=(self._size, 2)), axis=1)
         at = np.arange(self._loci)
-        mixed = (
-            (at >= cuts[:, :1]) & (at < cuts[:, 1:]) & (self._rng.random((self._size, 1)) < self._crossover)
-        )
+        mixed = (at >= cuts[:, :1]) & (at < cuts[:, 1:]) & (self._rng.random((self._size, 1)) < CROSSOVER)
         children = np.where(mixed, self._bits[self._rng.permutation(parents)], children)
         children ^= (self._rng.random(children.shape) < self._mutation).astype(np.uint8)
         children[: self._elite] = kept
@@ -137,37 +121,10 @@ class Operon(_Bits):
     deletion (every list of an operon that has more than one loses one), inversion (the lists of an operon are turned
     round, which expresses what was hidden). Every value, hidden ones too, turns by mutation.
 
-    dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. tournament : so many
-    are drawn with replacement, and the best of them becomes a parent. elite : the best so many go on unchanged;
-    optional in the paper. mutation : chance of every value to turn; None for one expressed bit of all on average.
-    connection, division, duplication, deletion, inversion : chances. Raises UsageError for sizes that do not fit each
-    other.
+    An elite is optional in the paper, which gives the chances.
     """
 
-    def __init__(
-        self,
-        dimensions: int,
-        *,
-        rng: np.random.Generator,
-        population: int = 50,
-        tournament: int = 6,
-        elite: int = 1,
-        mutation: float | None = None,
-        connection: float = 0.3,
-        division: float = 0.3,
-        duplication: float = 0.6,
-        deletion: float = 0.3,
-        inversion: float = 0.3,
-    ):
-        super().__init__(
-            dimensions,
-            rng=rng,
-            population=population,
-            tournament=tournament,
-            elite=elite,
-            mutation=mutation,
-        )
-        self._chances = (connection, division, duplication, deletion, inversion)
+    def _begin(self) -> None:
         shape = (self._size, self._loci)
         self._values = np.zeros((*shape, LIST), dtype=np.uint8)
         self._values[:, :, 0] = self._rng.integers(2, size=shape)
@@ -184,7 +141,7 @@ class Operon(_Bits):
         )
         steps = (self._connect, self._divide, self._duplicate, self._delete, self._invert)
         for child in range(self._elite, self._size):
-            for step, chance in zip(steps, self._chances, strict=True):
+            for step, chance in zip(steps, CHANCES, strict=True):
                 if self._rng.random() < chance:
                     step(child)
         there = np.arange(LIST) < self._length[:, :, None]

@@ -1,7 +1,8 @@
 """What moved: which wheel, at which speeds, or only in turns, from the shifts of many commands.
 
-Every pattern is a factor on what wheels or turns do; a shift is what the closed form then moves more. The factor that
-explains the shifts best is found by least squares, and patterns are ranked by Schwarz's criterion beside no change.
+Every pattern is a factor on what wheels or turns do; a shift is what the robot then moves more (`Reference.changed`).
+The factor that explains the shifts best is found by least squares, and patterns are ranked by Schwarz's criterion
+beside no change.
 """
 
 from collections.abc import Callable
@@ -9,9 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-
-from dynreg.timed.commands import Commands
-from dynreg.timed.kinematic import kinematic
 
 PATTERNS = ("left wheel", "right wheel", "all speeds", "turns only")
 LOWEST, HIGHEST = 0.2, 5.0  # of a factor: where it is looked for
@@ -36,12 +34,6 @@ class Pattern:
     def at_bound(self) -> bool:
         """Whether the factor stands where the search ends: what explains the shifts best may lie beyond."""
         return self.factor < LOWEST * (1.0 + EDGE) or self.factor > HIGHEST * (1.0 - EDGE)
-
-
-def patterns(commands: Commands, shifts: np.ndarray, errors: np.ndarray, track: float) -> tuple[Pattern, ...]:
-    """Explanations of shifts (n, 3) of commands (n,) with standard errors (n, 3), the best first; see `ranked`."""
-    still = kinematic(commands, track)
-    return ranked(lambda name, factor: changed(commands, name, factor, track) - still, shifts, errors)
 
 
 def ranked(
@@ -74,20 +66,3 @@ def ranked(
             )
         )
     return tuple(sorted(out, key=lambda p: p.bic))
-
-
-def changed(commands: Commands, pattern: str, factor: float, track: float) -> np.ndarray:
-    """(n, 3) displacements of commands (n,) once a pattern holds, by the closed form.
-
-    "left wheel" and "right wheel" turn by that factor, "all speeds" both; "turns only": the robot turns by it.
-    """
-    left = factor if pattern in ("left wheel", "all speeds") else 1.0
-    right = factor if pattern in ("right wheel", "all speeds") else 1.0
-    told = Commands(
-        left * commands.left,
-        right * commands.right,
-        commands.seconds,
-        commands.left_before,
-        commands.right_before,
-    )
-    return kinematic(told, track / factor if pattern == "turns only" else track)

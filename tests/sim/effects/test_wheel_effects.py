@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from effect_benches import rms, values_at
 
-from dynreg.sim.effects import Effect, Term, Terms, applicable, effects, term
+from dynreg.sim.effects import Effect, Term, Terms, applicable, effects, placed, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import load_robot
@@ -187,3 +187,24 @@ def test_straight_on_nothing_is_lost_and_no_turn_drives_a_base_backwards():
     assert _after_a_circle("create", (0.1, 0.0), 0.05) == pytest.approx((0.2, 0.0))
     assert _after_a_circle("create", (0.01, 1.0), 0.05) == pytest.approx((0.0, 2.0), abs=1e-9)
     assert _after_a_circle("create", (0.0, 1.0), 0.05) == pytest.approx((0.0, 2.0), abs=1e-9)
+
+
+def test_one_wheel_has_no_gain_of_its_own_beside_the_difference_of_both():
+    assert [t.key for t in placed(DIFFDRIVE, E["command_gain"])] == ["command_gain"]
+    assert len(placed(DIFFDRIVE, E["command_delay"])) == 3
+    assert len(placed(load_robot("leg"), E["command_gain"])) == 4
+
+
+def test_a_rate_limit_of_speeds_does_not_depend_on_the_time_step():
+    """A wheel that is told 3 rad/s at 150 rad/s^2 is there after two steps of 10 ms, or twenty of 1 ms."""
+    fast = Terms((term("rate_limit"),), (np.array([[150.0]]),))
+    nominal = DIFFDRIVE.space.nominal[None]
+    steps = np.tile([[3.0, 3.0], [-1.5, 2.0], [0.5, 0.0]], (10, 1))
+    run = Run(np.repeat(steps, 5, axis=0)[None], period=1.0 / DIFFDRIVE.rate)
+    coarse, fine = (
+        rollout(r, nominal, run, engine="kinematic", terms=fast).states
+        for r in (DIFFDRIVE, DIFFDRIVE.stepped(10))
+    )
+    plain = rollout(DIFFDRIVE, nominal, run, engine="kinematic").states
+    for columns in (WHEELS, POSE):
+        assert rms((coarse - fine)[..., columns]) < 0.02 * rms((coarse - plain)[..., columns])
