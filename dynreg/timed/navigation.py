@@ -1,7 +1,8 @@
 """The navigation task of the paper on wheeled robots: visit four corners in any order and come back, in ten commands.
 
 Pretorius et al., equation 10. What it leaves open is ours: where blocks stand, that a block is visited by a point of
-the path inside it, how long commands last, and a gene that leaves a command out.
+the path inside it, how long commands last, a gene that leaves a command out, and that plans are sought by whose path
+the whole robot gets into each block: the best path that just touches one misses it on every robot but its simulator.
 """
 
 from collections.abc import Callable
@@ -20,9 +21,19 @@ SECONDS = (0.1, 2.0)
 SAMPLE = 0.1  # s between points of a path
 AREA = np.array([1.2, 0.7])  # m
 BLOCK = 0.3  # m, a side
-CENTRES = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)]) * (AREA - BLOCK) / 2
+ROBOT = 0.065  # m, its radius
+COLUMNS, ROWS = (
+    np.array([-1.0, 1.0]) * (side - BLOCK) / 2 for side in AREA
+)  # m, x and y of the blocks' middles
+CENTRES = np.array([[x, y] for x in COLUMNS for y in ROWS])
 REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a block, k2 a second, k3 and k4 a centimetre
 CM = 100.0
+WIDTHS = (
+    0.2,
+    0.2,
+    0.2,
+    1.0,
+)  # of mutations: of speeds and time by up to so much; whether it is left out, anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +95,16 @@ def _before(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     return out
 
 
-def fitness(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(B,) fitness of paths, and the blocks that each visited.
+def fitness(path: Path, within: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(B,) fitness of paths, and the blocks that each visited, by a point inside, `within` [m] from its sides.
 
     k1 n - k2 t - k3 f - k4 e: n blocks, t seconds, f [cm] from the end to the middle where all four were visited, else
     to the middle of the nearest that was not, e [cm] the sum over points of how far outside the area they lie.
     """
     where = path.points[..., :2].reshape(len(path.end), -1, 2)
-    inside = (np.abs(where[:, :, None] - CENTRES) <= BLOCK / 2).all(axis=3)  # NaN is in no block
-    visited = inside.any(axis=1)
+    reach = BLOCK / 2 - within
+    columns, rows = (np.abs(where[..., i, None] - at) <= reach for i, at in enumerate((COLUMNS, ROWS)))
+    visited = (columns[..., :, None] & rows[..., None, :]).any(axis=1).reshape(-1, 4)  # NaN is in no block
     count = visited.sum(axis=1)
     missed = np.linalg.norm(path.end[:, None, :2] - CENTRES, axis=2)
     short = np.where(visited, np.inf, missed).min(axis=1)
@@ -104,7 +116,7 @@ def fitness(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Evolved:
-    """The best genes (40,) of an evolution, their fitness in the model and the blocks visited there."""
+    """The best genes (40,) of an evolution, their fitness in the model and the blocks that it got into there."""
 
     genes: np.ndarray
     fitness: float
@@ -118,21 +130,23 @@ def evolve(
     population: int = 200,
     tournament: int = 40,
     mutation: float = 0.15,
+    within: float = ROBOT,
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
 ) -> Evolved:
-    """Ten commands that do best in a model, by the genetic algorithm."""
+    """Ten commands that do best in a model, by the genetic algorithm; `within` as in `fitness`."""
     search = Genetic(
         4 * COMMANDS,
         rng=stream(seed, "navigation"),
         population=population,
         tournament=tournament,
         mutation=mutation,
+        width=np.tile(WIDTHS, COMMANDS),
     )
     best: Evolved | None = None
     for generation in range(generations):
         asked = search.ask()
-        found, blocks = fitness(driven(Plan.of(asked), model))
+        found, blocks = fitness(driven(Plan.of(asked), model), within)
         search.tell(-found)
         at = int(np.nanargmax(found))
         if best is None or found[at] > best.fitness:

@@ -5,7 +5,7 @@ import pytest
 
 from dynreg.rng import stream
 from dynreg.timed.models import Kinematic, Unicycle
-from dynreg.timed.navigation import AREA, CENTRES, COMMANDS, Path, Plan, driven, evolve, fitness
+from dynreg.timed.navigation import AREA, CENTRES, COMMANDS, ROBOT, Path, Plan, driven, evolve, fitness
 from dynreg.timed.unicycle import KHEPERA
 
 TRACK = 0.0884
@@ -77,12 +77,20 @@ def test_fitness_is_the_papers() -> None:
     assert fitness(far)[0][0] == pytest.approx(4000.0 - 2.5 * 20.0 - 2.5 * 5.0)
 
 
+def test_a_plan_is_sought_by_the_blocks_that_the_whole_robot_gets_into() -> None:
+    edge = path((0.31, 0.2), (0.0, 0.0))
+    assert fitness(edge)[1][0] == 1 and fitness(edge, ROBOT)[1][0] == 0
+    assert fitness(path((0.37, 0.2), (0.0, 0.0)), ROBOT)[1][0] == 1
+    found = evolve(MODEL, generations=30, population=60, tournament=12, within=0.0)
+    assert found.blocks > evolve(MODEL, generations=30, population=60, tournament=12, within=0.149).blocks
+
+
 def test_evolution_finds_blocks_and_the_same_again() -> None:
-    given = {"generations": 40, "population": 60, "tournament": 12}
+    given = {"generations": 120, "population": 60, "tournament": 12}
     found = evolve(MODEL, **given)
-    drawn = fitness(driven(Plan.of(stream(1, "drawn").uniform(size=(60, 40))), MODEL))[0]
+    drawn = fitness(driven(Plan.of(stream(1, "drawn").uniform(size=(60, 40))), MODEL), ROBOT)[0]
     assert found.fitness > drawn.max() + 500 and found.blocks >= 2
-    value, blocks = fitness(driven(Plan.of(found.genes[None]), MODEL))
+    value, blocks = fitness(driven(Plan.of(found.genes[None]), MODEL), ROBOT)
     assert value[0] == found.fitness and blocks[0] == found.blocks
     assert np.array_equal(evolve(MODEL, **given).genes, found.genes)
 
