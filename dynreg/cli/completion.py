@@ -15,6 +15,7 @@ DISTANCES = (
     "cross_loss_train",
     "cross_loss_printed",
     "trajectory",
+    "replay",
 )
 
 

@@ -24,6 +24,7 @@ from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.judged import gain
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, names, parts, seen
+from dynreg.replay.timed import on_grid
 from dynreg.replay.windows import Replayer, Windows, errors, windows
 from dynreg.results import Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised
 from dynreg.sim.config import SimConfig
@@ -78,16 +79,20 @@ def query(
     cut = windows(robot, recording)
     split = parts(recording, cut, settings.hold_out)
     cut = cut.scaled_by(robot, split.chosen)  # what is held out must not set the scale either
+    replayer = Replayer(robot, cut, settings.threads)
     known = known_values(robot, recording)
     report("retrieve", 0, 1)
     found = retrieve(
         registry,
         population,
-        seen(recording, cut, split.chosen),
+        seen(on_grid(robot, recording), cut, split.chosen),
         distance=settings.distance,
         known=known,
         guess=settings.synthesise,
         at_least=settings.k,
+        replayed=lambda unit: errors(replayer.residuals(robot.space.from_unit(unit), split.chosen)).mean(
+            axis=1
+        ),
         threads=settings.threads,
     )
     report("retrieve", 1, 1)
@@ -95,7 +100,6 @@ def query(
         return _unjudged(
             population, recording, name, found, split, cut, settings, time.perf_counter() - began
         )
-    replayer = Replayer(robot, cut, settings.threads)
     search = _Search(population, found, known, split, replayer, settings, report)
     search.run()
     search.tell_noise(settings.threads)
@@ -295,7 +299,7 @@ def _unjudged(
         fits=True,
         misfit=None,
         alarm=None,
-        notes=("nothing was replayed: whether the nearest simulator fits is not known",),
+        notes=("nothing was held against the nominal simulator: whether the nearest one fits is not known",),
         cost=Cost(evaluations=found.evaluations, rollouts=0, seconds=seconds),
     )
 

@@ -1,11 +1,12 @@
 """Retrieve: the entries whose dynamics look most like the recording's, and a first guess at its parameters."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.data.transitions import transitions
+from dynreg.data.transitions import Transitions, transitions
 from dynreg.distance.one_sided import one_sided
 from dynreg.distance.rows import Rows, thin
 from dynreg.distance.trajectory import trajectory
@@ -23,7 +24,17 @@ REACHED = 60  # entries that a search of the graph keeps
 QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
-DISTANCES = ("one_sided", "embedding", "cross_loss", "cross_loss_train", "cross_loss_printed", "trajectory")
+FEWEST = 20  # rows with which one-step errors say anything
+AT_ONCE = 32  # entries that are replayed together
+DISTANCES = (
+    "one_sided",
+    "embedding",
+    "cross_loss",
+    "cross_loss_train",
+    "cross_loss_printed",
+    "trajectory",
+    "replay",
+)
 
 
 @dataclass(frozen=True)
@@ -51,24 +62,31 @@ def retrieve(
     known: np.ndarray | None = None,
     guess: bool = True,
     at_least: int = 1,
+    replayed: Callable[[np.ndarray], np.ndarray] | None = None,
     threads: int = 0,
 ) -> Retrieved:
     """Rank the entries of a population by their distance to a recording, all of which is read.
 
     distance : "auto" (one_sided; embedding where no entry predicts better than the base model, so that one-step
-    errors say nothing, as on servos with unmodelled friction), "one_sided", "embedding", "cross_loss" (the
+    errors say nothing, as on servos with unmodelled friction; replay where hardly any row has its successor, as
+    where states are measured rarely), "one_sided", "embedding", "cross_loss" (the
     paper's, best-first on the graph, held-out own losses),
     "cross_loss_train" (with training own losses), "cross_loss_printed" (the paper's Algorithm 1 as printed, k = 5,
-    4 restarts) or "trajectory" (needs the bank's own commands).
+    4 restarts), "trajectory" (needs the bank's own commands) or "replay" (every entry drives the recording's commands).
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
-    guess : whether to read parameters off the recording's own model too. at_least : entries wanted.
+    guess : whether to read parameters off the recording's own model too; "replay" has none. at_least : entries wanted.
+    replayed : (n,) replay errors of unit parameters (n, P); without it "replay" is no choice.
     """
     if distance not in ("auto", *DISTANCES):
         raise UsageError(
             f"distance {distance!r}", expected=f"one of {['auto', *DISTANCES]}", do="choose one of them"
         )
-    rows = recording_rows(population, recording)
     allowed = _allowed(population, known, at_least)
+    told = _transitions(population, recording)
+    if distance == "replay" or (distance == "auto" and len(told) < FEWEST and replayed):
+        ids, scores, evaluations = _by_replay(population, allowed, replayed)
+        return Retrieved("replay", ids, scores, None, evaluations)
+    rows = population.shared.recording_rows(told)
     sided = None
     if distance == "auto":
         sided = _by_one_sided(population, rows, allowed)
@@ -91,11 +109,13 @@ def retrieve(
 
 def recording_rows(population: Population, recording: Recording) -> Rows:
     """Normalised rows of a recording; optional inputs that the log lacks take the robot's defaults."""
+    return population.shared.recording_rows(_transitions(population, recording))
+
+
+def _transitions(population: Population, recording: Recording) -> Transitions:
     robot = population.shared.robot
     filled = with_defaults(robot, recording)
-    return population.shared.recording_rows(
-        transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
-    )
+    return transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
 
 
 def with_defaults(robot: Robot, recording: Recording) -> Recording:
@@ -131,9 +151,11 @@ def _allowed(population: Population, known: np.ndarray | None, at_least: int) ->
 def _own_model(population: Population, rows: Rows, threads: int) -> MlpStack:
     inputs, targets = rows.train
     some = thin(len(inputs), MODEL_ROWS, population.shared.seed, "own model")
-    if len(some) < 20:
+    if len(some) < FEWEST:
         raise LogError(
-            f"{len(some)} usable rows", expected="at least 20 transitions without NaN", do="record longer"
+            f"{len(some)} usable rows",
+            expected=f"at least {FEWEST} rows in which all is measured, and in the next as well",
+            do="record longer, or query with --distance replay",
         )
     shared = population.shared
     return shared.training.entries(shared.base, inputs[None, some], targets[None, some], shared.seed, threads)
@@ -150,7 +172,11 @@ def _by_one_sided(
     inputs, targets = _sequences(rows)
     judged = thin(len(inputs), QUERY_ROWS, population.shared.seed, "query")
     if not len(judged):
-        raise LogError("no usable rows", expected="transitions without NaN", do="record longer")
+        raise LogError(
+            "no usable rows",
+            expected="rows in which all is measured, and in the next as well",
+            do="record longer, or query with --distance replay",
+        )
     stack = population.stack if len(allowed) == len(population) else population.stack[allowed]
     shared = population.shared
     scores = one_sided(stack, shared.base, inputs[judged], targets[judged], shared.normaliser)
@@ -166,6 +192,17 @@ def _sequences(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
         return rows.inputs[:, None], rows.targets[:, None]
     at = starts[:, None] + np.arange(AHEAD)
     return rows.inputs[at], rows.targets[at]
+
+
+def _by_replay(
+    population: Population, allowed: np.ndarray, replayed: Callable[[np.ndarray], np.ndarray] | None
+) -> tuple[np.ndarray, np.ndarray, int]:
+    if replayed is None:
+        raise UsageError(
+            "distance 'replay' without a replay", expected="what replays entries", do="give `replayed`"
+        )
+    parts = np.array_split(allowed, max(len(allowed) // AT_ONCE, 1))
+    return *_sorted(allowed, np.concatenate([replayed(population.unit[p]) for p in parts])), len(allowed)
 
 
 def _by_embedding(

@@ -1,6 +1,7 @@
 """Ingestion gives the channels on the robot's clock, and nothing that was not measured."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -177,8 +178,11 @@ def test_timed_control_keeps_every_row_of_the_commands(write_table: Callable):
     spec = RecordingSpec(
         "cart", (ChannelSpec("base/x", "m", "state"), ChannelSpec("base/v", "m/s", "action")), (), None
     )
-    t = irregular(4)
-    (episode,) = read_recording(write_table(time=t, base__x=t**2, base__v=2 * t), spec).episodes
+    t = irregular(4, duration=200.0, period=0.5)
+    path = write_table(time=t, base__x=t**2, base__v=2 * t)
+    (episode,) = read_recording(path, spec).episodes
+    assert np.diff(t).max() > 0.5 and "gap" not in {f.check for f in doctor(path, spec)}
+    assert "gap" in {f.check for f in doctor(path, replace(spec, rate=10.0))}
     np.testing.assert_allclose(episode.time, t - t[0], atol=1e-9)
     np.testing.assert_allclose(episode.values[:, 1], 2 * t)
 

@@ -1,6 +1,8 @@
 """Every distance ranks the entries whose dynamics are the recording's first."""
 
 import shutil
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +12,12 @@ from secret_servo import ENTRIES
 
 from dynreg import session
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.errors import UsageError
+from dynreg.errors import LogError, UsageError
 from dynreg.neighbours import link
 from dynreg.neighbours.link import load_graph, load_population
 from dynreg.neighbours.retrieve import DISTANCES, retrieve, with_defaults
 from dynreg.replay.known import known_values
+from dynreg.replay.windows import Replayer, errors, windows
 from dynreg.sim.engines import rollout
 
 
@@ -42,13 +45,23 @@ def ran_the_bank(population, entry: int, noise: float = 0.0) -> Recording:
     return Recording(tuple(Channel(n, "1") for n in names), tuple(episodes), measured=False)
 
 
+def replay_of(population, recording: Recording) -> Callable[[np.ndarray], np.ndarray]:
+    robot = population.shared.robot
+    replayer = Replayer(robot, windows(robot, recording))
+    every = np.arange(len(replayer.windows))
+    return lambda unit: errors(replayer.residuals(robot.space.from_unit(unit), every)).mean(axis=1)
+
+
 @pytest.mark.parametrize("distance", DISTANCES)
 @pytest.mark.parametrize("entry", [4, 17])
 def test_an_entry_s_own_run_finds_the_entry(servos, population, distance, entry):
-    found = retrieve(servos.registry, population, ran_the_bank(population, entry, 0.001), distance=distance)
+    recording = ran_the_bank(population, entry, 0.001)
+    found = retrieve(
+        servos.registry, population, recording, distance=distance, replayed=replay_of(population, recording)
+    )
     at = int(np.flatnonzero(found.order == entry)[0])
     # the printed algorithm returns what its greedy walks met; the training losses are the weaker reading
-    assert at == 0 if distance in ("one_sided", "embedding", "trajectory") else at < 5
+    assert at == 0 if distance in ("one_sided", "embedding", "trajectory", "replay") else at < 5
     assert sorted(found.order) == list(range(ENTRIES)), "all are ranked, each once"
     known = found.distance[np.isfinite(found.distance)]
     assert (np.diff(known) >= 0).all() and len(known) >= 1
@@ -61,7 +74,10 @@ def test_near_entries_move_like_the_robot(servos, population, distance):
     for seed in (70, 71, 72):
         values = secret_servo.values_of(seed)
         recording = secret_servo.record(values, seed)
-        found = retrieve(servos.registry, population, recording, distance=distance, guess=False)
+        replayed = replay_of(population, recording)
+        found = retrieve(
+            servos.registry, population, recording, distance=distance, guess=False, replayed=replayed
+        )
         states = rollout(population.shared.robot, values[None], population.shared.run).states[0]
         apart = np.abs(population.entries.states - states)[..., 0].mean(axis=(1, 2))
         shares.append(apart[found.order[:5]].mean() / apart.mean())
@@ -72,6 +88,28 @@ def test_trajectory_needs_the_population_s_own_commands(servos, population):
     recording = secret_servo.record(population.shared.robot.space.nominal, 1)
     with pytest.raises(UsageError, match="commands that the population did not"):
         retrieve(servos.registry, population, recording, distance="trajectory")
+
+
+def now_and_then(episode: Episode, population) -> Episode:
+    """The states of every tenth row alone."""
+    values = episode.values.copy()
+    values[np.arange(len(values)) % 10 > 0, : len(population.shared.robot.channels)] = np.nan
+    return replace(episode, values=values)
+
+
+def test_rows_without_successors_are_ranked_by_replay(servos, population):
+    """States measured now and then: one-step errors have nothing to judge, and only asked for are they tried."""
+    recording = ran_the_bank(population, 4, 0.001)
+    recording = replace(recording, episodes=tuple(now_and_then(e, population) for e in recording.episodes))
+    replayed = replay_of(population, recording)
+    found = retrieve(servos.registry, population, recording, replayed=replayed)
+    assert found.distance_name == "replay" and found.order[0] == 4 and found.guess is None
+    assert found.distance == pytest.approx(replayed(population.unit[found.order]))
+    for given in ({}, {"distance": "one_sided", "replayed": replayed}):
+        with pytest.raises(LogError, match="and in the next as well.*--distance replay"):
+            retrieve(servos.registry, population, recording, **given)
+    with pytest.raises(UsageError, match="replay"):
+        retrieve(servos.registry, population, recording, distance="replay")
 
 
 def test_entries_far_from_what_is_known_are_left_out(servos, population, robot):

@@ -1,0 +1,26 @@
+"""A log with a row for each command is asked about like any other: its simulators are ranked by replay."""
+
+from pathlib import Path
+
+import pytest
+from secret_servo import TRAINING
+from timed_khepera import timed_folder, timed_log
+
+from dynreg import session
+from dynreg.errors import LogError
+from dynreg.sim.robot import load_robot
+
+
+def test_a_slower_khepera_with_timed_commands_is_found(tmp_path: Path):
+    folder = timed_folder(tmp_path)
+    recording = timed_log(load_robot(folder), 200, noise=1.0, speed_lag=0.13)
+    with session.open(tmp_path / "registry") as opened:
+        opened.populate(folder, 24, training=TRAINING)
+        found = opened.query(opened.ingest(recording, folder, name="drive"))
+        with pytest.raises(LogError, match="--distance replay"):
+            opened.query("drive", distance="one_sided")
+    assert found.distance == "replay" and found.fits
+    lag = found.synthesised.parameters["speed_lag"]
+    assert lag.low < 0.13 < lag.high and lag.high - lag.low < 0.05
+    stages = {s.stage: s.test for s in found.stages}
+    assert stages["answer"] < 0.5 * stages["nominal"]
