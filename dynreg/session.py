@@ -257,7 +257,7 @@ class Session:
         self,
         recording: "str | Path | results.RecordingSummary",
         *,
-        models: Sequence[str] = ("kinematic", "dynamic", "network", "mlp"),
+        models: Sequence[str] = ("kinematic", "dynamic", "table", "network", "mlp"),
         simulators: Sequence[str] = (),
         seed: int = 0,
         starts: int = 30,

@@ -6,7 +6,7 @@ from pathlib import Path
 from dynreg.adapt.methods import METHODS
 
 KINDS = ("population", "recording", "simulator", "result", "robot")
-MODELS = ("kinematic", "dynamic", "network", "mlp")
+MODELS = ("kinematic", "dynamic", "table", "network", "mlp")
 DISTANCES = (
     "auto",
     "one_sided",

@@ -11,6 +11,7 @@ import numpy as np
 from dynreg.compare.mlp import train_mlp
 from dynreg.models.threads import available_threads
 from dynreg.results.comparison import Contender
+from dynreg.timed.cellwise import fit_cellwise
 from dynreg.timed.commands import Commands
 from dynreg.timed.fit import fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
@@ -91,6 +92,11 @@ def _dynamic(making: Making, report: Callable[[int, int], None]) -> tuple[Model,
     return Unicycle(found, track), {"track": track, **dict(zip(NAMES, map(float, found), strict=True))}
 
 
+def _table(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
+    found = fit_cellwise(*making.known, making.unseen, making.told.track)
+    return found, {"track": making.told.track, "cells": float(found.grid.cells)}
+
+
 def _network(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
     found = train(
         *making.known,
@@ -119,6 +125,7 @@ class Recipe:
 MODELS: Mapping[str, Recipe] = {
     "kinematic": Recipe(_kinematic, "closed form", 0),
     "dynamic": Recipe(_dynamic, "unicycle, fitted", 20),
+    "table": Recipe(_table, "closed form, put right in cells of wheel speeds", 20),
     "network": Recipe(_network, "three networks 5-20-1, trained", WEIGHTS),
     "mlp": Recipe(_mlp, "network 5-128-128-128-3, trained", 40),
 }

@@ -46,7 +46,10 @@ def found(registry: Session) -> Comparison:
 
 def test_the_model_that_the_robot_is_wins_on_every_axis(found: Comparison) -> None:
     """Two of six parameters are far from nominal: neither the closed form nor the nominal simulator knows them."""
-    assert found.names == ("nominal", "kinematic", "dynamic", "network", "mlp") and found.best == "dynamic"
+    assert (
+        found.names == ("nominal", "kinematic", "dynamic", "table", "network", "mlp")
+        and found.best == "dynamic"
+    )
     assert found.parts == {"fit": 164, "validation": 38, "test": 38} and found.errors.commands == 38
     for axis in found.axes:
         (pair,) = (
@@ -74,7 +77,7 @@ def _leaves(part: object, place: str = "") -> dict[str, object]:
 
 def test_the_same_seed_gives_the_same_numbers_on_any_threads(registry: Session, found: Comparison) -> None:
     """The same bytes but for the networks, whose MINPACK rounds differently from run to run."""
-    known = ["kinematic", "dynamic", "mlp"]
+    known = ["kinematic", "dynamic", "table", "mlp"]
     one, two = (
         registry.compare("monday", models=known, simulators=["nominal"], **QUICK | {"threads": threads})
         for threads in (1, 2)
@@ -165,7 +168,7 @@ def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log
         LogError, match="62 of 90 commands are there to fit model 'network'.*206 in all"
     ) as told:
         registry.compare("short")
-    assert str(told.value).endswith("--models kinematic,dynamic,mlp")
+    assert str(told.value).endswith("--models kinematic,dynamic,table,mlp")
     for models, simulators, advice in (
         (["kinematic", "network"], [], "--models kinematic --with nominal"),
         (["network"], ["nominal"], "--models kinematic"),
