@@ -8,9 +8,10 @@ import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.rng import stream
+from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.timed.commands import chained, drawn
-from dynreg.timed.unicycle import unicycle
+from dynreg.sim.run import Run
+from dynreg.timed.commands import drawn
 
 WHEEL = re.compile(r'\[\[channels\]\]\nname = "\w+_wheel/(?:position|velocity)"\n(?:[^\[\n].*\n)*\n')
 NOISE = np.array([0.001, 0.001, 0.0087])  # m, m, rad
@@ -26,18 +27,21 @@ def timed_folder(folder: Path, horizon: float = 5.0) -> Path:
     return made
 
 
-def timed_log(robot: Robot, many: int = 40, *, noise: float = 0.0, **law: float) -> Recording:
-    """Drawn commands, times in hundredths, by the dynamic model with the robot's own parameters but for `law`.
+def timed_log(robot: Robot, many: int = 40, *, noise: float = 0.0, **values: float) -> Recording:
+    """Drawn commands, times in hundredths, by the dynamic model at the robot's nominal parameters but for `values`.
 
     noise : times the tracker's.
     """
-    base, commands = robot.file.base, drawn(many, stream(2, "timed"))
-    commands.seconds[:] = np.round(commands.seconds, 2)
-    names = ("speed_lag", "yaw_lag", "centrifugal", "speed_drag", "coupling", "yaw_drag")
-    pose = chained(unicycle(commands, np.array([law.get(n, getattr(base, n)) for n in names]), base.track))
+    commands, step = drawn(many, stream(2, "timed")), robot.file.robot.timestep
+    steps = np.round(commands.seconds / step).astype(int)
+    told = np.stack([commands.left, commands.right], axis=1) / robot.file.base.wheel_radius
+    run = Run(np.repeat(told, steps, axis=0)[None], period=step)
+    law = robot.space.from_dict(robot.space.as_dict(robot.space.nominal) | values)[None]
+    rows = np.concatenate([[0], np.cumsum(steps)])
+    pose = rollout(robot, law, run, engine="unicycle").states[0, 0, rows]
     pose = pose + noise * NOISE * stream(3, "tracker").standard_normal(pose.shape)
-    told = np.stack([commands.left, commands.right], axis=1) / base.wheel_radius
-    values = np.concatenate([pose, np.concatenate([told, told[-1:]])], axis=1)
+    table = np.concatenate([pose, np.concatenate([told, told[-1:]])], axis=1)
     tables = (*robot.file.channels, *robot.file.actions)
-    time = 3.0 + np.concatenate([[0.0], np.cumsum(commands.seconds)])
-    return Recording(tuple(Channel(t.name, t.unit) for t in tables), (Episode("drive", time, values),))
+    return Recording(
+        tuple(Channel(t.name, t.unit) for t in tables), (Episode("drive", 3.0 + step * rows, table),)
+    )

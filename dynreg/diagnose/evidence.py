@@ -8,6 +8,8 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
+from dynreg.replay.velocity import pose_columns
+from dynreg.replay.windows import Windows, standing
 from dynreg.results.diagnosis import Noise, Verdict
 from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
@@ -34,11 +36,12 @@ class Evidence:
         repeats = {r.channel: r for r in repeatability(robot, recording)}
         # of whole rollouts, as what repeats is
         left = replace(problem.fine, whole=True).residuals([extended], chosen)[0]
+        begun = begin_noise(robot, problem.windows.take(chosen))
         rows = []
         for c, column in enumerate(problem.use):
             spread = problem.windows.spread[column]
             known = repeats[robot.channels[column]]
-            stated = max(known.stated, 1e-12)
+            stated = max(float(np.hypot(known.stated, begun[column])), 1e-12)
             floor = known.spread if known.spread else stated
             size = float(remaining(left[..., c], problem.rough) * spread)
             white = whiteness(left[..., c])
@@ -55,6 +58,27 @@ class Evidence:
             )
         worst = max(rows, key=lambda n: n.ratio or 0.0)
         return cls(worst, float(worst.ratio or 0.0), repeats)
+
+
+def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
+    """(S,) what noise of the pose that windows begin with makes of their channels, root mean square in each one's unit.
+
+    A planar base never makes good a heading that was measured wrong: with the way it grows into the place. 0 for all
+    other channels and robots.
+    """
+    out = np.zeros(len(robot.channels))
+    columns = pose_columns(robot)
+    if columns is None:
+        return out
+    rows = standing(robot, windows.run.actions, windows.measured)
+    noise = robot.sensor_noise[columns] / np.sqrt(rows)[:, None]  # a start that stands still is a mean
+    way = windows.measured[..., columns[:2]] - windows.run.initial[:, None, columns[:2]]
+    squares = np.repeat(noise[:, None] ** 2, way.shape[1], axis=1)
+    squares[..., :2] += (noise[:, None, 2:] * way[..., ::-1]) ** 2
+    squares[~np.isfinite(windows.measured[..., columns])] = np.nan
+    for column, one in zip(columns, np.moveaxis(squares[:, 1:], -1, 0), strict=True):
+        out[column] = np.sqrt(np.nanmean(one)) if np.isfinite(one).any() else 0.0
+    return out
 
 
 def remaining(residual: np.ndarray, rough: bool) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
 from dynreg.replay.timed import on_grid
-from dynreg.replay.velocity import base_velocities, told_velocities
+from dynreg.replay.velocity import base_velocities, told_velocity
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -168,7 +168,7 @@ def errors(residuals: np.ndarray) -> np.ndarray:
 def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray | None:
     """(W, 2) of a planar base at the first row of each window, rows before it included.
 
-    Where poses are too rare to show it, what the base was told until then: without lags it had that velocity.
+    Where poses are too rare to show it, what the base made of its commands until then by its nameplate.
     """
     state, action, period = (
         recording.columns(robot.channels),
@@ -182,7 +182,7 @@ def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, i
         if found is None:
             return None
         if start and np.isnan(found).any():
-            found = told_velocities(robot, values[start - 1 : start, action])
+            found = told_velocity(robot, _held(values[:start, action], np.zeros(len(action))), period)[None]
         out.append(found)
     return np.concatenate(out)
 

@@ -179,7 +179,8 @@ class Noise(Result):
     """What the best simulator leaves of one channel, against what no simulator can explain; both 1 sigma in `unit`.
 
     left : where contacts make rollouts rough, the mean of its logarithm over the windows.
-    basis : what the floor comes from. white : whether what is left looks like white noise; null where unknown.
+    basis : what the floor comes from; stated noise is also that of the pose which a planar base begins with, and which
+    it carries along. white : whether what is left looks like white noise; null where unknown.
     """
 
     channel: str
