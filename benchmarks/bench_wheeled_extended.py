@@ -10,6 +10,9 @@ import argparse
 import json
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -116,13 +119,16 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=10)
     parser.add_argument("--generations", type=int, default=100)
     parser.add_argument("--threshold-runs", type=int, default=20)
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--threads", type=int, default=1, help="of each process")
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
     given = parser.parse_args()
-    robot, rows = load_robot("diffdrive"), []
-    for effect in given.effects:
-        rows.append(compared(robot, effect, TUNE if given.tune else REPORT, given))
-        show(rows[-1])
+    job = partial(compared, load_robot("diffdrive"), seed=TUNE if given.tune else REPORT, given=given)
+    rows = []
+    with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
+        for row in pool.map(job, given.effects):
+            rows.append(row)
+            show(row)
     if not given.tune:
         FILE.write_text(json.dumps(rows, indent=1) + "\n")
 
