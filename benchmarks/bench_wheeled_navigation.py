@@ -138,6 +138,7 @@ def show(rows: list[dict]) -> dict[str, dict]:
             "gap": gap,
             "least and most": [float(gaps.min()), float(gaps.max())],
             "missed": missed.tolist(),
+            "four in the simulator": sum(r["thought"] == 4 for r in own),
             "success": [share.low, share.high],
             "again": {"success": again, "gap": often},
             "without slip": {"success": sum(r["reached"] == 4 for r in own), "gap": still},
@@ -147,7 +148,8 @@ def show(rows: list[dict]) -> dict[str, dict]:
             f"{kind:10s} gap {_shown(gap)}, {gaps.min():.1f} to {gaps.max():.1f}"
             f" (published {gap_there}); {missed[0]} of {len(own)} miss no block [{share.low:.2f}, {share.high:.2f}],"
             f" {missed[1:].tolist()} miss 1, 2, 3, 4 (published {missed_there}); {out[kind]['core']:.0f} core s\n"
-            f"{'':10s} driven {AGAIN} times: {_shown([100 * v for v in again])} % miss no block, gap {_shown(often)};"
+            f"{'':10s} {out[kind]['four in the simulator']} visit all four in their simulator;"
+            f" driven {AGAIN} times: {_shown([100 * v for v in again])} % miss no block, gap {_shown(often)};"
             f" without slip {out[kind]['without slip']['success']} of {len(own)}, gap {_shown(still)}"
         )
     for first, second in combinations(out, 2):
