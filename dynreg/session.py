@@ -167,8 +167,9 @@ class Session:
         """The simulators nearest to a recording, re-ranked by replay, and a synthesised one; see `neighbours.query`.
 
         recording : a recording's id, name or `@last`, or the path of a log (then `robot` is needed).
-        hold_out : the test part, such as "kp=400", episode names or a share; a fifth by default.
-        The result is stored; `fits` is False and `alarm` says why where nothing in the family is close.
+        distance : "auto", or one of `neighbours.retrieve.DISTANCES`, told there. hold_out : the test part, such as
+        "kp=400", episode names or a share; a fifth by default. The result is stored; `fits` is False and `alarm` says
+        why where nothing in the family is close.
         """
         from dynreg.neighbours.query import Settings, query
 

@@ -91,8 +91,8 @@ def told(robot: Robot, recording: Recording, *, longest: float = np.inf) -> Told
         commands = Commands(left, right, episode.time[end] - episode.time[begin], *before)
         poses = episode.values[:, columns]
         whole = poses.copy()
-        if _within_one_turn(poses[:, 2]):
-            whole[:, 2] = _unwrapped(episode.time, poses[:, 2], speeds, wheels.track)
+        if within_one_turn(poses[:, 2]):
+            whole[:, 2] = unwrapped(episode.time, poses[:, 2], speeds, wheels.track)
         moved = displacement(whole[begin], whole[end])
         known = np.isfinite(moved).all(axis=1) & np.isfinite(commands.table).all(axis=1)
         left_out += int((~known).sum())
@@ -172,7 +172,7 @@ def _require(names: Sequence[str], needed: Sequence[str], what: str, do: str) ->
         )
 
 
-def _within_one_turn(yaw: np.ndarray) -> bool:
+def within_one_turn(yaw: np.ndarray) -> bool:
     """Whether angles (T,) may have been wrapped: to -pi to pi, or to 0 to 2 pi."""
     known = yaw[np.isfinite(yaw)]
     if not len(known):
@@ -181,7 +181,7 @@ def _within_one_turn(yaw: np.ndarray) -> bool:
     return bool((low >= -np.pi and high <= np.pi) or (low >= 0.0 and high <= TURN))
 
 
-def _unwrapped(time: np.ndarray, yaw: np.ndarray, speeds: np.ndarray, track: float) -> np.ndarray:
+def unwrapped(time: np.ndarray, yaw: np.ndarray, speeds: np.ndarray, track: float) -> np.ndarray:
     """(T,) angles without whole turns, of those within one turn; NaN where none was measured.
 
     From one measured row to the next the base turns the shorter way. Only where it was told `SURE` or more in between

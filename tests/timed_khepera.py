@@ -27,12 +27,23 @@ def timed_folder(folder: Path, horizon: float = 5.0) -> Path:
     return made
 
 
-def timed_log(robot: Robot, many: int = 40, *, noise: float = 0.0, **values: float) -> Recording:
+def timed_log(
+    robot: Robot,
+    many: int = 40,
+    *,
+    noise: float = 0.0,
+    seconds: tuple[float, float] = (0.1, 2.0),
+    rest: float = 0.0,
+    **values: float,
+) -> Recording:
     """Drawn commands, times in hundredths, by the dynamic model at the robot's nominal parameters but for `values`.
 
-    noise : times the tracker's.
+    noise : times the tracker's. rest : [s] for which the robot stands first.
     """
-    commands, step = drawn(many, stream(2, "timed")), robot.file.robot.timestep
+    commands, step = drawn(many, stream(2, "timed"), seconds=seconds), robot.file.robot.timestep
+    if rest:
+        commands.left[0] = commands.right[0] = 0.0
+        commands.seconds[0] = rest
     steps = np.round(commands.seconds / step).astype(int)
     told = np.stack([commands.left, commands.right], axis=1) / robot.file.base.wheel_radius
     run = Run(np.repeat(told, steps, axis=0)[None], period=step)

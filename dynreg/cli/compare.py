@@ -46,10 +46,11 @@ def compare(
 ) -> None:
     """Compare models and simulators of a wheeled robot.
 
-    kinematic: the closed form; dynamic: the unicycle, fitted; network: three small networks; mlp: one of three
-    layers. They are made from the first 84 % of the recording's commands, and all are judged on the last 16 %. A
-    simulator named by --with drives the whole recording; a note says if it may have seen that part. The words nominal,
-    diagnosis, query and calibration hide nothing: what --with takes has ids, and no names.
+    kinematic: the closed form; dynamic: the unicycle, fitted; table: the closed form, put right in cells of wheel
+    speeds; network: three small networks; mlp: one of three layers. They are made from the first 84 % of the
+    recording's commands, and all are judged on the last 16 %. A simulator named by --with drives the whole recording; a
+    note says if it may have seen that part. The words nominal, diagnosis, query and calibration hide nothing: what
+    --with takes has ids, and no names.
 
     Example: dynreg compare monday --with nominal --report monday.html
     """

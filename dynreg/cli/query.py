@@ -27,7 +27,10 @@ def query(
     replay: Annotated[bool, typer.Option(help="Replay the commands in the best and re-rank.")] = True,
     synthesise: Annotated[bool, typer.Option(help="Make a simulator from the neighbours.")] = True,
     hold_out: HoldOut = None,
-    budget: Annotated[int | None, typer.Option(help="Simulations that the query may run.")] = None,
+    budget: Annotated[
+        int | None,
+        typer.Option(help="Simulations that the query may run, beyond those of --distance replay."),
+    ] = None,
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
     threads: Threads = None,

@@ -140,7 +140,7 @@ def check_range(series: Series, channel: ChannelSpec, where: str) -> Iterator[Fi
         )
         yield Finding("error", "units", where, text)
         return
-    if channel.unit == "rad" and not bounds and largest > TURNS:
+    if channel.unit == "rad" and not bounds and largest > TURNS and not channel.name.endswith("/yaw"):
         text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: degrees?"
         yield Finding("warning", "units", where, text)
     if channel.kind == "enable" and not np.all(np.isin(values, (0.0, 1.0))):

@@ -70,7 +70,9 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
     columns = pose_columns(robot)
     if columns is None:
         return out
-    rows = standing(robot, windows.run.actions, windows.measured)
+    still = standing(robot, windows.run.actions, windows.measured)
+    known = np.isfinite(windows.measured[..., columns]).all(axis=2)
+    rows = np.array([max(k[:many].sum(), 1) for k, many in zip(known, still, strict=True)])
     noise = robot.sensor_noise[columns] / np.sqrt(rows)[:, None]  # a start that stands still is a mean
     way = windows.measured[..., columns[:2]] - windows.run.initial[:, None, columns[:2]]
     squares = np.repeat(noise[:, None] ** 2, way.shape[1], axis=1)

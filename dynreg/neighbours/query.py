@@ -82,6 +82,12 @@ def query(
     replayer = Replayer(robot, cut, settings.threads)
     known = known_values(robot, recording)
     report("retrieve", 0, 1)
+
+    def replayed(unit: np.ndarray) -> np.ndarray:
+        found = errors(replayer.residuals(robot.space.from_unit(unit), split.chosen)).mean(axis=1)
+        report("retrieve", replayer.rollouts, len(population))
+        return found
+
     found = retrieve(
         registry,
         population,
@@ -90,9 +96,7 @@ def query(
         known=known,
         guess=settings.synthesise,
         at_least=settings.k,
-        replayed=lambda unit: errors(replayer.residuals(robot.space.from_unit(unit), split.chosen)).mean(
-            axis=1
-        ),
+        replayed=replayed,
         threads=settings.threads,
     )
     report("retrieve", 1, 1)
@@ -258,7 +262,7 @@ def _result(
         notes=notes + _bound_notes(synthesised),
         cost=Cost(
             evaluations=search.found.evaluations,
-            rollouts=len(evidence.unit) + search.noisy,
+            rollouts=search.found.replays + len(evidence.unit) + search.noisy,
             test_rollouts=len(test),
             seconds=seconds,
         ),
@@ -275,9 +279,10 @@ def _unjudged(
     settings: Settings,
     seconds: float,
 ) -> Neighbours:
-    """The k nearest alone: nothing was simulated, so nothing is known of how well they predict."""
+    """The k nearest alone: how well they predict is known only where replay ranked them."""
     space = population.shared.robot.space
-    near = [_neighbour(population, found, int(entry), None) for entry in found.order[: settings.k]]
+    error = dict(zip(found.order.tolist(), found.distance.tolist(), strict=True)) if found.replays else {}
+    near = [_neighbour(population, found, int(i), error.get(int(i))) for i in found.order[: settings.k]]
     return Neighbours(
         robot=population.shared.robot.name,
         population=population.record.id,
@@ -300,7 +305,7 @@ def _unjudged(
         misfit=None,
         alarm=None,
         notes=("nothing was held against the nominal simulator: whether the nearest one fits is not known",),
-        cost=Cost(evaluations=found.evaluations, rollouts=0, seconds=seconds),
+        cost=Cost(evaluations=found.evaluations, rollouts=found.replays, seconds=seconds),
     )
 
 

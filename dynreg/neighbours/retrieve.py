@@ -24,8 +24,8 @@ REACHED = 60  # entries that a search of the graph keeps
 QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
-FEWEST = 20  # rows with which one-step errors say anything
-AT_ONCE = 32  # entries that are replayed together
+FEWEST = 20  # rows that a model is trained from, at least
+AT_ONCE = 32  # entries that are replayed together, at most
 DISTANCES = (
     "one_sided",
     "embedding",
@@ -43,7 +43,7 @@ class Retrieved:
 
     order : (M',) entry numbers, nearest first; distance : (M',) theirs.
     guess : (P,) unit parameters that a ridge map reads off the recording's embedding; None without one.
-    evaluations : distances evaluated.
+    evaluations : distances evaluated. replays : of them, simulators that were replayed.
     """
 
     distance_name: str
@@ -51,6 +51,7 @@ class Retrieved:
     distance: np.ndarray
     guess: np.ndarray | None
     evaluations: int
+    replays: int = 0
 
 
 def retrieve(
@@ -68,14 +69,15 @@ def retrieve(
     """Rank the entries of a population by their distance to a recording, all of which is read.
 
     distance : "auto" (one_sided; embedding where no entry predicts better than the base model, so that one-step
-    errors say nothing, as on servos with unmodelled friction; replay where hardly any row has its successor, as
-    where states are measured rarely), "one_sided", "embedding", "cross_loss" (the
-    paper's, best-first on the graph, held-out own losses),
+    errors say nothing, as on servos with unmodelled friction; replay where control is timed, or states were measured
+    now and then), "one_sided", "embedding", "cross_loss" (the paper's, best-first on the graph, held-out own losses),
     "cross_loss_train" (with training own losses), "cross_loss_printed" (the paper's Algorithm 1 as printed, k = 5,
     4 restarts), "trajectory" (needs the bank's own commands) or "replay" (every entry drives the recording's commands).
     known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out.
     guess : whether to read parameters off the recording's own model too; "replay" has none. at_least : entries wanted.
     replayed : (n,) replay errors of unit parameters (n, P); without it "replay" is no choice.
+    Raises UsageError for a distance that there is not, or that this robot or population does not have; LogError for a
+    recording without rows to judge.
     """
     if distance not in ("auto", *DISTANCES):
         raise UsageError(
@@ -83,9 +85,18 @@ def retrieve(
         )
     allowed = _allowed(population, known, at_least)
     told = _transitions(population, recording)
-    if distance == "replay" or (distance == "auto" and len(told) < FEWEST and replayed):
+    timed = population.shared.robot.file.robot.control == "timed"
+    if distance == "auto" and replayed is not None and (timed or _sparse(population, recording, told)):
+        distance = "replay"
+    if distance == "replay":
         ids, scores, evaluations = _by_replay(population, allowed, replayed)
-        return Retrieved("replay", ids, scores, None, evaluations)
+        return Retrieved("replay", ids, scores, None, evaluations, evaluations)
+    if timed:
+        raise UsageError(
+            f"distance {distance!r} of {population.shared.robot.name!r}, whose control is timed",
+            expected="'replay': models predict one time step, and the rows of its logs are commands",
+            do="leave --distance out",
+        )
     rows = population.shared.recording_rows(told)
     sided = None
     if distance == "auto":
@@ -134,6 +145,13 @@ def with_defaults(robot: Robot, recording: Recording) -> Recording:
             values[:, column] = np.where(np.isnan(values[:, column]), defaults[i], values[:, column])
         episodes.append(Episode(e.name, e.time, values, nominal | dict(e.settings)))
     return Recording(channels, tuple(episodes), recording.measured, recording.provenance)
+
+
+def _sparse(population: Population, recording: Recording, told: Transitions) -> bool:
+    """Whether states were measured often enough, and yet hardly ever twice in a row: a short log is none."""
+    columns = recording.columns(population.shared.robot.channels)
+    known = sum(int(np.isfinite(e.values[:, columns]).all(axis=1).sum()) for e in recording.episodes)
+    return len(told) < FEWEST and known >= 2 * FEWEST
 
 
 def _allowed(population: Population, known: np.ndarray | None, at_least: int) -> np.ndarray:
@@ -201,7 +219,7 @@ def _by_replay(
         raise UsageError(
             "distance 'replay' without a replay", expected="what replays entries", do="give `replayed`"
         )
-    parts = np.array_split(allowed, max(len(allowed) // AT_ONCE, 1))
+    parts = np.array_split(allowed, -(-len(allowed) // AT_ONCE))
     return *_sorted(allowed, np.concatenate([replayed(population.unit[p]) for p in parts])), len(allowed)
 
 

@@ -1,9 +1,13 @@
 """Recordings of robots whose commands carry their own duration, as engines replay them: on a grid of time steps."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dynreg.data.recording import Episode, Recording
+from dynreg.replay.velocity import pose_columns
 from dynreg.sim.robot import Robot
+from dynreg.wheeled import unwrapped, wheels_of, within_one_turn
 
 EVEN = 0.01  # of a step that a row may come early or late
 
@@ -22,7 +26,8 @@ def on_grid(robot: Robot, recording: Recording) -> Recording:
     """The recording with rows at every time step of `robot`; as it is where commands come at a fixed rate.
 
     Each row's commands hold until the next (`grid`). States stand at the row nearest to when they were measured, NaN at
-    the others: nothing between them is made up.
+    the others: nothing between them is made up. A yaw of a planar base that is logged within one turn is followed
+    through whole turns, by what was told in between.
     """
     if robot.file.robot.control != "timed":
         return recording
@@ -34,6 +39,18 @@ def on_grid(robot: Robot, recording: Recording) -> Recording:
         values = e.values[row]
         values[:, measured] = np.nan
         at = np.clip(np.round((e.time - e.time[0]) / step).astype(int), 0, len(stamps) - 1)
-        values[np.ix_(at, measured)] = e.values[:, measured]
+        values[np.ix_(at, measured)] = _whole_turns(robot, recording, e).values[:, measured]
         episodes.append(Episode(e.name, stamps, values, e.settings))
     return Recording(recording.channels, tuple(episodes), recording.measured, recording.provenance)
+
+
+def _whole_turns(robot: Robot, recording: Recording, episode: Episode) -> Episode:
+    pose = pose_columns(robot)
+    if pose is None or robot.channels[pose[2]] not in recording.names:
+        return episode
+    yaw = recording.names.index(robot.channels[pose[2]])
+    if not within_one_turn(episode.values[:, yaw]):
+        return episode
+    wheels, values = wheels_of(robot, recording.names), episode.values.copy()
+    values[:, yaw] = unwrapped(episode.time, values[:, yaw], wheels.speeds(values), wheels.track)
+    return replace(episode, values=values)

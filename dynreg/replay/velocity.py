@@ -5,7 +5,6 @@ import numpy as np
 from dynreg.sim.robot import Robot
 
 SPAN = 0.1  # s to either side: short against what a base takes to gather speed, long against a pose's noise
-MEMORY = 20.0  # lags after which a command is forgotten
 POSE = ("x", "y", "yaw")
 
 
@@ -37,25 +36,3 @@ def pose_columns(robot: Robot) -> np.ndarray | None:
     """(3,) of a planar base's pose among its robot's channels; None for robots whose pose is no channel."""
     columns = [i for kind in POSE for i, c in enumerate(robot.channels) if c.endswith(f"/{kind}")]
     return np.array(columns) if robot.planar and len(columns) == len(POSE) else None
-
-
-def told_velocity(robot: Robot, commands: np.ndarray, period: float) -> np.ndarray:
-    """(2,) speed [m/s] and yaw rate [rad/s] of a planar base after commands (T, A), each held for `period` [s].
-
-    By its nameplate, from standstill; what was told more than `MEMORY` lags ago is forgotten.
-    """
-    names, base = robot.actions, robot.file.base
-    if base is None:  # told a speed and a yaw rate, which it has at once
-        kinds = ("/speed_command", "/yaw_rate_command")
-        return commands[-1, [names.index(n) for kind in kinds for n in names if n.endswith(kind)]]
-    left, right = (
-        base.wheel_radius * commands[:, names.index(f"{wheel}/velocity_command")]
-        for wheel in (base.left, base.right)
-    )
-    told = np.stack([0.5 * (left + right), (right - left) / base.track], axis=1)
-    out = np.zeros(2)
-    for axis, (lag, drag) in enumerate(((base.speed_lag, base.speed_drag), (base.yaw_lag, base.yaw_drag))):
-        stays = np.exp(-drag * period / lag) if lag else 0.0
-        some = told[-max(int(MEMORY * lag / period), 1) :, axis] / drag
-        out[axis] = (1.0 - stays) * some @ stays ** np.arange(len(some) - 1, -1, -1.0)
-    return out

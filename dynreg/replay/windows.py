@@ -7,11 +7,15 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
 from dynreg.replay.timed import on_grid
-from dynreg.replay.velocity import base_velocities, told_velocity
+from dynreg.replay.velocity import SPAN, base_velocities, pose_columns
 from dynreg.sim.engines import rollout
+from dynreg.sim.engines.planar_base import velocity_after
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+ANYWHERE = np.pi / np.sqrt(
+    3.0
+)  # rad, standard deviation of a heading that may be any: turns do not add to it
 STILL = 5.0  # times its noise that a channel of a base that stands still may move
 
 
@@ -109,8 +113,8 @@ def starts(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndarra
     """
     out = measured[:, 0].copy()
     for w, rows in enumerate(standing(robot, actions, measured)):
-        known = np.isfinite(measured[w, :rows]).all(axis=0)
-        out[w, known] = measured[w, :rows, known].mean(axis=1)
+        known = np.isfinite(out[w])
+        out[w, known] = np.nanmean(measured[w, :rows, known], axis=1)
     return out
 
 
@@ -123,8 +127,9 @@ def standing(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndar
     moves = (actions != 0).any(axis=2)
     first = np.where(moves.any(axis=1), moves.argmax(axis=1), moves.shape[1])
     for w, many in enumerate(first + 1):
-        apart = np.abs(measured[w, :many] - measured[w, :many].mean(axis=0))
-        if many > 1 and not (apart > STILL * noise).any():
+        known = measured[w, :many, np.isfinite(measured[w, 0])]
+        apart = np.abs(known - np.nanmean(known, axis=1, keepdims=True)).T
+        if many > 1 and not (apart > STILL * noise[np.isfinite(measured[w, 0])]).any():
             rows[w] = many
     return rows
 
@@ -168,23 +173,25 @@ def errors(residuals: np.ndarray) -> np.ndarray:
 def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray | None:
     """(W, 2) of a planar base at the first row of each window, rows before it included.
 
-    Where poses are too rare to show it, what the base made of its commands until then by its nameplate.
+    Where poses are too rare to show it, and in logs with a row for each command also where another command begins, what
+    the base made of its commands until then by its nameplate.
     """
-    state, action, period = (
-        recording.columns(robot.channels),
-        recording.columns(robot.actions),
-        _period(recording),
-    )
-    out = []
-    for number, start, _ in cuts:
-        values = recording.episodes[number].values
-        found = base_velocities(robot, values[:, state], np.array([start]), period)
-        if found is None:
-            return None
-        if start and np.isnan(found).any():
-            found = told_velocity(robot, _held(values[:start, action], np.zeros(len(action))), period)[None]
-        out.append(found)
-    return np.concatenate(out)
+    state, period = recording.columns(robot.channels), _period(recording)
+    if pose_columns(robot) is None:
+        return None
+    actions = _action_columns(robot, recording)
+    told = [_held(e.values[:, actions], np.zeros(len(actions))) for e in recording.episodes]
+    timed, reach = robot.file.robot.control == "timed", max(round(SPAN / period), 1)
+    out = np.empty((len(cuts), 2))
+    for w, (number, start, _) in enumerate(cuts):
+        values, near = recording.episodes[number].values, told[number][max(start - reach, 0) : start + reach]
+        out[w] = base_velocities(robot, values[:, state], np.array([start]), period)[0]
+        changes = (
+            start < reach or (near != near[0]).any()
+        )  # before a log a base of timed commands stands still
+        if (start and np.isnan(out[w]).any()) or (timed and changes):
+            out[w] = velocity_after(robot, told[number][:start], period)
+    return out
 
 
 def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:
@@ -268,12 +275,17 @@ def _settings(robot: Robot, recording: Recording) -> np.ndarray:
 
 
 def _scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spread of each channel, never below its noise, and the weights of the channels that were measured."""
+    """Spread of each channel, never below its noise, and the weights of the channels that were measured.
+
+    That of a base's yaw is never above `ANYWHERE`.
+    """
     import warnings
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a channel that was never measured
         spread = np.nanstd(measured, axis=(0, 1))
+    if (pose := pose_columns(robot)) is not None:
+        spread[pose[2]] = min(spread[pose[2]], ANYWHERE)
     floor = np.array([max(c.noise, c.quantum, 1e-9) for c in robot.file.channels])
     weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured).any(axis=(0, 1))
     if not weight.sum() > 0:

@@ -4,7 +4,10 @@ from dynreg.report.words import count, number
 from dynreg.results import Cause, Diagnosis, EffectEstimate, Inseparable, Noise, Ranked
 from dynreg.results.sentence import times
 
-FLOORS = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
+FLOORS = {
+    "repeatability": "what repeated runs differ by",
+    "stated_noise": "what the sensor's stated noise makes",
+}
 PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
 SHOWN_JOINTS = 6
 VERDICTS = {

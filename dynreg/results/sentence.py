@@ -123,7 +123,10 @@ def _error(error: RolloutError) -> str:
 def _left(noise: Noise | None, joint: str) -> str:
     if noise is None or noise.ratio is None:
         return ""
-    floors = {"repeatability": "what repeated runs differ by", "stated_noise": "the sensor's stated noise"}
+    floors = {
+        "repeatability": "what repeated runs differ by",
+        "stated_noise": "what the sensor's stated noise makes",
+    }
     floor = floors[noise.basis]
     return f"{joint}what is left is {times(noise.ratio)} times {floor}"
 

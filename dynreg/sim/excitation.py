@@ -9,6 +9,7 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+TYPICAL = 10.0  # Hz, of commands of robots whose control is timed
 # Each kind draws (steps, A) offsets in [-1, 1] for commands at `rate` Hz.
 Kind = Callable[[np.random.Generator, int, int, float], np.ndarray]
 
@@ -100,7 +101,7 @@ def excitation(
         for k, setting in enumerate(robot.file.settings):
             choices = setting.values or [setting.nominal]
             settings[e, k] = choices[(e // len(file.kinds)) % len(choices)]
-        offset = KINDS[kind](rng, steps, len(robot.actions), _typical_rate(robot))
+        offset = KINDS[kind](rng, steps, len(robot.actions), robot.file.robot.control_rate or TYPICAL)
         size = reach * file.amplitude * rng.uniform(*sizes)
         centre = pose
         if len(held):
@@ -116,9 +117,10 @@ def excitation(
         if kind == "drop":
             actions[e] = actions[e, :1]
             inputs[e, steps // 2 :, len(robot.file.inputs) :] = 0.0
-    if len(held):
-        return Run(actions, inputs=inputs, settings=settings, initial=initial)
-    return Run(actions, inputs=inputs, settings=settings)
+    period = None if robot.file.robot.control_rate else 1.0 / TYPICAL
+    return Run(
+        actions, inputs=inputs, settings=settings, initial=initial if len(held) else None, period=period
+    )
 
 
 def reset_pose(robot: Robot) -> np.ndarray:
@@ -163,7 +165,3 @@ def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray, rea
     for i, table in enumerate(robot.file.inputs):
         if table.low is not None and table.high is not None:
             inputs[:, i] += reach * (rng.uniform(table.low, table.high) - inputs[:, i])
-
-
-def _typical_rate(robot: Robot) -> float:
-    return robot.file.robot.control_rate or 10.0

@@ -34,11 +34,9 @@ class Grid:
 
     def cell(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
         """(n,) numbers of the cells of speeds (n,) [m/s], the right wheel's the faster one; -1 outside of them."""
-        at = [np.floor(self.each * (side - self.low) / (self.high - self.low)) for side in (left, right)]
-        at = [
-            np.where(side == self.high, self.each - 1, i) for side, i in zip((left, right), at, strict=True)
-        ]
-        inside = np.logical_and.reduce([(i >= 0) & (i < self.each) for i in at])
+        inside = np.logical_and.reduce([(side >= self.low) & (side <= self.high) for side in (left, right)])
+        share = [(side - self.low) / (self.high - self.low) for side in (left, right)]
+        at = [np.minimum(np.floor(self.each * s), self.each - 1) for s in share]  # the fastest is in the last
         return np.where(inside, self.each * at[0] + at[1], -1).astype(int)
 
     def middle(self, cell: np.ndarray) -> np.ndarray:

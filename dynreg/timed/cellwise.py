@@ -13,7 +13,8 @@ from dynreg.timed.cells import Grid
 from dynreg.timed.commands import Commands
 
 SIZES = (1, 2, 3, 5, 10, 20)  # cells for each wheel; the paper has 20
-TINY = 1e-9  # rad
+TINY = 1e-9  # rad: a turn through less is none
+FINE = np.array([1e-4, 1e-4, 1e-3])  # m, m, rad: what validates to this is as good
 LEAST = 1e-6  # m/s between the slowest and the fastest wheel: the same is told all the time
 
 
@@ -47,7 +48,7 @@ def fit_cellwise(
     validation : the same of others; errors are in units of each axis' standard deviation.
     """
     unseen, wanted = validation
-    spread = np.maximum(wanted.std(axis=0), TINY)
+    spread = np.maximum(wanted.std(axis=0), FINE)
     speeds = np.concatenate([commands.left, commands.right])
     tried = []
     for each in SIZES:

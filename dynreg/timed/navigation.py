@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.search.genetic import Genetic
 from dynreg.timed.commands import Commands, pose_after
@@ -134,7 +135,14 @@ def evolve(
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
 ) -> Evolved:
-    """Ten commands that do best in a model, by the genetic algorithm; `within` as in `fitness`."""
+    """Ten commands that do best in a model, by the genetic algorithm; `within` as in `fitness`.
+
+    Raises UsageError where no point of a block is so far within.
+    """
+    if not 0.0 <= within < BLOCK / 2:
+        raise UsageError(
+            f"within = {within:g} m", expected=f"0 to less than {BLOCK / 2:g}, half a block", do="correct it"
+        )
     search = Genetic(
         4 * COMMANDS,
         rng=stream(seed, "navigation"),

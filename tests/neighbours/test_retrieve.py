@@ -90,6 +90,15 @@ def test_trajectory_needs_the_population_s_own_commands(servos, population):
         retrieve(servos.registry, population, recording, distance="trajectory")
 
 
+@pytest.mark.parametrize("rows", [2, 10, 20, 22])
+def test_a_short_log_is_refused(servos, population, rows):
+    recording = ran_the_bank(population, 4, 0.001)
+    (first, *_) = recording.episodes
+    short = replace(recording, episodes=(replace(first, time=first.time[:rows], values=first.values[:rows]),))
+    with pytest.raises(LogError, match="usable rows.*record longer"):
+        retrieve(servos.registry, population, short, replayed=replay_of(population, short))
+
+
 def now_and_then(episode: Episode, population) -> Episode:
     """The states of every tenth row alone."""
     values = episode.values.copy()
@@ -98,7 +107,7 @@ def now_and_then(episode: Episode, population) -> Episode:
 
 
 def test_rows_without_successors_are_ranked_by_replay(servos, population):
-    """States measured now and then: one-step errors have nothing to judge, and only asked for are they tried."""
+    """States measured now and then: one-step errors have nothing to judge, and are tried only where asked for."""
     recording = ran_the_bank(population, 4, 0.001)
     recording = replace(recording, episodes=tuple(now_and_then(e, population) for e in recording.episodes))
     replayed = replay_of(population, recording)

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from timed_khepera import timed_folder, timed_log
 
+from dynreg.diagnose.evidence import begin_noise
 from dynreg.replay.timed import on_grid
-from dynreg.replay.velocity import told_velocity
+from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import windows
 from dynreg.sim.engines import rollout
+from dynreg.sim.engines.planar_base import velocity_after
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
 
 
 @pytest.fixture(scope="module")
@@ -31,36 +34,67 @@ def test_rows_stand_where_they_were_measured_and_commands_hold_between_them(robo
     assert on_grid(fixed, log) is log
 
 
-def test_the_true_simulator_replays_a_timed_log_from_any_row(robot: Robot) -> None:
-    """Commands of the dynamic model begin with what the one before told, up to what is left of its lag."""
-    cut = windows(robot, timed_log(robot))
-    assert cut.period == pytest.approx(0.01) and len(cut) >= 7
-    states = rollout(robot, robot.space.nominal[None], cut.run, engine="unicycle").states[0]
-    apart = np.hypot(*np.moveaxis((states - cut.measured)[..., :2], -1, 0))
-    assert np.nanmax(apart) < 0.02
-    still = replace(cut.run, velocity=np.zeros_like(cut.run.velocity))
-    lost = rollout(robot, robot.space.nominal[None], still, engine="unicycle").states[0] - cut.measured
-    assert np.nanmean(np.hypot(*np.moveaxis(lost[1:, :, :2], -1, 0))) > 1.5 * np.nanmean(apart[1:])
-
-
 def test_what_a_base_made_of_its_commands(robot: Robot) -> None:
     """Half a second of driving and 0.05 s of turning on the spot: most of the speed is still there."""
     told = np.repeat([[10.0, 10.0], [-5.0, 5.0]], [50, 5], axis=0)
-    turning = 10.0 * 0.021 / 0.0884
-    speed, yaw = told_velocity(robot, told, 0.01)
+    speed, yaw = velocity_after(robot, told, 0.01)
     base = robot.file.base
     driven = 0.21 / base.speed_drag * (1 - np.exp(-base.speed_drag * 0.5 / base.speed_lag))
     assert speed == pytest.approx(driven * np.exp(-base.speed_drag * 0.05 / base.speed_lag))
-    assert yaw == pytest.approx(turning / base.yaw_drag * (1 - np.exp(-base.yaw_drag * 0.05 / base.yaw_lag)))
-    assert told_velocity(load_robot("create"), np.array([[0.1, 0.0], [0.2, -0.4]]), 0.02) == pytest.approx(
-        np.array([0.2, -0.4])
+    turned = 10.0 * 0.021 / 0.0884 / base.yaw_drag
+    assert yaw == pytest.approx(turned * (1 - np.exp(-base.yaw_drag * 0.05 / base.yaw_lag)))
+    create = load_robot("create")
+    assert velocity_after(create, np.array([[0.1, 0.0], [0.2, -0.4]]), 0.02) == pytest.approx([0.2, -0.4])
+
+
+@pytest.mark.parametrize("name", ["create", "diffdrive"])
+def test_drives_with_lags_and_gains_are_the_engine_s(name: str) -> None:
+    known = load_robot(name)
+    made = {"lag": 0.3} if name == "create" else {"lag": 0.3, "gain": 0.5}  # its gains are parameters
+    slow = [d.model_copy(update=made) for d in known.file.drives]
+    slow = replace(known, file=known.file.model_copy(update={"drives": slow}))
+    told = np.repeat([[0.2, 0.5], [-0.1, 0.3]], [5, 4], axis=0)
+    run = Run(np.concatenate([told, told[-1:]])[None], period=0.02)
+    x, y, yaw = (
+        rollout(slow, slow.space.nominal[None], run, engine="kinematic").states[0, 0].T[pose_columns(slow)]
     )
+    speed, turning = velocity_after(slow, told, 0.02)
+    after = velocity_after(slow, np.concatenate([told, told[-1:]]), 0.02)
+    assert np.hypot(np.diff(x), np.diff(y))[-1] / 0.02 == pytest.approx(0.5 * abs(speed + after[0]), rel=0.02)
+    assert np.diff(yaw)[-1] / 0.02 == pytest.approx(0.5 * (turning + after[1]), rel=0.02)
 
 
-def test_a_window_begins_with_the_velocity_that_the_lags_left(robot: Robot) -> None:
-    """Without noise the true simulator replays every window, also after commands shorter than a lag."""
-    log = timed_log(robot, 120)
-    cut = windows(robot, log)
+@pytest.mark.parametrize("seconds", [(0.1, 2.0), (0.1, 0.1)])
+def test_the_true_simulator_replays_a_timed_log_from_any_row(
+    robot: Robot, seconds: tuple[float, float]
+) -> None:
+    """Without noise, also where commands are shorter than a lag; not from a standstill."""
+    cut = windows(robot, timed_log(robot, 120 if seconds[1] > 1 else 400, seconds=seconds))
+    assert cut.period == pytest.approx(0.01) and len(cut) >= 7
     states = rollout(robot, robot.space.nominal[None], cut.run, engine="unicycle").states[0]
-    apart = np.hypot(*np.moveaxis((states - cut.measured)[..., :2], -1, 0))
-    assert np.nanmax(apart) < 1e-3
+    assert np.nanmax(np.abs(states - cut.measured)) < 1e-3
+    still = replace(cut.run, velocity=np.zeros_like(cut.run.velocity))
+    lost = rollout(robot, robot.space.nominal[None], still, engine="unicycle").states[0] - cut.measured
+    assert np.nanmax(np.abs(lost)) > 5e-3
+
+
+def test_a_yaw_within_one_turn_goes_on_through_whole_turns(robot: Robot) -> None:
+    log = timed_log(robot, 120)
+    (first,) = log.episodes
+    values = first.values.copy()
+    values[:, 2] = (values[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(first.values[:, 2]).max() > 2 * np.pi
+    wrapped = replace(log, episodes=(replace(first, values=values),))
+    found, whole = (on_grid(robot, r).episodes[0].values for r in (wrapped, log))
+    np.testing.assert_allclose(found, whole, atol=1e-9)
+
+
+def test_rows_in_which_nothing_was_measured_do_not_stand_still(robot: Robot) -> None:
+    """Two seconds at rest with two measured poses: their mean is the start, and no other row counts."""
+    log = timed_log(robot, 40, noise=1.0, rest=2.0)
+    cut = windows(robot, log)
+    measured = cut.measured[0][:201]
+    rows = np.flatnonzero(np.isfinite(measured).all(axis=1))
+    assert list(rows) == [0, 200]
+    assert cut.run.initial[0] == pytest.approx(measured[rows].mean(axis=0))
+    assert begin_noise(robot, cut.take(np.array([0])))[2] == pytest.approx(robot.sensor_noise[2] / np.sqrt(2))

@@ -117,7 +117,7 @@ def test_what_is_left_is_held_against_what_is_known() -> None:
     given = {"channel": "q", "unit": "rad", "left": 0.01, "floor": 0.0, "basis": "stated_noise"}
     assert "is not known" in noise_words(Noise(**given, ratio=None))
     white = noise_words(Noise(**given | {"floor": 0.005}, ratio=2.0, white=True))
-    assert "2 times the sensor's stated noise" in white and "looks like white noise" in white
+    assert "2 times what the sensor's stated noise makes" in white and "looks like white noise" in white
     assert "no run was repeated" in noise_words(None)
 
 

@@ -38,7 +38,7 @@ def test_an_ambiguous_one_names_the_others() -> None:
 def test_a_part_is_called_a_part_and_every_cause_is_told() -> None:
     said = MADE["partly_explained"].sentence
     assert "in part by load_friction of arm" in said and "and command_delay" in said
-    assert "the sensor's stated noise" in said
+    assert "what the sensor's stated noise makes" in said
 
 
 def test_the_gain_of_all_causes_is_told_where_it_is_known() -> None:

@@ -63,6 +63,13 @@ def test_a_wheel_that_turns_less_is_learned_and_a_lag_is_not() -> None:
     assert (error(found, *parts[2]) > 0.8 * closed).all()
 
 
+def test_speeds_that_differ_by_rounding_are_all_in_a_cell() -> None:
+    speeds = np.array([-0.5, 0.0, 0.3, 0.1 + 0.2])
+    grid = Grid(-0.5, 0.1 + 0.2, 20)
+    assert (grid.cell(speeds, speeds[::-1]) >= 0).all() and grid.cell(speeds, speeds)[2] == 399
+    assert (grid.cell(np.array([0.31, -0.51]), np.zeros(2)) == -1).all()
+
+
 def test_commands_outside_of_all_cells_are_the_closed_form_s() -> None:
     parts = halves(lambda commands: kinematic(commands, 0.1))
     found = fit_cellwise(*parts[0], parts[1], TRACK)

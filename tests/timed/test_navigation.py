@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.timed.models import Kinematic, Unicycle
 from dynreg.timed.navigation import AREA, CENTRES, COMMANDS, ROBOT, Path, Plan, driven, evolve, fitness
@@ -81,6 +82,8 @@ def test_a_plan_is_sought_by_the_blocks_that_the_whole_robot_gets_into() -> None
     edge = path((0.31, 0.2), (0.0, 0.0))
     assert fitness(edge)[1][0] == 1 and fitness(edge, ROBOT)[1][0] == 0
     assert fitness(path((0.37, 0.2), (0.0, 0.0)), ROBOT)[1][0] == 1
+    with pytest.raises(UsageError, match="half a block"):
+        evolve(MODEL, within=0.15)
     found = evolve(MODEL, generations=30, population=60, tournament=12, within=0.0)
     assert found.blocks > evolve(MODEL, generations=30, population=60, tournament=12, within=0.149).blocks
 

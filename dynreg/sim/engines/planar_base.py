@@ -125,7 +125,6 @@ class _Motion:
         integrator: Integrator,
     ):
         self.base, self.ports, self.law, self.clock, self.integrator = base, ports, law, clock, integrator
-        self.gain = (ports.drive["gain"] * ports.drive["gain_factor"] / ports.sensor["scale"]).T
         self.commanding, self.rolling = on(active, "command"), on(active, "roll")
         self.most = int(clock.substeps.max())
         for a in active:
@@ -147,15 +146,8 @@ class _Motion:
         return state
 
     def _targets(self, u: np.ndarray) -> np.ndarray:
-        """(2, n) velocities that commands (n, A) ask of the base; zero without a command.
-
-        Wheels are driven to what their encoders read.
-        """
-        asked = np.zeros((2, len(u)))
-        asked[self.base.commands] = self.gain * u.T
-        if not self.base.wheels:
-            return asked
-        return _base_velocities(*(self.ports.base["wheel_radius"] * asked), self.ports.base["track"])
+        """(2, n) velocities that commands (n, A) ask of the base."""
+        return _asked(self.base, self.ports, u)
 
     def _measured(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, A) what each drive measures of the speed that it is to give, twice: nothing is faster than a speed."""
@@ -235,6 +227,19 @@ def planar_base(robot: Robot) -> Base:
         np.array(ranges, dtype=float).reshape(-1, 2),
         bool(wheels),
     )
+
+
+def velocity_after(robot: Robot, commands: np.ndarray, period: float) -> np.ndarray:
+    """(2,) speed [m/s] and yaw rate [rad/s] of the nominal base after commands (T, A), each held for `period` [s].
+
+    From standstill, in closed form: without the coupling of both velocities, which the unicycle engine adds.
+    """
+    base, ports = planar_base(robot), nominal_ports(robot, 1)
+    law = _law(base, ports)
+    with np.errstate(divide="ignore"):
+        stays = np.exp(-law.drag * period / law.lag)  # 0 without a lag
+    ago = np.arange(len(commands))[::-1]
+    return ((1.0 - stays) / law.drag * _asked(base, ports, commands) * stays**ago).sum(axis=1)
 
 
 def _named(choice: str, table) -> str:
@@ -325,6 +330,19 @@ def _commands(base: Base, ports: Ports, run: Run, state: np.ndarray) -> np.ndarr
     low, high = (np.tile(base.ranges[:, i], (n, 1)) for i in (0, 1))
     moving = _wheel_speeds(ports, *state[:2]) if base.wheels else state[:2]
     return shaped_commands(actions, moving[base.commands].T, low, high, ports, noise)
+
+
+def _asked(base: Base, ports: Ports, commands: np.ndarray) -> np.ndarray:
+    """(2, n) velocities that commands (n, A) ask of the base; zero without a command.
+
+    Wheels are driven to what their encoders read.
+    """
+    gain = (ports.drive["gain"] * ports.drive["gain_factor"] / ports.sensor["scale"]).T
+    asked = np.zeros((2, len(commands)))
+    asked[base.commands] = gain * commands.T
+    if not base.wheels:
+        return asked
+    return _base_velocities(*(ports.base["wheel_radius"] * asked), ports.base["track"])
 
 
 def _base_velocities(left: np.ndarray, right: np.ndarray, track: np.ndarray) -> np.ndarray:
