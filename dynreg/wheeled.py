@@ -182,8 +182,9 @@ def within_one_turn(yaw: np.ndarray) -> bool:
 
 
 def unwrapped(time: np.ndarray, yaw: np.ndarray, speeds: np.ndarray, track: float) -> np.ndarray:
-    """(T,) angles without whole turns, of those within one turn; NaN where none was measured.
+    """(T,) angles [rad] without whole turns, of those (T,) within one turn; NaN where none was measured, but one was.
 
+    time : (T,) [s]. speeds : (T, 2) told of the wheels [m/s], `track` [m] apart.
     From one measured row to the next the base turns the shorter way. Only where it was told `SURE` or more in between
     whole turns may hide there, and what was told decides.
     """

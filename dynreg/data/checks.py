@@ -37,7 +37,9 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
     for name, series in episode.channels.items():
         here = f"{where}, {name}"
         findings += check_numbers(series, here)
-        findings += check_range(series, specs[name], here)
+        findings += check_range(
+            series, specs[name], here, followed=spec.rate is None and name.endswith("/yaw")
+        )
     findings += _stuck_channels(episode, specs, where)
     findings += _velocities(episode, where)
     findings += _short(episode, spec, where)
@@ -126,8 +128,14 @@ def check_numbers(series: Series, where: str) -> Iterator[Finding]:
         yield Finding("warning", "nan", f"{where}, row {row}, {series.time[row]:.3f} s", text)
 
 
-def check_range(series: Series, channel: ChannelSpec, where: str) -> Iterator[Finding]:
-    """Units that cannot be, actions beyond their limits, angles that wrap."""
+def check_range(
+    series: Series, channel: ChannelSpec, where: str, followed: bool = False
+) -> Iterator[Finding]:
+    """Units that cannot be, actions beyond their limits, angles that wrap.
+
+    followed : the heading of a base whose commands are timed. It makes whole turns between two rows, which replays and
+    comparisons follow by what was told; unwrapped from row to row it would be wrong.
+    """
     values = series.values[np.isfinite(series.values)]
     if not len(values):
         return
@@ -140,7 +148,8 @@ def check_range(series: Series, channel: ChannelSpec, where: str) -> Iterator[Fi
         )
         yield Finding("error", "units", where, text)
         return
-    if channel.unit == "rad" and not bounds and largest > TURNS and not channel.name.endswith("/yaw"):
+    turned = float(np.abs(np.diff(values)).max(initial=0.0)) if followed else largest
+    if channel.unit == "rad" and not bounds and turned > TURNS:
         text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: degrees?"
         yield Finding("warning", "units", where, text)
     if channel.kind == "enable" and not np.all(np.isin(values, (0.0, 1.0))):
@@ -152,7 +161,7 @@ def check_range(series: Series, channel: ChannelSpec, where: str) -> Iterator[Fi
             limits = f"[{channel.low:g}, {channel.high:g}] {channel.unit}"
             text = f"{100 * out.mean():.1f} % of values lie beyond {limits}, as far as {largest:.4g}"
             yield Finding("warning", "limits", where, text)
-    if channel.unit == "rad" and channel.kind != "action" and largest < 7.0:
+    if channel.unit == "rad" and channel.kind != "action" and largest < 7.0 and not followed:
         jumps = np.flatnonzero(np.abs(np.abs(np.diff(values)) - 2 * np.pi) < 0.3)
         if len(jumps):
             text = f"jumps by a whole turn {len(jumps)} times; set unwrap = true in the map"

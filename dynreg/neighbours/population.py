@@ -18,7 +18,7 @@ from dynreg.models.normaliser import Normaliser, fit_normaliser
 from dynreg.models.train import train
 from dynreg.registry import PopulationArrays, PopulationRecord
 from dynreg.rng import stream_seed
-from dynreg.sim.excitation import excitation
+from dynreg.sim.excitation import bank_period, excitation
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, motor_noise
 
@@ -164,6 +164,7 @@ def population_spec(robot: Robot, seed: int, training: Training) -> dict:
         "ranges": {p.name: [p.low, p.high, p.scale] for p in robot.space.parameters},
         "excitation": robot.file.excitation.model_dump(),
         "training": vars(training) | {"network": "3x128 ReLU"},
+        **({} if bank_period(robot) is None else {"period": bank_period(robot)}),
     }
 
 
@@ -239,7 +240,13 @@ def shared_from(robot: Robot, record: PopulationRecord) -> Shared:
     return Shared(
         robot,
         record.seed,
-        Run(bank["actions"], inputs=bank["inputs"], settings=bank["settings"], initial=bank.get("initial")),
+        Run(
+            bank["actions"],
+            inputs=bank["inputs"],
+            settings=bank["settings"],
+            initial=bank.get("initial"),
+            period=bank_period(robot),
+        ),
         Normaliser.from_arrays(part("normaliser.")),
         MlpStack.from_arrays(part("base.")),
         record.arrays["probes"],

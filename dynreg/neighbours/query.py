@@ -84,7 +84,8 @@ def query(
     report("retrieve", 0, 1)
 
     def replayed(unit: np.ndarray) -> np.ndarray:
-        found = errors(replayer.residuals(robot.space.from_unit(unit), split.chosen)).mean(axis=1)
+        values = np.where(np.isnan(known), robot.space.from_unit(unit), known)
+        found = errors(replayer.residuals(values, split.chosen)).mean(axis=1)
         report("retrieve", replayer.rollouts, len(population))
         return found
 

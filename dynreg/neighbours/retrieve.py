@@ -86,7 +86,7 @@ def retrieve(
     allowed = _allowed(population, known, at_least)
     told = _transitions(population, recording)
     timed = population.shared.robot.file.robot.control == "timed"
-    if distance == "auto" and replayed is not None and (timed or _sparse(population, recording, told)):
+    if distance == "auto" and (timed or (replayed is not None and _sparse(recording, told))):
         distance = "replay"
     if distance == "replay":
         ids, scores, evaluations = _by_replay(population, allowed, replayed)
@@ -94,8 +94,8 @@ def retrieve(
     if timed:
         raise UsageError(
             f"distance {distance!r} of {population.shared.robot.name!r}, whose control is timed",
-            expected="'replay': models predict one time step, and the rows of its logs are commands",
-            do="leave --distance out",
+            expected="'replay'",
+            do="leave --distance out: models predict one time step, and the rows of its logs are commands",
         )
     rows = population.shared.recording_rows(told)
     sided = None
@@ -147,11 +147,9 @@ def with_defaults(robot: Robot, recording: Recording) -> Recording:
     return Recording(channels, tuple(episodes), recording.measured, recording.provenance)
 
 
-def _sparse(population: Population, recording: Recording, told: Transitions) -> bool:
-    """Whether states were measured often enough, and yet hardly ever twice in a row: a short log is none."""
-    columns = recording.columns(population.shared.robot.channels)
-    known = sum(int(np.isfinite(e.values[:, columns]).all(axis=1).sum()) for e in recording.episodes)
-    return len(told) < FEWEST and known >= 2 * FEWEST
+def _sparse(recording: Recording, told: Transitions) -> bool:
+    """Whether a log is long enough and all states were hardly ever measured in two rows in a row."""
+    return len(told) < FEWEST and sum(len(e.time) for e in recording.episodes) >= 2 * FEWEST
 
 
 def _allowed(population: Population, known: np.ndarray | None, at_least: int) -> np.ndarray:
@@ -219,7 +217,7 @@ def _by_replay(
         raise UsageError(
             "distance 'replay' without a replay", expected="what replays entries", do="give `replayed`"
         )
-    parts = np.array_split(allowed, -(-len(allowed) // AT_ONCE))
+    parts = np.array_split(allowed, max(-(-len(allowed) // AT_ONCE), 1))
     return *_sorted(allowed, np.concatenate([replayed(population.unit[p]) for p in parts])), len(allowed)
 
 

@@ -27,7 +27,7 @@ def on_grid(robot: Robot, recording: Recording) -> Recording:
 
     Each row's commands hold until the next (`grid`). States stand at the row nearest to when they were measured, NaN at
     the others: nothing between them is made up. A yaw of a planar base that is logged within one turn is followed
-    through whole turns, by what was told in between.
+    through whole turns, by what was told in between. Raises as `wheels_of`.
     """
     if robot.file.robot.control != "timed":
         return recording
@@ -52,5 +52,14 @@ def _whole_turns(robot: Robot, recording: Recording, episode: Episode) -> Episod
     if not within_one_turn(episode.values[:, yaw]):
         return episode
     wheels, values = wheels_of(robot, recording.names), episode.values.copy()
-    values[:, yaw] = unwrapped(episode.time, values[:, yaw], wheels.speeds(values), wheels.track)
+    told = values.copy()
+    told[:, wheels.columns] = held(values[:, wheels.columns], np.zeros(len(wheels.columns)))
+    values[:, yaw] = unwrapped(episode.time, values[:, yaw], wheels.speeds(told), wheels.track)
     return replace(episode, values=values)
+
+
+def held(values: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """(T, A) commands with NaN replaced by the last one before it, or by `before` (A,) where there was none."""
+    at = np.where(np.isfinite(values), np.arange(len(values))[:, None], 0)
+    values = np.take_along_axis(values, np.maximum.accumulate(at, axis=0), axis=0)
+    return np.where(np.isfinite(values), values, before)

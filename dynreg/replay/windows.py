@@ -6,16 +6,16 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
-from dynreg.replay.timed import on_grid
+from dynreg.replay.timed import held, on_grid
 from dynreg.replay.velocity import SPAN, base_velocities, pose_columns
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.planar_base import velocity_after
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-ANYWHERE = np.pi / np.sqrt(
-    3.0
-)  # rad, standard deviation of a heading that may be any: turns do not add to it
+# rad, standard deviation of a heading that may be any: turns do not add to it
+ANYWHERE = np.pi / np.sqrt(3.0)
+ENOUGH = 4  # poses that tell a velocity better than commands do
 STILL = 5.0  # times its noise that a channel of a base that stands still may move
 
 
@@ -85,12 +85,12 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     for w, (number, start, stop) in enumerate(cuts):
         values = recording.episodes[number].values[start:stop]
         last = np.minimum(np.arange(steps), stop - start - 2)
-        actions[w] = _held(values[:, action], np.zeros(len(action)))[last]
+        actions[w] = held(values[:, action], np.zeros(len(action)))[last]
         measured[w, : stop - start] = values[:, state]
         for i, name in enumerate(robot.inputs):
             if name in recording.names:
                 column = values[:, [recording.names.index(name)]]
-                inputs[w, :, i] = _held(column, robot.input_defaults[[i]])[last, 0]
+                inputs[w, :, i] = held(column, robot.input_defaults[[i]])[last, 0]
     run = Run(
         actions,
         inputs=inputs,
@@ -173,22 +173,22 @@ def errors(residuals: np.ndarray) -> np.ndarray:
 def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray | None:
     """(W, 2) of a planar base at the first row of each window, rows before it included.
 
-    Where poses are too rare to show it, and in logs with a row for each command also where another command begins, what
-    the base made of its commands until then by its nameplate.
+    Where poses are too rare to show it, what the base made of its commands until then by its nameplate. Where control
+    is timed also where another command begins, for poses may stand there alone; and an episode starts from standstill,
+    unless several poses show otherwise.
     """
     state, period = recording.columns(robot.channels), _period(recording)
     if pose_columns(robot) is None:
         return None
     actions = _action_columns(robot, recording)
-    told = [_held(e.values[:, actions], np.zeros(len(actions))) for e in recording.episodes]
+    told = [held(e.values[:, actions], np.zeros(len(actions))) for e in recording.episodes]
     timed, reach = robot.file.robot.control == "timed", max(round(SPAN / period), 1)
     out = np.empty((len(cuts), 2))
     for w, (number, start, _) in enumerate(cuts):
         values, near = recording.episodes[number].values, told[number][max(start - reach, 0) : start + reach]
         out[w] = base_velocities(robot, values[:, state], np.array([start]), period)[0]
-        changes = (
-            start < reach or (near != near[0]).any()
-        )  # before a log a base of timed commands stands still
+        few = np.isfinite(values[start : start + reach + 1][:, state]).all(axis=1).sum() < ENOUGH
+        changes = (near != near[0]).any() or (start < reach and few)
         if (start and np.isnan(out[w]).any()) or (timed and changes):
             out[w] = velocity_after(robot, told[number][:start], period)
     return out
@@ -231,13 +231,6 @@ def _cuts(
         if len(starts) and np.isfinite(episode.values[starts[0] + 1 : stop, weighted]).any():
             out.append((number, int(starts[0]), stop))
     return out
-
-
-def _held(values: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """(T, A) commands with NaN replaced by the last one before it, or by `before` (A,) where there was none."""
-    at = np.where(np.isfinite(values), np.arange(len(values))[:, None], 0)
-    held = np.take_along_axis(values, np.maximum.accumulate(at, axis=0), axis=0)
-    return np.where(np.isfinite(held), held, before)
 
 
 def _period(recording: Recording) -> float:

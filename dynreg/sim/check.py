@@ -8,7 +8,7 @@ import numpy as np
 
 from dynreg.errors import DynregError
 from dynreg.sim.engines import rollout
-from dynreg.sim.excitation import excitation, reset_pose
+from dynreg.sim.excitation import TYPICAL, bank_period, excitation, reset_pose
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, motor_noise
 from dynreg.sim.space import Parameter, ParameterSpace
@@ -105,7 +105,7 @@ def _problem(robot: Robot, engine: str) -> DynregError | None:
         rollout(
             _with(robot, reset=reset),
             robot.space.nominal[None],
-            Run(np.zeros((1, 1, len(robot.actions)))),
+            Run(np.zeros((1, 1, len(robot.actions))), period=bank_period(robot)),
             engine=engine,
             threads=1,
         )
@@ -163,7 +163,9 @@ def _bank(robot: Robot) -> Run:
     table, kinds = robot.file.robot, len(robot.file.excitation.kinds)
     episodes = min(robot.file.excitation.episodes, max(EPISODES, kinds))
     rows = (
-        (2 * len(robot.space) + 1) * episodes * max(1.0, 1.0 / (table.timestep * (table.control_rate or 1.0)))
+        (2 * len(robot.space) + 1)
+        * episodes
+        * max(1.0, 1.0 / (table.timestep * (table.control_rate or TYPICAL)))
     )
     steps = min(robot.file.excitation.steps, max(10, int(BUDGET / rows)))
     return excitation(robot, seed=0, name="check", episodes=episodes, steps=steps)
@@ -214,8 +216,8 @@ def _idle_settings(robot: Robot, run: Run, engine: str) -> Iterator[str]:
 def _standing(robot: Robot, engine: str) -> Iterator[str]:
     if robot.file.fall is None:
         return
-    steps = round(STAND * (robot.file.robot.control_rate or 10.0))
-    hold = Run(np.tile(reset_pose(robot), (1, steps, 1)))
+    steps = round(STAND * (robot.file.robot.control_rate or TYPICAL))
+    hold = Run(np.tile(reset_pose(robot), (1, steps, 1)), period=bank_period(robot))
     if rollout(robot, robot.space.nominal[None], hold, engine=engine).fell[0, 0] <= steps:
         yield (
             f"the nominal robot falls within {STAND:g} s of holding its reset pose; correct the keyframe, "
@@ -228,7 +230,7 @@ def _coarse(robot: Robot, run: Run, engine: str, coarse: np.ndarray) -> Iterator
     table = robot.file.robot
     fine = _with(robot, robot=table.model_copy(update={"timestep": table.timestep / 2}))
     states = rollout(fine, robot.space.nominal[None], _noisy(run, 1), engine=engine).states
-    steps = max(3, round(SHORT * (table.control_rate or 10.0)))
+    steps = max(3, round(SHORT * (table.control_rate or TYPICAL)))
     rates = np.array([c.unit.endswith("/s") for c in robot.file.channels])
     columns = np.flatnonzero(~rates) if not rates.all() else np.arange(len(rates))  # impacts shift rates
     before, after = (x[:, :, : steps + 1, columns] for x in (coarse, states))

@@ -117,10 +117,15 @@ def excitation(
         if kind == "drop":
             actions[e] = actions[e, :1]
             inputs[e, steps // 2 :, len(robot.file.inputs) :] = 0.0
-    period = None if robot.file.robot.control_rate else 1.0 / TYPICAL
+    period = bank_period(robot)
     return Run(
         actions, inputs=inputs, settings=settings, initial=initial if len(held) else None, period=period
     )
+
+
+def bank_period(robot: Robot) -> float | None:
+    """Seconds between commands where none were logged: None for the robot's own rate, which timed control has not."""
+    return None if robot.file.robot.control_rate else 1.0 / TYPICAL
 
 
 def reset_pose(robot: Robot) -> np.ndarray:

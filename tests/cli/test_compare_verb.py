@@ -59,7 +59,10 @@ def test_compare_answers_in_json_and_in_tables(dynreg, session) -> None:
 @pytest.mark.parametrize(
     "line, says",
     [
-        ("--models kinematic,magic", "--models 'magic'; expected some of kinematic, dynamic, network, mlp"),
+        (
+            "--models kinematic,magic",
+            "--models 'magic'; expected some of kinematic, dynamic, table, network, mlp",
+        ),
         ("--starts 0", "--starts 0"),
         ("--generations 0", "--generations 0"),
         ("--longest 0", "--longest 0"),

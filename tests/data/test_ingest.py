@@ -187,6 +187,26 @@ def test_timed_control_keeps_every_row_of_the_commands(write_table: Callable):
     np.testing.assert_allclose(episode.values[:, 1], 2 * t)
 
 
+def test_a_heading_of_timed_commands_is_not_unwrapped_from_row_to_row(write_table: Callable):
+    spec = RecordingSpec(
+        "cart", (ChannelSpec("base/yaw", "rad", "state"), ChannelSpec("base/v", "m/s", "action")), (), None
+    )
+    t = irregular(4, duration=200.0, period=0.5)
+    turned = np.cumsum(np.random.default_rng(0).uniform(-4.0, 6.0, len(t)))
+    within = (turned + np.pi) % (2 * np.pi) - np.pi
+    for yaw, timed, found in (
+        (turned, True, False),
+        (turned, False, True),
+        (within, True, False),
+        (within, False, True),
+        (np.degrees(turned), True, True),
+    ):
+        told = doctor(
+            write_table(time=t, base__yaw=yaw, base__v=t), replace(spec, rate=None if timed else 2.0)
+        )
+        assert bool({f.check for f in told} & {"units", "wrap"}) == found
+
+
 def test_a_clock_in_the_wrong_unit_does_not_fill_the_memory(
     write_table: Callable, swing: Columns, servo_spec: RecordingSpec
 ):

@@ -18,7 +18,11 @@ def test_a_slower_khepera_with_timed_commands_is_found(tmp_path: Path):
     folder = timed_folder(tmp_path)
     recording = timed_log(load_robot(folder), 200, noise=0.3, speed_lag=0.13)
     with session.open(tmp_path / "registry") as opened:
+        opened.populate(folder, 20, training=TRAINING)
         opened.populate(folder, 24, training=TRAINING)
+        (grown,) = opened.registry.populations()
+        states = opened.registry.load(grown.id).states
+        assert (states.std(axis=(1, 2)) > 0.01).all(), "simulators of a population that grows move, too"
         found = opened.query(opened.ingest(recording, folder, name="drive"))
         with pytest.raises(UsageError, match="'one_sided' of 'timed_khepera', whose control is timed"):
             opened.query("drive", distance="one_sided")

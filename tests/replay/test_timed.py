@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from timed_khepera import timed_folder, timed_log
 
+from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.evidence import begin_noise
 from dynreg.replay.timed import on_grid
 from dynreg.replay.velocity import pose_columns
-from dynreg.replay.windows import windows
+from dynreg.replay.windows import ANYWHERE, windows
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.planar_base import velocity_after
 from dynreg.sim.robot import Robot, load_robot
@@ -76,6 +77,56 @@ def test_the_true_simulator_replays_a_timed_log_from_any_row(
     still = replace(cut.run, velocity=np.zeros_like(cut.run.velocity))
     lost = rollout(robot, robot.space.nominal[None], still, engine="unicycle").states[0] - cut.measured
     assert np.nanmax(np.abs(lost)) > 5e-3
+
+
+def test_commands_beyond_their_limits_and_long_ones_are_the_engine_s(robot: Robot) -> None:
+    """5 s at forty rad/s, of which fifteen are possible."""
+    told = np.repeat([[40.0, 40.0], [5.0, 5.0]], [500, 3], axis=0)
+    run = Run(np.concatenate([told, told[-1:]])[None], period=0.01)
+    x = rollout(robot, robot.space.nominal[None], run).states[0, 0, :, 0]
+    speeds = [velocity_after(robot, told[: len(told) + i], 0.01)[0] for i in (0, -1)]
+    assert np.diff(x)[-2] / 0.01 == pytest.approx(np.mean(speeds), rel=1e-3) and speeds[0] < 0.32
+    assert not velocity_after(robot, told[:0], 0.01).any()
+    long = np.tile([[3.0, 3.0]], (100_000, 1))
+    assert velocity_after(robot, long, 0.01) == pytest.approx(velocity_after(robot, long[:2000], 0.01))
+
+
+def test_a_log_of_many_poses_may_begin_on_the_way(robot: Robot) -> None:
+    told = np.tile([[8.0, 7.0]], (400, 1))
+    x = rollout(robot, robot.space.nominal[None], Run(told[None], period=0.01), engine="unicycle").states[
+        0, 0, 100:
+    ]
+    tables = (*robot.file.channels, *robot.file.actions)
+    values = np.concatenate([x, np.tile([[8.0, 7.0]], (len(x), 1))], axis=1)
+    log = Recording(
+        tuple(Channel(t.name, t.unit) for t in tables),
+        (Episode("drive", 0.01 * np.arange(len(x)), values),),
+    )
+    cut = windows(robot, log)
+    (states,) = rollout(robot, robot.space.nominal[None], cut.run).states
+    assert cut.run.velocity[0, 0] > 0.1 and np.nanmax(np.abs(states - cut.measured)) < 2e-3
+
+
+def test_commands_hold_where_none_is_logged_also_for_whole_turns(robot: Robot) -> None:
+    """Rows in which neither a pose nor a command was logged change nothing."""
+    log = timed_log(robot, 120)
+    (first,) = log.episodes
+    wrapped = first.values.copy()
+    wrapped[:, 2] = (wrapped[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    time = np.sort(np.concatenate([first.time, first.time[:-1] + 0.02]))
+    values = np.full((len(time), wrapped.shape[1]), np.nan)
+    values[np.isin(time, first.time)] = wrapped
+    holes = replace(log, episodes=(Episode("drive", time, values),))
+    found, whole = (on_grid(robot, r).episodes[0].values[:, 2] for r in (holes, log))
+    known = np.isfinite(whole)
+    np.testing.assert_allclose(found[known], whole[known], atol=1e-9)
+
+
+def test_turns_do_not_add_to_what_a_heading_may_be(robot: Robot) -> None:
+    cut = windows(robot, timed_log(robot, 300))
+    assert np.nanstd(cut.measured[..., 2]) > 3.0 and cut.spread[2] == ANYWHERE == pytest.approx(
+        1.8138, rel=1e-4
+    )
 
 
 def test_a_yaw_within_one_turn_goes_on_through_whole_turns(robot: Robot) -> None:

@@ -34,7 +34,7 @@ def rollout(
     engine : one of the robot's; its first by default.
     threads : 0 for all cores. The numbers do not depend on it.
     terms : effects that some or all of the B simulators have.
-    Raises SimulationError where the robot does not offer the engine.
+    Raises SimulationError where the robot does not offer the engine, or nothing says how long a command lasts.
     """
     offered = robot.file.robot.engines
     name = engine or offered[0]
@@ -43,5 +43,11 @@ def rollout(
             f"robot {robot.name!r} has no engine {name!r}",
             expected=f"one of {list(offered)}",
             do="choose one of them, or add it to robot.toml",
+        )
+    if run.period is None and not robot.file.robot.control_rate:
+        raise SimulationError(
+            f"a run of {robot.name!r} without a period",
+            expected="a period [s]: the robot's control is timed, and says none",
+            do="set Run.period",
         )
     return import_module(ENGINES[name]).rollout(robot, values, run, threads=threads, terms=terms)

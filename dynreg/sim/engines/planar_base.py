@@ -29,6 +29,7 @@ from dynreg.sim.run import Rollout, Run
 QUANTITIES = ("speed", "yaw_rate", "x", "y", "yaw")
 ON_WHEELS = ("left/position", "right/position", "left/velocity", "right/velocity")
 COMMANDS = ("speed_command", "yaw_rate_command")
+MEMORY = 40.0  # time constants after which nothing is left of a command
 
 
 @dataclass(frozen=True)
@@ -134,20 +135,16 @@ class _Motion:
         """(7, n) after command number `step`."""
         self.clock.step = step
         u = self.clock.commands[:, step]
-        target = self._targets(u)
+        target = _asked(self.base, self.ports, u)
         for substep in range(self.most):
             self.clock.substep = substep
             if self.commanding:
                 told = commanded(self.commanding, u, *self._measured(state), self.clock)
-                target = self._targets(told)
+                target = _asked(self.base, self.ports, told)
             after = self._step(state, target)
             done = self.clock.done(slice(None))  # simulators with shorter periods wait
             state = after if done is None else np.where(done[:, 0], state, after)
         return state
-
-    def _targets(self, u: np.ndarray) -> np.ndarray:
-        """(2, n) velocities that commands (n, A) ask of the base."""
-        return _asked(self.base, self.ports, u)
 
     def _measured(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, A) what each drive measures of the speed that it is to give, twice: nothing is faster than a speed."""
@@ -232,14 +229,16 @@ def planar_base(robot: Robot) -> Base:
 def velocity_after(robot: Robot, commands: np.ndarray, period: float) -> np.ndarray:
     """(2,) speed [m/s] and yaw rate [rad/s] of the nominal base after commands (T, A), each held for `period` [s].
 
-    From standstill, in closed form: without the coupling of both velocities, which the unicycle engine adds.
+    From standstill, zeros without commands. In closed form: without the coupling of both velocities, which the unicycle
+    engine adds, and without a largest step of commands. Raises RobotError as `planar_rollout`.
     """
     base, ports = planar_base(robot), nominal_ports(robot, 1)
     law = _law(base, ports)
+    some = np.clip(commands, *base.ranges.T)[-(int((MEMORY * law.lag / law.drag).max() / period) + 1) :]
     with np.errstate(divide="ignore"):
         stays = np.exp(-law.drag * period / law.lag)  # 0 without a lag
-    ago = np.arange(len(commands))[::-1]
-    return ((1.0 - stays) / law.drag * _asked(base, ports, commands) * stays**ago).sum(axis=1)
+    ago = np.arange(len(some))[::-1]
+    return ((1.0 - stays) / law.drag * _asked(base, ports, some) * stays**ago).sum(axis=1)
 
 
 def _named(choice: str, table) -> str:
