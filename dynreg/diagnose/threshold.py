@@ -137,7 +137,15 @@ def _key(
     digest.update(json.dumps(says, sort_keys=True).encode())
     inputs = None if run.inputs is None else np.nan_to_num(run.inputs)
     unknown = None if run.initial is None else np.isnan(run.initial)
-    for array in (run.actions, run.settings, inputs, np.isnan(cut.measured), unknown, run.velocity):
+    for array in (
+        run.actions,
+        run.settings,
+        inputs,
+        np.isnan(cut.measured),
+        unknown,
+        run.velocity,
+        run.before,
+    ):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
     return digest.hexdigest()

@@ -9,12 +9,12 @@ from dynreg.errors import LogError
 from dynreg.replay.timed import held, on_grid
 from dynreg.replay.velocity import SPAN, base_velocities, pose_columns
 from dynreg.sim.engines import rollout
-from dynreg.sim.engines.planar_base import velocity_after
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
 # rad, standard deviation of a heading that may be any: turns do not add to it
 ANYWHERE = np.pi / np.sqrt(3.0)
+BEFORE = 3.0  # s of commands before a window: longer than bases remember
 ENOUGH = 4  # poses that tell a velocity better than commands do
 STILL = 5.0  # times its noise that a channel of a base that stands still may move
 
@@ -91,12 +91,14 @@ def windows(robot: Robot, recording: Recording) -> Windows:
             if name in recording.names:
                 column = values[:, [recording.names.index(name)]]
                 inputs[w, :, i] = held(column, robot.input_defaults[[i]])[last, 0]
+    velocity, before = _come_from(robot, recording, cuts)
     run = Run(
         actions,
         inputs=inputs,
         settings=_settings(robot, recording)[[c[0] for c in cuts]],
         initial=starts(robot, actions, measured),
-        velocity=_velocities(robot, recording, cuts),
+        velocity=velocity,
+        before=before,
         period=_period(recording),
         begin=_begins(recording, cuts),
     )
@@ -170,28 +172,32 @@ def errors(residuals: np.ndarray) -> np.ndarray:
     return np.nanmean(np.abs(residuals), axis=(2, 3))
 
 
-def _velocities(robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]) -> np.ndarray | None:
-    """(W, 2) of a planar base at the first row of each window, rows before it included.
+def _come_from(
+    robot: Robot, recording: Recording, cuts: list[tuple[int, int, int]]
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Velocities (W, 2) of a planar base at the first row of each window, and what it was told before (W, L, A).
 
-    Where poses are too rare to show it, what the base made of its commands until then by its nameplate. Where control
-    is timed also where another command begins, for poses may stand there alone; and an episode starts from standstill,
-    unless several poses show otherwise.
+    From the poses around that row, those before it included. NaN where they are too rare: there commands say more. So
+    they do where control is timed and another command begins, for poses may stand there alone; and such an episode
+    starts from standstill, unless several poses show otherwise.
     """
     state, period = recording.columns(robot.channels), _period(recording)
     if pose_columns(robot) is None:
-        return None
+        return None, None
     actions = _action_columns(robot, recording)
     told = [held(e.values[:, actions], np.zeros(len(actions))) for e in recording.episodes]
     timed, reach = robot.file.robot.control == "timed", max(round(SPAN / period), 1)
-    out = np.empty((len(cuts), 2))
+    velocity = np.empty((len(cuts), 2))
+    before = np.zeros((len(cuts), max(round(BEFORE / period), 1), len(actions)))
     for w, (number, start, _) in enumerate(cuts):
         values, near = recording.episodes[number].values, told[number][max(start - reach, 0) : start + reach]
-        out[w] = base_velocities(robot, values[:, state], np.array([start]), period)[0]
+        velocity[w] = base_velocities(robot, values[:, state], np.array([start]), period)[0]
+        some = told[number][max(start - before.shape[1], 0) : start]
+        before[w, before.shape[1] - len(some) :] = some
         few = np.isfinite(values[start : start + reach + 1][:, state]).all(axis=1).sum() < ENOUGH
-        changes = (near != near[0]).any() or (start < reach and few)
-        if (start and np.isnan(out[w]).any()) or (timed and changes):
-            out[w] = velocity_after(robot, told[number][:start], period)
-    return out
+        if timed and ((near != near[0]).any() or (start < reach and few)):
+            velocity[w] = np.nan
+    return velocity, before if np.isnan(velocity).any() else None
 
 
 def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:

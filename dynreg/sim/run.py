@@ -18,7 +18,9 @@ class Run:
     settings : (E, K) known constants of each episode; None takes the nominal ones.
     initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
     velocity : (E, 2) speed [m/s] and yaw rate [rad/s] that planar bases start with where no channel of `initial` tells
-        them; NaN or None for a start at rest.
+        them; NaN or None for a start at rest, or from what was told `before`.
+    before : (E, L, A) commands of the rows before the first, from standstill; planar bases start with the velocity that
+        their own lags make of them. None for none.
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (B, E, T, A) standard normal draws for the motor noise; None runs without it.
     begin : (E,) seconds from the start of the log to that of each episode (what warms up or wears goes on);
@@ -36,6 +38,7 @@ class Run:
     begin: np.ndarray | None = None
     joints: tuple[str, ...] | None = None
     velocity: np.ndarray | None = None
+    before: np.ndarray | None = None
 
     def __post_init__(self):
         if self.actions.ndim not in (3, 4):
@@ -66,6 +69,7 @@ class Run:
             pick(self.begin),
             self.joints,
             pick(self.velocity),
+            pick(self.before),
         )
 
 

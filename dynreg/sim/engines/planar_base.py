@@ -29,7 +29,6 @@ from dynreg.sim.run import Rollout, Run
 QUANTITIES = ("speed", "yaw_rate", "x", "y", "yaw")
 ON_WHEELS = ("left/position", "right/position", "left/velocity", "right/velocity")
 COMMANDS = ("speed_command", "yaw_rate_command")
-MEMORY = 40.0  # time constants after which nothing is left of a command
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def planar_rollout(
     substeps = robot.substeps(period)
     h = period / substeps
     substeps = substeps * np.ceil(h / integrator.longest(law, h) - 1e-9).astype(int)
-    state = _start(robot, base, run, ports, n)
+    state = _start(robot, base, run, ports, law, period)
     begin = np.zeros(run.episodes) if run.begin is None else run.begin
     begin = np.tile(begin, n // run.episodes)
     clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin)
@@ -226,21 +225,6 @@ def planar_base(robot: Robot) -> Base:
     )
 
 
-def velocity_after(robot: Robot, commands: np.ndarray, period: float) -> np.ndarray:
-    """(2,) speed [m/s] and yaw rate [rad/s] of the nominal base after commands (T, A), each held for `period` [s].
-
-    From standstill, zeros without commands. In closed form: without the coupling of both velocities, which the unicycle
-    engine adds, and without a largest step of commands. Raises RobotError as `planar_rollout`.
-    """
-    base, ports = planar_base(robot), nominal_ports(robot, 1)
-    law = _law(base, ports)
-    some = np.clip(commands, *base.ranges.T)[-(int((MEMORY * law.lag / law.drag).max() / period) + 1) :]
-    with np.errstate(divide="ignore"):
-        stays = np.exp(-law.drag * period / law.lag)  # 0 without a lag
-    ago = np.arange(len(some))[::-1]
-    return ((1.0 - stays) / law.drag * _asked(base, ports, some) * stays**ago).sum(axis=1)
-
-
 def _named(choice: str, table) -> str:
     """A quantity as robot.toml would name it."""
     side, _, quantity = choice.partition("/")
@@ -303,8 +287,9 @@ def _law(base: Base, ports: Ports) -> Law:
     return Law(lag, np.ones((2, n)), np.zeros(n), np.zeros(n))
 
 
-def _start(robot: Robot, base: Base, run: Run, ports: Ports, n: int) -> np.ndarray:
+def _start(robot: Robot, base: Base, run: Run, ports: Ports, law: Law, period: np.ndarray) -> np.ndarray:
     """(7, n) states at the start: what is known of the first one, else zero."""
+    n = len(period)
     state = np.zeros((len(QUANTITIES) + 2, n))
     if run.initial is None:
         return state
@@ -317,7 +302,27 @@ def _start(robot: Robot, base: Base, run: Run, ports: Ports, n: int) -> np.ndarr
         full[:2] = _base_velocities(*(radius * full[speeds]), ports.base["track"])
     if run.velocity is not None:
         full[:2] = np.where(np.isnan(full[:2]), np.tile(run.velocity.T, many), full[:2])
+    if run.before is not None:
+        came = _velocities_after(base, ports, law, np.tile(run.before, (many, 1, 1)), period)
+        full[:2] = np.where(np.isnan(full[:2]), came, full[:2])
     return np.nan_to_num(full[: len(state)])
+
+
+def _velocities_after(
+    base: Base, ports: Ports, law: Law, commands: np.ndarray, period: np.ndarray
+) -> np.ndarray:
+    """(2, n) speed and yaw rate after commands (n, L, A), each held for `period` (n,) [s], from standstill.
+
+    In closed form: without what couples both velocities in the unicycle, effects, and a largest step of commands.
+    """
+    told = np.clip(commands, *base.ranges.T)
+    with np.errstate(divide="ignore"):
+        stays = np.exp(-law.drag * period / law.lag)  # (2, n), 0 without a lag
+    weights = ((1.0 - stays) / law.drag)[..., None] * stays[..., None] ** np.arange(told.shape[1])[::-1]
+    sums = (
+        np.einsum("nl,nla->na", axis, told) for axis in weights
+    )  # what a velocity is made of, each its own
+    return np.stack([_asked(base, ports, one)[i] for i, one in enumerate(sums)])
 
 
 def _commands(base: Base, ports: Ports, run: Run, state: np.ndarray) -> np.ndarray:
