@@ -12,7 +12,7 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.errors import LogError
-from dynreg.replay.windows import _held
+from dynreg.replay.timed import held
 from dynreg.sim.robot import Robot, load_robot
 
 HELD = "test_0,test_1,test_2,test_3"
@@ -47,7 +47,7 @@ def filled(recording: Recording, channel: str) -> Recording:
     column = recording.names.index(channel)
 
     def edit(number: int, values: np.ndarray) -> None:
-        values[:, [column]] = _held(values[:, [column]], np.zeros(1))
+        values[:, [column]] = held(values[:, [column]], np.zeros(1))
 
     return edited(recording, edit)
 
