@@ -1,9 +1,10 @@
 """Geometry of paths on the ground, seen from above: one scale for both axes, in a box as wide as it is high."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dynreg.report.drawing import Line, ticks
+from dynreg.report.drawing import Line
 
 SIZE = 1000.0  # of the box, a side
 MARGIN = 0.06  # of the side, left free on each
@@ -43,7 +44,7 @@ def plan(title: str, ways: Sequence[tuple[str, Points]]) -> Plan | None:
         for number, ((style, _), way) in enumerate(zip(ways, known, strict=True))
         if len(way) > 1
     )
-    length = ticks(0.0, 0.4 * side, 2)[1]
+    length = _round(0.4 * side)
     return Plan(title, lines, place(*points[0]), 100.0 * scale * length / SIZE, _length(length))
 
 
@@ -59,6 +60,16 @@ def _path(points: Sequence[tuple[float, float] | None]) -> str:
     """A polyline that is broken where a point is not known."""
     pairs = zip([None, *points], points, strict=False)
     return "".join(f"{'L' if before else 'M'}{now[0]:.1f} {now[1]:.1f}" for before, now in pairs if now)
+
+
+def _round(most: float) -> float:
+    """The largest of 1, 2, 5, 10, ... that is no more than `most`.
+
+    >>> _round(0.43), _round(0.2), _round(7.0)
+    (0.2, 0.2, 5.0)
+    """
+    power = math.floor(math.log10(most) + 1e-9)
+    return round(max(m * 10.0**power for m in (1, 2, 5) if m * 10.0**power <= most * (1.0 + 1e-9)), 12)
 
 
 def _length(metres: float) -> str:
