@@ -70,7 +70,7 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
     columns = pose_columns(robot)
     if columns is None:
         return out
-    still = standing(robot, windows.run.actions, windows.measured)
+    still = standing(robot, windows.run.actions, windows.measured, windows.run.before)
     known = np.isfinite(windows.measured[..., columns]).all(axis=2)
     rows = np.array([max(k[:many].sum(), 1) for k, many in zip(known, still, strict=True)])
     noise = robot.sensor_noise[columns] / np.sqrt(rows)[:, None]  # a start that stands still is a mean

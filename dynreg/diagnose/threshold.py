@@ -102,7 +102,7 @@ def null_score(
         problem.robot, hidden, windows.run, engine=problem.engine, threads=problem.threads
     )
     measured = np.where(np.isnan(windows.measured), np.nan, measured)
-    begun = starts(problem.robot, windows.run.actions, measured)
+    begun = starts(problem.robot, windows.run.actions, measured, windows.run.before)
     initial = np.where(np.isnan(windows.run.initial), np.nan, begun)
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
     same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)

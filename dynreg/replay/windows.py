@@ -96,7 +96,7 @@ def windows(robot: Robot, recording: Recording) -> Windows:
         actions,
         inputs=inputs,
         settings=_settings(robot, recording)[[c[0] for c in cuts]],
-        initial=starts(robot, actions, measured),
+        initial=starts(robot, actions, measured, before),
         velocity=velocity,
         before=before,
         period=_period(recording),
@@ -107,21 +107,28 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     return Windows(run, measured, spread, weight, numbers, rows, run.period)
 
 
-def starts(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """(W, S) measured states that windows begin with, from commands (W, T, A) and rows (W, T+1, S).
+def starts(
+    robot: Robot, actions: np.ndarray, measured: np.ndarray, before: np.ndarray | None = None
+) -> np.ndarray:
+    """(W, S) measured states that windows begin with, from commands (W, T, A) and rows (W, T+1, S); see `standing`.
 
     A planar base never forgets where it started, and one noisy row would turn its whole path: where it stands still
     at first, its start is the mean of those rows.
     """
     out = measured[:, 0].copy()
-    for w, rows in enumerate(standing(robot, actions, measured)):
+    for w, rows in enumerate(standing(robot, actions, measured, before)):
         known = np.isfinite(out[w])
         out[w, known] = np.nanmean(measured[w, :rows, known], axis=1)
     return out
 
 
-def standing(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """(W,) rows at the start of each window in which a planar base stands still; 1 for all else."""
+def standing(
+    robot: Robot, actions: np.ndarray, measured: np.ndarray, before: np.ndarray | None = None
+) -> np.ndarray:
+    """(W,) rows at the start of each window in which a planar base stands still; 1 for all else.
+
+    before : (W, L, A) commands before, where known: a base that was told to move may still roll between rare poses.
+    """
     rows = np.ones(len(measured), dtype=int)
     if not robot.planar:
         return rows
@@ -129,6 +136,8 @@ def standing(robot: Robot, actions: np.ndarray, measured: np.ndarray) -> np.ndar
     moves = (actions != 0).any(axis=2)
     first = np.where(moves.any(axis=1), moves.argmax(axis=1), moves.shape[1])
     for w, many in enumerate(first + 1):
+        if before is not None and before[w].any():
+            continue
         known = measured[w, :many, np.isfinite(measured[w, 0])]
         apart = np.abs(known - np.nanmean(known, axis=1, keepdims=True)).T
         if many > 1 and not (apart > STILL * noise[np.isfinite(measured[w, 0])]).any():

@@ -70,6 +70,22 @@ def test_the_true_simulator_replays_a_timed_log_from_any_row(
     assert np.nanmax(np.abs(lost)) > 5e-3
 
 
+def test_a_base_that_rolls_on_between_rare_poses_does_not_stand(robot: Robot) -> None:
+    """Told to stop where a window begins, it rolls 3 mm further: less than five times the noise of its two poses."""
+    step, told = 0.01, np.repeat([[2.0, 2.0], [0.0, 0.0], [3.0, 1.0]], [500, 50, 500], axis=0)
+    run = Run(told[None], period=step)
+    states = rollout(robot, robot.space.nominal[None], run, engine="unicycle").states[0, 0]
+    rows = np.array([0, 500, 550, 700, 900, 1000])
+    values = np.concatenate([states[rows], told[np.minimum(rows, 1049)]], axis=1)
+    tables = (*robot.file.channels, *robot.file.actions)
+    log = Recording(tuple(Channel(t.name, t.unit) for t in tables), (Episode("drive", step * rows, values),))
+    cut = windows(robot, log)
+    at = int(np.flatnonzero(cut.rows[:, 0] == 500)[0])
+    assert 0.001 < states[550, 0] - states[500, 0] < 0.005
+    assert cut.run.initial[at] == pytest.approx(states[500])
+    assert begin_noise(robot, cut.take(np.array([at])))[2] == pytest.approx(robot.sensor_noise[2])
+
+
 def test_a_log_of_many_poses_may_begin_on_the_way(robot: Robot) -> None:
     told = np.tile([[8.0, 7.0]], (400, 1))
     x = rollout(robot, robot.space.nominal[None], Run(told[None], period=0.01), engine="unicycle").states[
