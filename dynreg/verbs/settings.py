@@ -1,0 +1,141 @@
+"""What a verb can be told: each setting is said once, and becomes an option, a Python argument and their help.
+
+>>> @dataclass(frozen=True)
+... class Walk(Settings):
+...     seed: int = option(0, "Seed.", least=0)
+...     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
+>>> Walk(seed=-1)
+Traceback (most recent call last):
+dynreg.errors.UsageError: seed -1; expected a whole number of 0 or more; give another number
+"""
+
+import inspect
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, TypeVar, get_args
+
+from dynreg.errors import UsageError
+
+Wrapped = TypeVar("Wrapped", bound=Callable[..., Any])
+_OPTION = "option"
+
+
+@dataclass(frozen=True)
+class Option:
+    """How one setting is told.
+
+    help : one sentence. flag : on the command line; "" for the name with dashes, None for none. usual : what stands
+    in for None, in words. metavar : of its value. least, most : its range, ends included; above : it must be larger.
+    choices : the only values, or a function that gives them. complete : what a shell offers, by its name in
+    `cli.completion`. repeated : a sequence whose flag is given again and again, not a list with commas. shared : a
+    settings file and DYNREG_* may tell it as well.
+    """
+
+    help: str
+    flag: str | None = ""
+    usual: str = ""
+    metavar: str | None = None
+    least: int | None = None
+    most: int | None = None
+    above: float | None = None
+    choices: Collection[str] | Callable[[], Collection[str]] = ()
+    complete: str | None = None
+    repeated: bool = False
+    shared: bool = False
+
+    @property
+    def allowed(self) -> Collection[str]:
+        """The only values; empty where every value will do."""
+        return self.choices() if callable(self.choices) else self.choices
+
+    def check(self, name: str, value: Any) -> None:
+        """UsageError, in which the setting is called `name`, for a value that cannot be; None is left to defaults."""
+        if value is None:
+            return
+        if self.allowed:
+            for one in value if isinstance(value, tuple) else (value,):
+                if one not in self.allowed:
+                    expected = f"one of {', '.join(self.allowed)}"
+                    raise UsageError(f"{name} {one!r}", expected=expected, do="choose one of these")
+        if self.least is not None and not self.least <= value <= (self.most or float("inf")):
+            raise UsageError(f"{name} {value}", expected=self._range(), do="give another number")
+        if self.above is not None and not self.above < value < float("inf"):
+            raise UsageError(
+                f"{name} {value:g}", expected=f"a number above {self.above:g}", do="give another"
+            )
+
+    def _range(self) -> str:
+        return (
+            f"a whole number of {self.least} or more" if self.most is None else f"{self.least} to {self.most}"
+        )
+
+
+def option(default: Any, help: str, **how: Any) -> Any:
+    """A field of `Settings`: its default and how it is told; see `Option`."""
+    return field(default=default, metadata={_OPTION: Option(help, **how)})
+
+
+def threads() -> Any:
+    """The setting that every verb has which simulates."""
+    return option(0, "Simulation threads.", usual="all cores", least=0, shared=True)
+
+
+def seed() -> Any:
+    """The setting that every verb has which draws at random."""
+    return option(0, "Seed.", least=0, shared=True)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Base of what a verb can be told: frozen, and checked when it is made.
+
+    A sequence becomes a tuple. A verb with rules between its settings extends `__post_init__`.
+    """
+
+    def __post_init__(self) -> None:
+        for one, how in options(type(self)):
+            value = getattr(self, one.name)
+            if isinstance(value, Iterable) and not isinstance(value, str | tuple):
+                value = tuple(value)
+                object.__setattr__(self, one.name, value)
+            how.check(one.name, value)
+
+
+def options(kind: type[Settings]) -> Iterator[tuple[Field, Option]]:
+    """Every setting of a verb, and how it is told."""
+    return ((one, one.metadata[_OPTION]) for one in fields(kind))
+
+
+def optional(one: Field) -> bool:
+    """Whether a setting may be None."""
+    return type(None) in get_args(one.type)
+
+
+def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
+    """Decorator of a method with `**settings`: its signature and its help name those of `kind`, one by one."""
+
+    def wrap(method: Wrapped) -> Wrapped:
+        signature = inspect.signature(method)
+        own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        settings = [
+            inspect.Parameter(
+                one.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if one.default is MISSING else one.default,
+                annotation=one.type,
+            )
+            for one, _ in options(kind)
+        ]
+        at = next((i for i, p in enumerate(own) if p.kind is p.KEYWORD_ONLY), len(own))
+        method.__signature__ = signature.replace(parameters=[*own[:at], *settings, *own[at:]])
+        lines = [f"{one.name} : {_sentence(how)}" for one, how in options(kind)]
+        method.__doc__ = "\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines])
+        return method
+
+    return wrap
+
+
+def _sentence(how: Option) -> str:
+    text = how.help
+    text += f" One of {', '.join(how.allowed)}." if how.allowed and "ne of" not in text else ""
+    return f"{text} None: {how.usual}." if how.usual else text

@@ -1,0 +1,58 @@
+"""Settings: said once, checked when they are made, and told to Python."""
+
+import inspect
+from dataclasses import dataclass
+
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.verbs.settings import Settings, option, seed, taking, threads
+
+
+@dataclass(frozen=True)
+class Ask(Settings):
+    """For these tests."""
+
+    k: int = option(5, "How many.", flag="-k", least=1, most=9)
+    kind: str = option("a", "Which.", choices=("a", "b"))
+    kinds: tuple[str, ...] | None = option(None, "Which ones.", choices=lambda: ("a", "b"), usual="all")
+    longest: float = option(2.0, "Seconds.", above=0.0)
+    seed: int = seed()
+    threads: int = threads()
+
+
+@pytest.mark.parametrize(
+    ("told", "problem"),
+    [
+        ({"k": 0}, "k 0; expected 1 to 9"),
+        ({"k": 10}, "k 10; expected 1 to 9"),
+        ({"kind": "c"}, "kind 'c'; expected one of a, b"),
+        ({"kinds": ["a", "c"]}, "kinds 'c'; expected one of a, b"),
+        ({"longest": 0.0}, "longest 0; expected a number above 0"),
+        ({"longest": float("nan")}, "longest nan; expected a number above 0"),
+        ({"longest": float("inf")}, "longest inf; expected a number above 0"),
+        ({"seed": -1}, "seed -1; expected a whole number of 0 or more"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_named(told, problem):
+    with pytest.raises(UsageError) as error:
+        Ask(**told)
+    assert str(error.value).startswith(problem)
+
+
+def test_sequences_become_tuples_and_none_is_left_alone():
+    assert Ask(kinds=["a", "b"]).kinds == ("a", "b")
+    assert Ask().kinds is None
+
+
+def test_a_method_names_every_setting():
+    @taking(Ask)
+    def ask(self, recording: str, *, progress: object = None, **settings: object) -> None:
+        """Ask it."""
+
+    signature = inspect.signature(ask)
+    assert list(signature.parameters) == [
+        "self", "recording", "k", "kind", "kinds", "longest", "seed", "threads", "progress",
+    ]  # fmt: skip
+    assert signature.parameters["k"].default == 5
+    assert "kinds : Which ones. One of a, b. None: all." in ask.__doc__
