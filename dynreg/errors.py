@@ -68,6 +68,10 @@ class NoMatchError(DynregError):
     exit_status = 4
 
 
+class OldWord(FutureWarning):
+    """A word that is called something else today; it still works."""
+
+
 def taken_apart(message: str) -> tuple[str, str, str]:
     """(problem, expected, do) of an error's message; the last two are "" where it does not say them.
 

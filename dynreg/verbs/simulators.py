@@ -1,0 +1,208 @@
+"""Which simulator: the one answer for every verb, by the same words.
+
+A simulator is named by one of `WORDS` (`nominal`, or what the newest result about a recording found), by the id of a
+simulator or an entry, or by the id of a result that recommends one. Its effects come with it.
+"""
+
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dynreg.errors import NoMatchError, OldWord, UsageError
+from dynreg.registry import Registry, ResultRecord
+from dynreg.sim.config import SimConfig
+from dynreg.sim.robot import Robot, load_robot
+
+NOMINAL = "nominal"
+Document = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Word:
+    """What a word stands for: the simulator that the newest result of a kind tells. made_by : the verb."""
+
+    kind: str
+    made_by: str
+    told: Callable[[Document], str | None]
+
+
+WORDS: Mapping[str, Word] = {
+    "nearest": Word(
+        "neighbours", "query", lambda d: d["neighbours"][0]["entry"] if d["neighbours"] else None
+    ),
+    "synthesised": Word("neighbours", "query", lambda d: (d.get("synthesised") or {}).get("simulator")),
+    "@answer": Word("neighbours", "query", lambda d: d["answer"]),
+    "calibrated": Word("calibration", "calibrate", lambda d: d["simulator"]),
+    "diagnosed": Word(
+        "diagnosis", "diagnose", lambda d: d.get("extended_simulator") or d.get("calibrated_simulator")
+    ),
+}
+NAMES = (NOMINAL, *WORDS)
+RECOMMENDED = {
+    "neighbours": "@answer",
+    "calibration": "calibrated",
+    "diagnosis": "diagnosed",
+}  # by a kind of result
+OLD = {"neighbours": "nearest", "query": "@answer", "calibration": "calibrated", "diagnosis": "diagnosed"}
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """A simulator that was named: its configuration, effects included, and its robot.
+
+    id : of the simulator or entry; None for the nominal one, which nobody needs to register.
+    name : "leg-17" of an entry, else how it came about and the beginning of its id. lineage : how it came about.
+    source : id of the result that told it, None where it was named itself.
+    fitted_to : episodes of the recording to which it was fitted, or by which it was chosen, whole or in part; empty
+    where nothing says that it was, None where it was and nothing says to which.
+    """
+
+    id: str | None
+    name: str
+    lineage: Mapping[str, Any]
+    config: SimConfig
+    robot: Robot
+    source: str | None = None
+    fitted_to: frozenset[str] | None = frozenset()
+
+
+def simulator(registry: Registry, ref: str, robot: Robot, recording: str | None = None) -> Simulator:
+    """The simulator that `ref` names: one of `NAMES`, or the id of a simulator, an entry or a result.
+
+    recording : id of the recording about which the results are that the words ask for. The words hide nothing: what
+    else can be named here has an id and no name. Raises NoMatchError where there is no such simulator, or no such
+    result yet.
+    """
+    ref = today(ref)
+    if ref == NOMINAL:
+        config = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal))
+        return Simulator(None, NOMINAL, {"kind": NOMINAL}, config, robot)
+    if ref in WORDS:
+        return _told(registry, _newest(registry, ref, recording), ref, robot, recording)
+    kind, identity = registry.resolve(ref, ("simulator", "entry", "result"))
+    if kind == "result":
+        record = registry.result(identity)
+        if record.kind not in RECOMMENDED:
+            raise _no_simulator(ref, record)
+        return _told(registry, record, RECOMMENDED[record.kind], robot, recording)
+    found = _stored(registry, kind, identity, robot)
+    fitted_to = _by_newest(registry, identity, recording)
+    if fitted_to == frozenset() and recording is not None and found.lineage.get("recording") == recording:
+        fitted_to = None
+    return replace(found, fitted_to=fitted_to)
+
+
+def nearest(registry: Registry, robot: Robot, recording: str, k: int) -> tuple[Simulator, ...]:
+    """The k nearest of the newest query about a recording (its id), nearest first; fewer where it found fewer.
+
+    Raises NoMatchError where nothing was asked about the recording yet.
+    """
+    record = _newest(registry, "nearest", recording)
+    ids = [neighbour["entry"] for neighbour in record.document["neighbours"][:k]]
+    return tuple(replace(_stored(registry, "entry", i, robot), source=record.id) for i in ids)
+
+
+def own(found: Simulator, robot: Robot) -> Simulator:
+    """The simulator again; UsageError where it is of another robot."""
+    if found.config.robot != robot.hash:
+        raise UsageError(
+            f"simulator {found.name!r} is of robot {found.config.robot_name!r} ({found.config.robot[:12]})",
+            expected=f"a simulator of {robot.name!r} ({robot.hash[:12]})",
+            do="name another; see `dynreg list --kind simulator`",
+        )
+    return found
+
+
+def today(ref: str) -> str:
+    """What a word is called today; an old one is told (`OldWord`) and still works."""
+    if ref not in OLD:
+        return ref
+    warnings.warn(f"{ref!r} is called {OLD[ref]!r} now", OldWord, stacklevel=2)
+    return OLD[ref]
+
+
+def made(lineage: Mapping[str, Any]) -> str:
+    """How a simulator came about, in words.
+
+    >>> made({"made_by": "query", "kind": "synthesised"}), made({"made_by": "calibrate cma"})
+    ('synthesised', 'calibrated by cma')
+    """
+    return lineage.get("kind") or (lineage.get("made_by") or "").replace("calibrate", "calibrated by")
+
+
+def _newest(registry: Registry, ref: str, recording: str | None) -> ResultRecord:
+    word = WORDS[ref]
+    try:
+        if recording is not None:
+            return registry.latest(word.kind, recording)
+    except NoMatchError:
+        pass
+    raise NoMatchError(
+        f"no {ref!r} simulator: nothing is stored of `dynreg {word.made_by}` about this recording",
+        expected=f"one of {', '.join(NAMES)}, or an id",
+        do=f"run `dynreg {word.made_by}` on it first, or name another simulator",
+    )
+
+
+def _told(
+    registry: Registry, record: ResultRecord, word: str, robot: Robot, recording: str | None
+) -> Simulator:
+    """The simulator that a result tells under a word."""
+    identity = WORDS[word].told(record.document)
+    if identity is None:
+        raise _no_simulator(word, record)
+    found = replace(
+        _stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot), source=record.id
+    )
+    if record.recording_id != recording:
+        return found
+    return replace(found, fitted_to=_fitted(record.document))
+
+
+def _stored(registry: Registry, kind: str, identity: str, robot: Robot) -> Simulator:
+    """A registered simulator or entry by its id."""
+    if kind == "entry":
+        entry = registry.load_entry(identity)
+        record = registry.population(entry.population_id)
+        config = SimConfig(record.robot_hash, record.name, entry.values)
+        name, lineage = f"{record.name}-{entry.number}", {"kind": "entry"}
+    else:
+        document = registry.simulator(identity)
+        config, lineage = SimConfig.from_dict(document), document.get("lineage", {})
+        name = f"{made(lineage) or kind} {identity[:8]}"
+    same = config.robot == robot.hash
+    owner = robot if same else load_robot(registry.robot_folder(config.robot))
+    return Simulator(identity, name, lineage, config, owner)
+
+
+def _fitted(document: Document) -> frozenset[str] | None:
+    """Names of the episodes that a result's simulator was fitted to or chosen by; None where it does not say.
+
+    Parts are told by episode, or as "episode[3]" where an episode was cut into windows.
+    """
+    parts = document.get("parts")
+    if parts is None:
+        return None
+    return frozenset(re.sub(r"\[\d+\]$", "", name) for name in (*parts["fit"], *parts["select"]))
+
+
+def _by_newest(registry: Registry, identity: str, recording: str | None) -> frozenset[str] | None:
+    """What the newest results about a recording say of a simulator that they tell; nothing where they do not."""
+    for word in WORDS.values():
+        try:
+            document = registry.latest(word.kind, recording).document if recording else {}
+        except NoMatchError:
+            continue
+        if document and identity in (document.get("calibrated_simulator"), word.told(document)):
+            return _fitted(document)
+    return frozenset()
+
+
+def _no_simulator(ref: str, record: ResultRecord) -> NoMatchError:
+    return NoMatchError(
+        f"result {record.id[:12]} of kind {record.kind!r} tells no simulator for {ref!r}",
+        expected="a query, a calibration or a diagnosis that left one",
+        do="name a simulator; see `dynreg list --kind simulator`",
+    )

@@ -1,0 +1,93 @@
+"""Which simulator: every word, what old words say, and that effects come along."""
+
+import shutil
+import warnings
+
+import pytest
+
+from dynreg import session
+from dynreg.errors import NoMatchError, OldWord, UsageError
+from dynreg.sim.config import SimConfig
+from dynreg.sim.robot import load_robot
+from dynreg.verbs.simulators import NAMES, OLD, nearest, own, simulator
+
+EFFECT = {"coulomb_friction[arm]": {"torque": 0.02}}
+
+
+@pytest.fixture(scope="module")
+def asked(registry_folder, tmp_path_factory):
+    """A session in which the recording "bench" was queried and calibrated to; its robot and the recording's id."""
+    folder = tmp_path_factory.mktemp("simulators") / "registry"
+    shutil.copytree(registry_folder, folder)
+    with session.open(folder) as opened:
+        found = opened.query("bench", k=3)
+        fitted = opened.calibrate("bench", budget=10)
+        yield opened.registry, load_robot("servo_pendulum"), found, fitted
+
+
+def test_words_say_what_results_told(asked):
+    registry, robot, found, fitted = asked
+    by_word = {
+        word: simulator(registry, word, robot, found.recording) for word in NAMES if word != "diagnosed"
+    }
+    assert by_word["nominal"].config.values == robot.space.as_dict(robot.space.nominal)
+    assert by_word["nearest"].id == found.neighbours[0].entry
+    assert by_word["synthesised"].id == found.synthesised.simulator
+    assert by_word["@answer"].id == found.answer
+    assert by_word["calibrated"].id == fitted.simulator
+    assert all(one.robot is robot for one in by_word.values())
+
+
+def test_the_k_nearest_stand_in_their_order(asked):
+    registry, robot, found, _ = asked
+    ids = [one.id for one in nearest(registry, robot, found.recording, 2)]
+    assert ids == [n.entry for n in found.neighbours[:2]]
+
+
+def test_a_result_that_is_named_tells_the_simulator_that_it_recommends(asked):
+    registry, robot, found, _ = asked
+    source = registry.latest("neighbours", found.recording).id
+    named = simulator(registry, source, robot, found.recording)
+    assert (named.id, named.source) == (found.answer, source)
+    assert named.fitted_to == {name.partition("[")[0] for p in ("fit", "select") for name in found.parts[p]}
+
+
+def test_a_simulator_that_is_named_brings_its_effects(asked):
+    registry, robot, found, _ = asked
+    config = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal), EFFECT)
+    identity = registry.put_simulator(config.as_dict() | {"lineage": {"made_by": "by hand"}})
+    assert simulator(registry, identity[:12], robot, found.recording).config.effects == EFFECT
+
+
+@pytest.mark.parametrize("old", OLD)
+def test_old_words_still_work_and_say_what_they_are_called_now(asked, old):
+    registry, robot, found, _ = asked
+    with pytest.warns(OldWord, match=f"{old!r} is called {OLD[old]!r} now"):
+        try:
+            assert simulator(registry, old, robot, found.recording)
+        except NoMatchError as problem:
+            assert OLD[old] == "diagnosed", problem
+
+
+def test_a_word_of_which_nothing_is_stored_says_what_to_run(asked):
+    registry, robot, found, _ = asked
+    with pytest.raises(NoMatchError, match="run `dynreg diagnose` on it first"):
+        simulator(registry, "diagnosed", robot, found.recording)
+    with pytest.raises(NoMatchError, match="no 'nearest' simulator"):
+        simulator(registry, "nearest", robot, None)
+
+
+def test_a_simulator_of_another_robot_is_refused_where_it_must_be_ones_own(asked):
+    registry, robot, found, _ = asked
+    other = load_robot("leg")
+    named = simulator(registry, "nearest", robot, found.recording)
+    assert own(named, robot) is named
+    with pytest.raises(UsageError, match="is of robot 'servo_pendulum'"):
+        own(named, other)
+
+
+def test_words_of_today_warn_of_nothing(asked):
+    registry, robot, found, _ = asked
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulator(registry, "nearest", robot, found.recording)
