@@ -454,11 +454,11 @@ class Session:
             return listing(copy, None)
 
     def export_robot(self, ref: str, destination: str | Path) -> results.RobotFolder:
-        """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `diagnose.extend`.
+        """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `extend`.
 
         Raises UsageError where the destination exists.
         """
-        from dynreg.diagnose.extend import export_simulator
+        from dynreg.verbs.export_robot import export_simulator
 
         return export_simulator(self.registry, ref, Path(destination))
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from dynreg.diagnose.carry import Fields, carries
 from dynreg.errors import RobotError
+from dynreg.extend.carry import Fields, carries
 from dynreg.sim.effects import Terms
 from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import ServoLaw, servo_law, takes_positions

@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynreg.diagnose.carry import SPREAD, Carrier, Fields, carriers, carries
-from dynreg.diagnose.folder_readme import PLAIN, Written, readme
-from dynreg.diagnose.plain import says, write_mjcf
 from dynreg.errors import DynregError, RobotError, UsageError
-from dynreg.registry import Registry
-from dynreg.results import CarriedEffect, RobotFolder
+from dynreg.extend.carry import SPREAD, Carrier, Fields, carriers, carries
+from dynreg.extend.folder_readme import PLAIN, Written, readme
+from dynreg.extend.plain import says, write_mjcf
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
@@ -36,42 +34,6 @@ class Exported:
     robot: Robot
     effects: tuple[Written, ...]
     problem: str | None = None
-
-
-def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFolder:
-    """Write the stored simulator or entry `ref` as a robot folder.
-
-    Raises as `export_robot`, and NoMatchError where nothing is stored under `ref`.
-    """
-    kind, identity = registry.resolve(ref, ("simulator", "entry"))
-    if kind == "simulator":
-        config = SimConfig.from_dict(registry.simulator(identity))
-    else:
-        entry = registry.load_entry(identity)
-        population = registry.population(entry.population_id)
-        config = SimConfig(population.robot_hash, population.name, entry.values)
-    made = export_robot(load_robot(registry.robot_folder(config.robot)), config, destination)
-    plain = destination / Path(made.robot.file.robot.model).with_name(PLAIN)
-    return RobotFolder(
-        robot=config.robot_name,
-        simulator=identity,
-        folder=str(destination),
-        name=made.robot.name,
-        effects=tuple(_told(one) for one in made.effects),
-        mjcf=str(plain) if made.problem is None else None,
-        note=made.problem or "",
-    )
-
-
-def _told(one: Written) -> CarriedEffect:
-    parameters = one.term.effect.parameters
-    return CarriedEffect(
-        effect=one.term.key,
-        values={p.name: float(value) for p, value in zip(parameters, one.values, strict=True)},
-        units={p.name: p.unit for p in parameters},
-        parameters=tuple(carrier.name for carrier in one.parameters),
-        mjcf=one.in_mjcf,
-    )
 
 
 def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported:

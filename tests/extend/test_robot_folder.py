@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from dynreg.diagnose.carry import carries
-from dynreg.diagnose.extend import export_robot
 from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.errors import UsageError
+from dynreg.extend.carry import carries
+from dynreg.extend.robot_folder import export_robot
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import applicable, term
 from dynreg.sim.engines import rollout

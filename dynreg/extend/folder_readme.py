@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.diagnose.carry import Carrier, carries
+from dynreg.extend.carry import Carrier, carries
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot
