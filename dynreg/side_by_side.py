@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dynreg.data.names import joint_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError
 from dynreg.gait.play import require_new, require_playable, write_new
@@ -71,14 +72,14 @@ def _beside(registry: Registry, gait: Gait, recording: Recording, episode: Episo
     simulated = _simulated(trials, least, actions)
     measured = _measured(robot, recording, episode, simulated)
     names = _names(robot)
-    commands = joint_states(COMMANDS, _owners(robot), times[:-1] + begin, actions)
+    commands = joint_states(COMMANDS, robot.joints, times[:-1] + begin, actions)
     yield commands
     for name, motion in ((SIMULATED, simulated), (MEASURED, measured)):
         yield from topics(name, names, replace(motion, times=motion.times + begin))
 
 
 def _rerun(trials: Trials, simulator: int, actions: np.ndarray) -> list[Topic]:
-    commands = joint_states(COMMANDS, _owners(trials.robot), trials.times, actions)
+    commands = joint_states(COMMANDS, trials.robot.joints, trials.times, actions)
     return [commands, *topics(SIMULATED, _names(trials.robot), _simulated(trials, simulator, actions))]
 
 
@@ -91,13 +92,9 @@ def _joined(parts: list[Topic]) -> list[Topic]:
     return list(out.values())
 
 
-def _owners(robot: Robot) -> list[str]:
-    return [name.split("/")[0] for name in robot.actions]
-
-
 def _names(robot: Robot) -> list[str]:
     """The joints whose position the robot's channels hold."""
-    return [robot.channels[c].split("/")[0] for c in layout_of(robot).position[0]]
+    return [joint_of(robot.channels[c]) for c in layout_of(robot).position[0]]
 
 
 def _held(actions: np.ndarray, name: str) -> np.ndarray:
@@ -130,7 +127,7 @@ def _measured(robot: Robot, recording: Recording, episode: Episode, simulated: M
     columns = {name: i for i, name in enumerate(recording.names)}
     lost = np.full(len(episode.time), np.nan)
     channel = lambda name: episode.values[:, columns[name]] if name in columns else lost  # noqa: E731
-    owner = next((robot.channels[c].rpartition("/")[0] for c in layout_of(robot).base[0]), "")
+    owner = next((joint_of(robot.channels[c]) for c in layout_of(robot).base[0]), "")
     of = lambda *names: np.stack([channel(f"{owner}/{name}") for name in names], axis=1)  # noqa: E731
     joints = np.stack([channel(f"{name}/position") for name in _names(robot)], axis=1)
     angles = of(*ATTITUDE)

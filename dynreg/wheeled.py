@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, RobotError
 from dynreg.sim.robot import Robot
@@ -130,8 +131,7 @@ def wheels_of(robot: Robot, names: Sequence[str]) -> Wheels:
     """How the robot is told to drive, in a recording with channels `names`; raises as `told`."""
     base = robot.file.base
     pairs = [tuple(f"{side}/velocity_command" for side in (base.left, base.right))] if base else []
-    owners = dict.fromkeys(name.rpartition("/")[0] for name in robot.actions)
-    pairs += [tuple(f"{owner}/{command}" for command in BASE_COMMANDS) for owner in owners]
+    pairs += [tuple(f"{owner}/{command}" for command in BASE_COMMANDS) for owner in robot.driven]
     pair = next((pair for pair in pairs if {*pair} <= {*robot.actions}), None)
     if pair is None:
         raise RobotError(
@@ -150,8 +150,8 @@ def wheels_of(robot: Robot, names: Sequence[str]) -> Wheels:
 
 def pose_names(robot: Robot, names: Sequence[str]) -> tuple[str, ...]:
     """The channels of the base's x, y and yaw, in a recording with channels `names`; LogError where one is missing."""
-    owners = dict.fromkeys(name.rpartition("/")[0] for name in robot.channels)
-    poses = [tuple(f"{owner}/{part.rpartition('/')[2]}" for part in POSE) for owner in owners]
+    owners = dict.fromkeys(joint_of(name) for name in robot.channels)
+    poses = [tuple(f"{owner}/{quantity_of(part)}" for part in POSE) for owner in owners]
     pose = next((pose for pose in poses if {*pose} <= {*robot.channels}), POSE)
     _require(
         names,

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 
 from dynreg.data.episodes import RawEpisode
+from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Finding, Series
 
@@ -38,7 +39,7 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
         here = f"{where}, {name}"
         findings += check_numbers(series, here)
         findings += check_range(
-            series, specs[name], here, followed=spec.rate is None and name.endswith("/yaw")
+            series, specs[name], here, followed=spec.rate is None and quantity_of(name) == "yaw"
         )
     findings += _stuck_channels(episode, specs, where)
     findings += _velocities(episode, where)
@@ -195,7 +196,7 @@ def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where
 
 def _commands(name: str, episode: RawEpisode, specs: Mapping[str, ChannelSpec]) -> list[str]:
     actions = [n for n in episode.channels if specs[n].kind == "action"]
-    same = [n for n in actions if n.split("/")[0] == name.split("/")[0]]
+    same = [n for n in actions if joint_of(n) == joint_of(name)]
     return same or actions
 
 
@@ -206,7 +207,7 @@ def _moves(series: Series, begin: float, end: float) -> bool:
 
 def _position_of(name: str) -> str:
     """ "arm/position" for "arm/velocity", "" for other names."""
-    return name.removesuffix("velocity") + "position" if name.endswith("/velocity") else ""
+    return name.removesuffix("velocity") + "position" if quantity_of(name) == "velocity" else ""
 
 
 def _velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:

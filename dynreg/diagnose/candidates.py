@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.data.names import parts_of
 from dynreg.rng import stream
 from dynreg.sim.excitation import KINDS, reset_pose
 from dynreg.sim.ports import Ports, nominal_ports, takes_positions
@@ -92,8 +93,7 @@ def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed
     """
     pose, rate = reset_pose(robot), robot.rate
     room = _room(limits, pose)
-    owners = [name.split("/")[0] for name in robot.actions]
-    moving = np.array([not joints or owner in joints for owner in owners])
+    moving = np.isin(np.arange(len(robot.joints)), robot.drives_of(joints))
     names, actions = [], []
     for name, offsets in _offsets(robot, steps, rate, moving, seed):
         wanted = pose + np.where(offsets > 0, room[1], room[0]) * offsets
@@ -112,7 +112,7 @@ def joint_range(robot: Robot, channel: str) -> tuple[float, float]:
     (table,) = [c for c in robot.file.channels if c.name == channel]
     low = -np.inf if table.low is None else table.low
     high = np.inf if table.high is None else table.high
-    owner, _, quantity = channel.partition("/")
+    owner, quantity = parts_of(channel)
     names = [robot.model.joint(j).name for j in range(robot.model.njnt)]
     if quantity == "position" and owner in names and robot.model.jnt_limited[names.index(owner)]:
         stops = robot.model.joint(owner).range

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dynreg.data.names import quantity_of
 from dynreg.data.recording import Recording
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.fit import fit, polish
@@ -282,7 +283,7 @@ def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
     inputs = None if run.inputs is None else run.inputs[:, :1]
     first = replace(run, actions=run.actions[:, :1], inputs=inputs, initial=None)
     stands = rollout(robot, robot.space.nominal[None], first, engine=engine).states[0][:, 0]
-    joints = [i for i, name in enumerate(robot.channels) if name.endswith("/position")]
+    joints = [i for i, name in enumerate(robot.channels) if quantity_of(name) == "position"]
     apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
     initial = np.where(apart[:, None] < STANDS, np.nan, run.initial)
     return replace(cut, run=replace(run, initial=initial))

@@ -67,8 +67,7 @@ def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
         return " or ".join(unit if parameter.unit == "rad" else unit.replace("/s", "/s^2") for unit in told)
     if robot.planar:
         return parameter.unit
-    owners = dict.fromkeys(name.split("/")[0] for name in robot.actions)
-    joints = [joint for joint in owners if not term.joints or joint in term.joints]
+    joints = [joint for joint in robot.driven if not term.joints or joint in term.joints]
     slides = [robot.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for j in joints]
     if term.effect.scope != "joint" or not slides or not all(slides):
         return parameter.unit

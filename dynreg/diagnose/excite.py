@@ -121,9 +121,8 @@ def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
             f"robot {robot.name!r} takes no commands", expected="[[actions]]", do="excite it by hand"
         )
     first, second = term(between[0]), term(between[1])
-    owners = {name.split("/")[0] for name in robot.actions}
     for one in (first, second):
-        unknown = sorted(set(one.joints) - owners)
+        unknown = sorted(set(one.joints) - {*robot.joints})
         reason = one.effect.why_not(robot) or (f"no action drives {unknown[0]!r}" if unknown else None)
         if reason:
             raise UsageError(

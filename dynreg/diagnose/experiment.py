@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynreg.data.names import parts_of
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.candidates import Limits, Pool, joint_range
 from dynreg.results import Experiment, LimitKept
@@ -75,10 +76,9 @@ def _commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
 def _moved(robot: Robot, reached: np.ndarray) -> list[LimitKept]:
     """The range of every driven joint's position, and where it is expected to go."""
     out = []
-    owners = {name.split("/")[0] for name in robot.actions}
     for column, table in enumerate(robot.file.channels):
-        owner, _, quantity = table.name.partition("/")
-        if owner in owners and quantity == "position":
+        owner, quantity = parts_of(table.name)
+        if owner in robot.driven and quantity == "position":
             low, high = (_finite(x) for x in joint_range(robot, table.name))
             least, most = reached[:, 0, column].min(), reached[:, 1, column].max()
             out.append(_kept(f"{table.name} (expected)", table.unit, low, high, least, most))

@@ -128,8 +128,7 @@ class Coordinates:
 
     def scale(self, term: Term, parameter: EffectParameter) -> float:
         """What one medium size of this parameter is, in its unit; the mean over the term's joints."""
-        owners = [name.split("/")[0] for name in self.robot.actions]
-        at = [i for i, owner in enumerate(owners) if not term.joints or owner in term.joints]
+        at = self.robot.drives_of(term.joints)
         return float(parameter.medium * np.mean(self.scales[parameter.per][at]))
 
     def effect_values(self, hypothesis: Hypothesis, z: np.ndarray) -> list[np.ndarray]:

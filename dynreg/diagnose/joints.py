@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term
@@ -19,7 +20,7 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
 
     Raises UsageError where no action drives a joint, or none of its channels has a weight.
     """
-    driven = list(dict.fromkeys(name.split("/")[0] for name in robot.actions))
+    driven = list(robot.driven)
     unknown = [j for j in joints if j not in driven]
     if unknown:
         raise UsageError(
@@ -28,8 +29,7 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
             do="correct the name",
         )
     channels = [
-        c if c.name.split("/")[0] in joints else c.model_copy(update={"weight": 0.0})
-        for c in robot.file.channels
+        c if joint_of(c.name) in joints else c.model_copy(update={"weight": 0.0}) for c in robot.file.channels
     ]
     if not any(c.weight > 0 for c in channels):
         raise UsageError(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynreg.data.names import joint_of
 from dynreg.diagnose.leftover import Residuals
 from dynreg.diagnose.signals import JointSignals, joint_signals, position_column, velocity_column
 from dynreg.errors import UsageError
@@ -69,7 +70,7 @@ def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) ->
     out = []
     looked = windows.run.joints
     for joint, signals in joint_signals(robot, windows).items():
-        if looked is not None and joint.split("/")[0] not in looked:
+        if looked is not None and joint_of(joint) not in looked:
             continue
         found = _accelerations(robot, windows, predicted, joint, signals.velocity)
         if found is None:

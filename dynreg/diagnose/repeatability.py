@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.data.names import quantity_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.replay.windows import standing
 from dynreg.sim.robot import Robot
@@ -233,7 +234,7 @@ def _columns(robot: Robot, recording: Recording) -> list[int]:
     return [
         recording.names.index(name)
         for name in robot.channels
-        if name in recording.names and name.split("/")[-1] not in WORLD
+        if name in recording.names and quantity_of(name) not in WORLD
     ]
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.data.names import joint_of
 from dynreg.replay.windows import Windows
 from dynreg.sim.ports import Ports, nominal_ports, servo_law, takes_positions
 from dynreg.sim.robot import Robot
@@ -70,16 +71,14 @@ def joints_of_actions(robot: Robot) -> list[str]:
     """(A,) what each action drives: its joint (a wheel is one), or the velocity of a planar base that it commands."""
     types = nominal_ports(robot, 1).types
     return [
-        name.removesuffix("/velocity_command").removesuffix("_command")
-        if kind == "velocity"
-        else name.split("/")[0]
-        for name, kind in zip(robot.actions, types, strict=True)
+        name.removesuffix("/velocity_command").removesuffix("_command") if kind == "velocity" else joint
+        for name, joint, kind in zip(robot.actions, robot.joints, types, strict=True)
     ]
 
 
 def joint_of_channel(channel: str, joints: list[str] | dict[str, JointSignals]) -> str | None:
     """The driven joint that a channel belongs to; None for those of a floating base and of passive joints."""
-    owner = channel.split("/")[0]
+    owner = joint_of(channel)
     return channel if channel in joints else owner if owner in joints else None
 
 

@@ -227,7 +227,7 @@ def _jobs(robot: Robot, settings: TrialSettings) -> list[tuple[tuple[Term, ...],
         return [((shared[d],), settings.size, s) for d, s in zip(draw, seeds, strict=True)]
     chosen = tuple(term(key) for key in settings.effects)
     for t in chosen:
-        unknown = set(t.joints) - {name.split("/")[0] for name in robot.actions}
+        unknown = set(t.joints) - {*robot.joints}
         reason = f"it has no joint {min(unknown)!r}" if unknown else t.effect.why_not(robot)
         if reason:
             raise UsageError(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, UsageError
 from dynreg.rng import stream
@@ -101,7 +102,7 @@ def _nominal(robot: Robot) -> Reference:
 def _grid(robot: Robot, earlier: Told, cells: int) -> Grid:
     """Over the range of the robot's wheel commands; over that of the earlier recording where it states none."""
     base = robot.file.base
-    wheels = [a for a in robot.file.actions if a.name.partition("/")[0] in (base.left, base.right)]
+    wheels = [a for a in robot.file.actions if joint_of(a.name) in (base.left, base.right)]
     if wheels and all(a.low is not None and a.high is not None for a in wheels):
         low, high = min(a.low for a in wheels), max(a.high for a in wheels)
         return Grid(base.wheel_radius * low, base.wheel_radius * high, cells)

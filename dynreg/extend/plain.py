@@ -104,7 +104,7 @@ def _write_drives(
 
 def _value(robot: Robot, terms: Terms, key: str, action: int) -> float:
     """The first value of an effect on one drive; 0 where it does not have it."""
-    owner = robot.actions[action].split("/")[0]
+    owner = robot.joints[action]
     found = [
         float(values[0, 0])
         for term, values in zip(terms.terms, terms.values, strict=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
 from dynreg.gait.runs import joint_states, mcap
 from dynreg.gait.space import SLACK, GaitSpace
@@ -137,13 +138,13 @@ def _csv(gait: Gait) -> bytes:
 
 def _mcap(gait: Gait) -> bytes:
     """JSON messages in the form of sensor_msgs/JointState on /joint_commands."""
-    names = [j.action.split("/")[0] for j in gait.joints]
+    names = [joint_of(j.action) for j in gait.joints]
     return mcap([joint_states("/joint_commands", names, *commands(gait))])
 
 
 def _module(gait: Gait) -> bytes:
     rows = "".join(
-        f"    {j.action.split('/')[0]!r}: {(j.rest, j.offset, j.amplitude, j.phase, j.low, j.high)!r},\n"
+        f"    {joint_of(j.action)!r}: {(j.rest, j.offset, j.amplitude, j.phase, j.low, j.high)!r},\n"
         for j in gait.joints
     )
     # names only as literals: a document of a stranger must not become a program

@@ -197,8 +197,7 @@ def gait_space(robot: Robot) -> GaitSpace:
             expected="[gait] with its legs and roles, and [[tasks]], in robot.toml",
             do="add them, or name a robot that walks, such as 'quadruped'",
         )
-    owners = [name.split("/")[0] for name in robot.actions]
-    columns = [[owners.index(leg.joints[role.name]) for role in table.roles] for leg in table.legs]
+    columns = [[robot.joints.index(leg.joints[role.name]) for role in table.roles] for leg in table.legs]
     signs = [[-1.0 if role.name in leg.mirrored else 1.0 for role in table.roles] for leg in table.legs]
     low, high, speed = _limits(robot)
     return GaitSpace(
@@ -233,8 +232,8 @@ def _limits(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
     high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
     model = robot.model
-    for i, action in enumerate(robot.actions):
-        joint = model.joint(action.split("/")[0]).id
+    for i, name in enumerate(robot.joints):
+        joint = model.joint(name).id
         if model.jnt_limited[joint]:
             low[i] = max(low[i], model.jnt_range[joint, 0])
             high[i] = min(high[i], model.jnt_range[joint, 1])

@@ -116,7 +116,7 @@ def _problem(robot: Robot, engine: str) -> DynregError | None:
 
 def _declared(robot: Robot) -> Iterator[str]:
     """Tables of robot.toml that nothing uses."""
-    owners = [(action.split("/")[0], action) for action in robot.actions]
+    owners = [*zip(robot.joints, robot.actions, strict=True)]
     for i, drive in enumerate(robot.file.drives):
         if not any(fnmatchcase(name, drive.joint) for pair in owners for name in pair):
             yield f"drive {i + 1} (joint {drive.joint!r}) moves no action; correct or remove it"

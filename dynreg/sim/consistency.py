@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from dynreg.data.names import joint_of
 from dynreg.errors import RobotError
 from dynreg.sim.sets import parse
 from dynreg.sim.spec import RobotFile
@@ -56,7 +57,7 @@ def _wheels(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
 
 
 def _gait(file: RobotFile) -> Iterator[tuple[Location, RobotError]]:
-    driven = [action.name.split("/")[0] for action in file.actions]
+    driven = [joint_of(action.name) for action in file.actions]
     for i, leg in enumerate(file.gait.legs if file.gait else ()):
         for joint in leg.joints.values():
             if joint not in driven:

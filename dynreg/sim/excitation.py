@@ -138,11 +138,10 @@ def reset_pose(robot: Robot) -> np.ndarray:
     name = robot.file.reset.keyframe
     qpos = model.keyframe(name).qpos if name else model.qpos0
     types = nominal_ports(robot, 1).types
-    joints = [action.split("/")[0] for action in robot.actions]
     return np.array(
         [
             qpos[model.joint(j).qposadr[0]] if t in ("position", "duty_servo") else 0.0
-            for j, t in zip(joints, types, strict=True)
+            for j, t in zip(robot.joints, types, strict=True)
         ]
     )
 
@@ -159,8 +158,7 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
         return []
     channels = {name: i for i, name in enumerate(robot.channels)}
     out = []
-    for a, (action, kind) in enumerate(zip(robot.actions, types, strict=True)):
-        joint = action.split("/")[0]
+    for a, (joint, kind) in enumerate(zip(robot.joints, types, strict=True)):
         if kind in ("position", "duty_servo") and f"{joint}/position" in channels:
             out.append((a, channels[f"{joint}/position"], channels.get(f"{joint}/velocity", -1)))
     return out

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from dynreg.data.names import parts_of
 from dynreg.errors import RobotError
 from dynreg.sim.robot import Robot
 
@@ -40,7 +41,7 @@ def layout_of(robot: Robot) -> Layout:
     free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
     columns: dict[str, list[tuple[int, int]]] = {"position": [], "velocity": [], "base": []}
     for column, name in enumerate(robot.channels):
-        owner, _, quantity = name.partition("/")
+        owner, quantity = parts_of(name)
         joint = joints.get(owner)
         if joint is None:
             raise _unknown(f"channel {name!r}", list(joints))
@@ -65,8 +66,7 @@ def layout_of(robot: Robot) -> Layout:
 def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray, ...]:
     model = robot.model
     qpos, dof, actuator, ranges = [], [], [], []
-    for action in robot.file.actions:
-        owner = action.name.split("/")[0]
+    for owner, action in zip(robot.joints, robot.file.actions, strict=True):
         if owner not in joints:
             raise _unknown(f"action {action.name!r}", list(joints))
         joint = joints[owner]

@@ -110,8 +110,8 @@ class Ports:
 
 def nominal_ports(robot: Robot, n: int) -> Ports:
     """Ports as robot.toml gives them, for n simulators."""
-    joints = [name.split("/")[0] for name in robot.actions]
-    tables = [_drive_of(robot, action) for action in robot.actions]
+    joints = list(robot.joints)
+    tables = [_drive_of(robot, *names) for names in zip(robot.joints, robot.actions, strict=True)]
     drive = {
         key: np.tile(np.array([getattr(t, key, _DEFAULTS[key]) for t in tables], dtype=float), (n, 1))
         for key in PORT_KEYS["drive"]
@@ -208,8 +208,7 @@ def law_changes(ports: Ports, inputs: np.ndarray) -> frozenset[int]:
     return frozenset((1 + np.flatnonzero(changed)).tolist())
 
 
-def _drive_of(robot: Robot, action: str):
-    joint = action.split("/")[0]
+def _drive_of(robot: Robot, joint: str, action: str):
     for table in robot.file.drives:
         if fnmatchcase(joint, table.joint) or fnmatchcase(action, table.joint):
             return table

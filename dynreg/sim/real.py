@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from dynreg.data.names import quantity_of
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import BudgetError, UsageError
 from dynreg.rng import stream
@@ -127,7 +128,7 @@ def sensed(robot: Robot, states: np.ndarray, rng: np.random.Generator) -> np.nda
     """States (..., S) as the robot's sensors say them: noise, then quantisation."""
     noise = np.array([c.noise for c in robot.file.channels])
     quantum = np.array([c.quantum for c in robot.file.channels])
-    position = np.array([name.endswith("/position") for name in robot.channels])
+    position = np.array([quantity_of(name) == "position" for name in robot.channels])
     noise = np.where(position, np.maximum(noise, LEAST_NOISE), noise)
     quantum = np.where(position & (quantum == 0), 2 * np.pi / COUNTS, quantum)
     states = states + noise * rng.standard_normal(states.shape)

@@ -1,6 +1,7 @@
 """Robots as folders: an MJCF model and a robot.toml."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import DynregError, LogError, RobotError
@@ -45,6 +47,20 @@ class Robot:
     def actions(self) -> tuple[str, ...]:
         """Names of the action vector (A,)."""
         return tuple(a.name for a in self.file.actions)
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """What each action moves: its joint, its wheel, or the base (A,)."""
+        return tuple(joint_of(name) for name in self.actions)
+
+    @cached_property
+    def driven(self) -> tuple[str, ...]:
+        """The joints that actions move, each once, in their order."""
+        return tuple(dict.fromkeys(self.joints))
+
+    def drives_of(self, joints: Sequence[str] | None) -> list[int]:
+        """Numbers of the actions that move one of `joints`; all of them where none is named."""
+        return [i for i, joint in enumerate(self.joints) if not joints or joint in joints]
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from types import MappingProxyType
 
+from dynreg.data.names import parts_of
 from dynreg.data.units import UNITS
 from dynreg.errors import RobotError
 from dynreg.sim.ports import nominal_ports
@@ -49,7 +50,7 @@ def _si_units() -> list[str]:
 
 def _expected(robot: Robot, name: str) -> str | None:
     """The SI unit of a channel or a command, None where its drive leaves it open."""
-    owner, _, quantity = name.partition("/")
+    owner, quantity = parts_of(name)
     kinds = {robot.model.joint(j).name: int(robot.model.jnt_type[j]) for j in range(robot.model.njnt)}
     length = {2: "m", 3: "rad"}.get(kinds.get(owner, -1))  # mjJNT_SLIDE, mjJNT_HINGE
     if length is None:

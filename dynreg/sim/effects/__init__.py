@@ -105,8 +105,9 @@ def applicable(robot: Robot) -> dict[str, Effect]:
 
 def placed(robot: Robot, effect: Effect) -> list[Term]:
     """The effect on all joints that a robot drives, and on each of them where it drives several."""
-    joints = tuple(dict.fromkeys(name.split("/")[0] for name in robot.actions))
-    single = [Term(effect, (j,)) for j in joints] if effect.alone(robot) and len(joints) > 1 else []
+    single = (
+        [Term(effect, (j,)) for j in robot.driven] if effect.alone(robot) and len(robot.driven) > 1 else []
+    )
     return [Term(effect), *single]
 
 

@@ -136,7 +136,7 @@ def carrier(robot: Robot) -> int:
 def driven_dofs(robot: Robot) -> np.ndarray:
     """(A,) degree of freedom of each action's joint."""
     model = robot.model
-    return np.array([model.joint(a.split("/")[0]).dofadr[0] for a in robot.actions], dtype=int)
+    return np.array([model.joint(joint).dofadr[0] for joint in robot.joints], dtype=int)
 
 
 def tilt_axis(robot: Robot) -> np.ndarray:

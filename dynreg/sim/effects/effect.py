@@ -166,7 +166,7 @@ class Effect:
 
         None where the robot as a whole has no joint at which they could be mistaken for each other.
         """
-        return tuple(sorted({*(joints or (action.split("/")[0] for action in robot.actions))}))
+        return tuple(sorted({*(joints or robot.joints)}))
 
     def shown_by(self, robot: Robot) -> tuple[str, ...]:
         """Inputs of the robot that already hold the effect, where a log measured them while it moved."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynreg.data.names import quantity_of
 from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values, undriven
 from dynreg.sim.robot import Robot
 
@@ -111,7 +112,7 @@ class ImuMisalignment(Effect):
     scope = "robot"
 
     def why_not(self, robot: Robot) -> str | None:
-        has = {name.split("/")[-1] for name in robot.channels}
+        has = {quantity_of(name) for name in robot.channels}
         return None if {"roll", "pitch"} <= has else "no roll and pitch of a base are measured"
 
     def observe(self, states: np.ndarray, columns: dict, times: np.ndarray, p: Values) -> np.ndarray:

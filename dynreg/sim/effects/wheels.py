@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynreg.data.names import quantity_of
 from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values, drives
 from dynreg.sim.robot import Robot
 
@@ -23,8 +24,8 @@ class WheelGain(Effect):
         return _on_two_wheels(robot)
 
     def configure(self, site: Site, p: Values) -> None:
-        owners = [site.robot.actions[i].split("/")[0] for i in site.joints]
-        side = np.where([owner == site.robot.file.base.right for owner in owners], 0.5, -0.5)
+        owners = np.array(site.robot.joints)[site.joints]
+        side = np.where(owners == site.robot.file.base.right, 0.5, -0.5)
         site.drive("gain_factor", lambda f: f * (1.0 + side * p["difference"]))
 
 
@@ -68,13 +69,13 @@ class TurnSlowdown(Effect):
 
     def configure(self, site: Site, p: Values) -> None:
         # (rows, 2) shares of both commands in speed and in yaw rate, and what takes the loss
-        names, base = site.robot.actions, site.robot.file.base
+        base = site.robot.file.base
         if base:
-            side = np.array([1.0 if n.split("/")[0] == base.right else -1.0 for n in names])
+            side = np.array([1.0 if joint == base.right else -1.0 for joint in site.robot.joints])
             turn = side / site.ports.base["track"][site.rows, None]
             speed, gives = np.full_like(turn, 0.5), np.ones_like(turn)
         else:
-            gives = np.array([n.endswith("/speed_command") for n in names], dtype=float)
+            gives = np.array([quantity_of(n) == "speed_command" for n in site.robot.actions], dtype=float)
             gives = np.tile(gives, (len(p["arm"]), 1))
             speed, turn = gives, 1.0 - gives
         site.memory.update(speed=speed, turn=turn, gives=gives)

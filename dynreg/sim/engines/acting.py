@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
 from dynreg.sim.effects.effect import Effect, Moment, Site, Terms, Values
 from dynreg.sim.ports import Ports, ServoLaw
@@ -55,23 +56,23 @@ def acting(robot: Robot, terms: Terms | None, episodes: int, n: int) -> list[Act
     """
     if terms is None:
         return []
-    owners = [name.split("/")[0] for name in robot.actions]
     out = []
     for number, term in enumerate(terms.terms):
         reason = term.effect.why_not(robot)
-        unknown = sorted(set(term.joints) - set(owners))
+        unknown = sorted(set(term.joints) - set(robot.joints))
         if reason or unknown:
             raise UsageError(
                 f"effect {term.key!r} on robot {robot.name!r}: {reason or f'no action drives {unknown[0]!r}'}",
-                expected="an effect that can act there" if reason else f"joints out of {sorted(set(owners))}",
+                expected="an effect that can act there"
+                if reason
+                else f"joints out of {sorted(robot.driven)}",
                 do="see `dynreg effects`",
             )
         rows = terms.rows(number, episodes)
         if not isinstance(rows, slice) and not len(rows):
             continue
-        chosen = [i for i, owner in enumerate(owners) if not term.joints or owner in term.joints]
-        joints = np.array(chosen, dtype=int)
-        where = _where(rows, joints, len(owners))
+        joints = np.array(robot.drives_of(term.joints), dtype=int)
+        where = _where(rows, joints, len(robot.joints))
         out.append(Acting(term.effect, rows, joints, where, terms.at(number, episodes)))
     from dynreg.sim.effects import effects
 
@@ -260,22 +261,20 @@ def has_sensors(ports: Ports) -> bool:
 
 def _encoders(robot: Robot) -> list[tuple[str, int, int]]:
     """(kind, channel column, drive number) of every joint channel that a drive's encoder measures."""
-    owners = [name.split("/")[0] for name in robot.actions]
     out = []
     for column, name in enumerate(robot.channels):
-        owner, _, kind = name.partition("/")
-        if owner in owners and kind in ("position", "velocity"):
-            out.append((kind, column, owners.index(owner)))
+        owner, kind = parts_of(name)
+        if owner in robot.joints and kind in ("position", "velocity"):
+            out.append((kind, column, robot.joints.index(owner)))
     return out
 
 
 def _columns(robot: Robot, joints: np.ndarray) -> dict[str, list[int]]:
     """{quantity: channel columns} of the drives `joints`, and of the base's own quantities."""
     out: dict[str, list[int]] = {}
-    owners = [name.split("/")[0] for name in robot.actions]
     for column, name in enumerate(robot.channels):
-        owner, _, kind = name.partition("/")
-        if owner not in owners or owners.index(owner) in joints:
+        owner, kind = parts_of(name)
+        if owner not in robot.joints or robot.joints.index(owner) in joints:
             out.setdefault(kind, []).append(column)
     return out
 

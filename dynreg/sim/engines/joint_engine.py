@@ -237,9 +237,7 @@ def _commands(layout, model, batch: Batch, ports: Ports, run: Run, q: np.ndarray
 
 def _drives(robot: Robot, run: Run) -> np.ndarray:
     """Numbers of the drives that the run looks at."""
-    owners = [name.split("/")[0] for name in robot.actions]
-    chosen = [i for i, owner in enumerate(owners) if run.joints is None or owner in run.joints]
-    return np.array(chosen, dtype=int)
+    return np.array(robot.drives_of(run.joints), dtype=int)
 
 
 def _observe(

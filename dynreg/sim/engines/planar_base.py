@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from dynreg.data.names import joint_of, parts_of
 from dynreg.errors import RobotError, SimulationError
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Terms
@@ -184,7 +185,7 @@ def planar_base(robot: Robot) -> Base:
     table = robot.file.base
     wheels = () if table is None else (table.left, table.right)
     names = (*robot.channels, *robot.actions)
-    owners = {owner for name in names if (owner := name.split("/")[0]) not in wheels}
+    owners = {owner for name in names if (owner := joint_of(name)) not in wheels}
     if len(owners) != 1 and not (wheels and not owners):
         raise RobotError(
             f"the names of {robot.name!r} have the prefixes {sorted(owners)}",
@@ -194,7 +195,7 @@ def planar_base(robot: Robot) -> Base:
     sides = dict(zip(wheels, ("left", "right"), strict=False))
 
     def index(what: str, name: str, choices: tuple[str, ...]) -> int:
-        owner, _, quantity = name.partition("/")
+        owner, quantity = parts_of(name)
         known = f"{sides[owner]}/{quantity}" if owner in sides else quantity
         if known not in choices:
             raise RobotError(
@@ -227,7 +228,7 @@ def planar_base(robot: Robot) -> Base:
 
 def _named(choice: str, table) -> str:
     """A quantity as robot.toml would name it."""
-    side, _, quantity = choice.partition("/")
+    side, quantity = parts_of(choice)
     return f"{getattr(table, side)}/{quantity}" if quantity else choice
 
 
