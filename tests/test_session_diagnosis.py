@@ -74,6 +74,28 @@ def test_a_diagnosis_is_kept_and_found_by_what_it_is_about(opened: Session, aske
     assert opened.verify().clean
 
 
+def test_an_interrupted_diagnosis_is_no_last_result_and_keeps_its_threshold(opened: Session) -> None:
+    table = made_up_diagnosis.trials()
+    opened.registry.put_result("trials", None, table.to_dict())
+    listed = opened.list()
+
+    class Stop(Exception):
+        """What ends a diagnosis behind its threshold."""
+
+    stages = []
+
+    def stop(stage: str, done: int, total: int) -> None:
+        stages.append(stage)
+        if stage == "causes":
+            raise Stop
+
+    for _ in range(2):
+        with pytest.raises(Stop):
+            opened.diagnose("bench", effects=["payload"], threshold_runs=2, progress=stop)
+    assert stages.count("threshold") == 2, "of the first diagnosis alone"
+    assert opened.result() == table and opened.list() == listed and opened.verify().clean
+
+
 def test_an_exported_diagnosis_brings_its_simulators(opened: Session, asked: list, tmp_path: Path) -> None:
     told = opened.diagnose("bench")
     opened.export([opened.list("result").items[0].id], tmp_path / "taken")

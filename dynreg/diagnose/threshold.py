@@ -1,10 +1,9 @@
 """The threshold: how much evidence this robot gives for causes that it does not have, under these very commands."""
 
 import hashlib
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from dynreg.diagnose.name import DRAWS, calibrate, name_one
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.truth import hide, measured_states
-from dynreg.registry import Registry
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term
@@ -26,6 +24,18 @@ SEARCH = 9  # goes up when scores change: thresholds found before no longer serv
 Progress = Callable[[str, int, int], None]
 
 
+class Cache(Protocol):
+    """Keeps what can be computed again, by kind and key, both plain JSON; a registry is one."""
+
+    def cached(self, kind: str, key: Mapping[str, Any]) -> Mapping[str, Any] | None:
+        """What was kept under this key; None where there is nothing."""
+        ...
+
+    def cache(self, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
+        """Keep the document under this key."""
+        ...
+
+
 @dataclass(frozen=True)
 class Calibrated:
     """A threshold [nats], and the best scores of the simulated robots without an effect that it comes from."""
@@ -36,7 +46,7 @@ class Calibrated:
 
 
 def threshold(
-    registry: Registry | None,
+    cache: Cache | None,
     problem: Problem,
     terms: list[Term],
     fit_on: np.ndarray,
@@ -48,12 +58,12 @@ def threshold(
 ) -> Calibrated:
     """The evidence above which a cause is named: simulated robots of the nameplate, without effects, diagnosed alike.
 
-    Kept in the registry for the same robot, commands, settings, engine, effects, runs and seed.
+    Kept in the cache for the same robot, commands, settings, engine, effects, runs and seed.
     """
     if runs == 0:
         return Calibrated(USUAL, ())
     key = _key(problem, terms, fit_on, select_on, runs, seed)
-    known = _known(registry, key)
+    known = None if cache is None else cache.cached(KIND, key)
     if known is not None:
         return Calibrated(known["nats"], tuple(known["scores"]), cached=True)
     scores = []
@@ -62,8 +72,8 @@ def threshold(
         if progress:
             progress("threshold", i + 1, runs)
     found = Calibrated(level(scores), tuple(scores))
-    if registry is not None:
-        registry.put_result(KIND, None, {"key": key, "nats": found.nats, "scores": scores})
+    if cache is not None:
+        cache.cache(KIND, key, {"nats": found.nats, "scores": scores})
     return found
 
 
@@ -114,12 +124,11 @@ def null_score(
 
 def _key(
     problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, runs: int, seed: int
-) -> str:
-    """Of all that the scores depend on."""
+) -> dict[str, Any]:
+    """All that the scores depend on."""
     cut = problem.windows.take(np.concatenate([fit_on, select_on]))
     run = cut.run
-    digest = hashlib.sha256()
-    says: dict[str, Any] = {
+    says = {
         "robot": problem.robot.hash,
         "engine": problem.running,
         "terms": [t.key for t in terms],
@@ -127,14 +136,11 @@ def _key(
         "seed": seed,
         "parts": [len(fit_on), len(select_on)],
         "tolerance": problem.coordinates.tolerance,
-        "centre": [float(c) for c in problem.coordinates.centre],
         "free": problem.coordinates.free.tolist(),
         "joints": run.joints,
-        "spread": cut.spread.tolist(),
-        "weight": cut.weight.tolist(),
         "search": SEARCH,
     }
-    digest.update(json.dumps(says, sort_keys=True).encode())
+    digest = hashlib.sha256()
     inputs = None if run.inputs is None else np.nan_to_num(run.inputs)
     unknown = None if run.initial is None else np.isnan(run.initial)
     for array in (
@@ -145,22 +151,10 @@ def _key(
         unknown,
         run.velocity,
         run.before,
+        cut.spread,
+        cut.weight,
+        problem.coordinates.centre,
     ):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
-    return digest.hexdigest()
-
-
-def _known(registry: Registry | None, key: str) -> dict[str, Any] | None:
-    from dynreg.errors import NoMatchError
-
-    if registry is None:
-        return None
-    for identity in registry.ids("result"):
-        try:
-            record = registry.result(identity)
-        except NoMatchError:
-            continue
-        if record.kind == KIND and record.document.get("key") == key:
-            return dict(record.document)
-    return None
+    return says | {"arrays": digest.hexdigest()}

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, Row, Table, delete, insert, select, update
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry import tables
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import StoredFile, canonical_json, content_name, decode_arrays, encode_arrays
+from dynreg.registry.files import StoredFile, content_name, decode_arrays, encode_arrays, strict_json
 from dynreg.registry.hashes import entries_hash, ids_hash, result_id
 from dynreg.registry.populations import require_population
 from dynreg.registry.recordings import next_ordinal
@@ -70,7 +70,7 @@ def get_result(directory: Directory, identity: str) -> ResultRecord:
 
 def latest_result(directory: Directory, kind: str | None, recording_id: str | None) -> ResultRecord:
     """The result stored last, of this kind and about this recording where they are given."""
-    table = tables.results
+    table = tables.results_of_verbs
     query = select(table.c.id).order_by(table.c.ordinal.desc()).limit(1)
     if kind is not None:
         query = query.where(table.c.kind == kind)
@@ -180,12 +180,5 @@ def _require(directory: Directory, table: Table, identity: str, noun: str) -> Ro
 
 
 def _encode(folder: str, stem: str, document: dict[str, Any]) -> tuple[StoredFile, bytes]:
-    try:
-        data = canonical_json(document, allow_nan=False).encode()
-    except (TypeError, ValueError) as error:
-        raise RegistryError(
-            f"a document that is not plain JSON: {error}",
-            expected="objects, lists, text, finite numbers, true, false and null",
-            do="put null where there is no number",
-        ) from error
+    data = strict_json(document)
     return content_name(folder, stem, data, "json"), data

@@ -18,6 +18,7 @@ from dynreg.errors import CorruptError, RegistryError
 FOLDERS = ("shards", "populations", "recordings", "robots", "simulators", "results", "index")
 ROBOTS = "robots"
 LOCKS = "locks"
+CACHE = "cache"  # what can be computed again; the catalogue knows nothing of it
 SEARCHES = "searches"  # journals of searches that have not ended
 LOST_AND_FOUND = "lost+found"
 _TEMPORARY = ".tmp-"
@@ -86,7 +87,7 @@ def sweep(root: Path) -> int:
     """
     swept = 0
     found = [*root.glob(f".*{_TEMPORARY}*")]
-    for folder in FOLDERS:
+    for folder in (*FOLDERS, CACHE):
         found += (root / folder).rglob(f".*{_TEMPORARY}*")
     for path in found:
         with try_lock(path, create=False) as mine:
@@ -148,6 +149,18 @@ def canonical_json(document: Any, allow_nan: bool = True) -> str:
     """JSON with sorted keys and no spaces: the form that is hashed."""
     form = {"sort_keys": True, "separators": (",", ":"), "ensure_ascii": False, "allow_nan": allow_nan}
     return json.dumps(document, default=_plain, **form)
+
+
+def strict_json(document: Any) -> bytes:
+    """Canonical JSON that every reader takes, as bytes; RegistryError where the document is no plain JSON."""
+    try:
+        return canonical_json(document, allow_nan=False).encode()
+    except (TypeError, ValueError) as error:
+        raise RegistryError(
+            f"a document that is not plain JSON: {error}",
+            expected="objects, lists, text, finite numbers, true, false and null",
+            do="put null where there is no number",
+        ) from error
 
 
 def unreadable(path: Path, error: Exception | str) -> CorruptError:

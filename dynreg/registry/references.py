@@ -16,7 +16,7 @@ _ID_COLUMNS = {
     "entry": tables.entries.c.id,
     "recording": tables.recordings.c.id,
     "simulator": tables.simulators.c.id,
-    "result": tables.results.c.id,
+    "result": tables.results_of_verbs.c.id,
 }
 _NAME_COLUMNS = {
     "robot": (tables.robots.c.name, tables.robots.c.hash),

@@ -9,7 +9,17 @@ import numpy as np
 from sqlalchemy import func, select
 
 from dynreg.data.recording import Recording
-from dynreg.registry import documents, entries, loading, populations, recordings, references, robots, tables
+from dynreg.registry import (
+    cache,
+    documents,
+    entries,
+    loading,
+    populations,
+    recordings,
+    references,
+    robots,
+    tables,
+)
 from dynreg.registry.directory import Directory, open_directory, take_away
 from dynreg.registry.hashes import catalog_hash
 from dynreg.registry.records import (
@@ -177,9 +187,17 @@ class Registry:
         """An index's arrays; None where there are none for these entries (the population's present ones)."""
         return documents.get_index(self.directory, self._id(ref, "population"), key, entries)
 
+    def cached(self, kind: str, key: Mapping[str, Any]) -> dict[str, Any] | None:
+        """What `cache` kept under this key (plain JSON); None where there is nothing, or nothing that is whole."""
+        return cache.get_cached(self.directory, kind, key)
+
+    def cache(self, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
+        """Keep what can be computed again; no result, so that no list and no `@last` meets it."""
+        cache.put_cached(self.directory, kind, key, document)
+
     def ids(self, kind: str) -> tuple[str, ...]:
         """Ids of all simulators (sorted), or of all results in the order in which they came."""
-        table = {"simulator": tables.simulators, "result": tables.results}[kind]
+        table = {"simulator": tables.simulators, "result": tables.results_of_verbs}[kind]
         with self.directory.catalog.read() as connection:
             return tuple(
                 connection.execute(select(table.c.id).order_by(table.c.get("ordinal", table.c.id))).scalars()

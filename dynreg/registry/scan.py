@@ -14,6 +14,7 @@ from dynreg.registry.catalog import FILE
 from dynreg.registry.directory import MARKER
 from dynreg.registry.entries import entry_rows
 from dynreg.registry.files import (
+    CACHE,
     FOLDERS,
     LOCKS,
     LOST_AND_FOUND,
@@ -33,6 +34,7 @@ _KNOWN_AT_TOP = {
     f"{FILE}-wal",
     f"{FILE}-shm",
     f"{FILE}-journal",
+    CACHE,
     LOCKS,
     LOST_AND_FOUND,
     SEARCHES,
