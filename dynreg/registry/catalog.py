@@ -11,8 +11,8 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.pool import NullPool
 
+import dynreg.registry.migrations as migrations
 from dynreg.errors import CorruptError, DynregError, RegistryError
-from dynreg.registry import migrations
 
 FILE = "catalog.sqlite"
 BUSY_SECONDS = 60.0

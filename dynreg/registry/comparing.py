@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError
-from dynreg.registry import tables
 from dynreg.registry.files import ROBOTS, StoredFile
 from dynreg.registry.rebuild import Rows
 from dynreg.registry.scan import Found

@@ -8,8 +8,8 @@ from pathlib import Path, PurePosixPath
 
 from sqlalchemy import Connection, func, insert, select
 
+import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.catalog import FILE, Catalog
 from dynreg.registry.files import (
     FOLDERS,

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from sqlalchemy import Connection, Row, Table, delete, insert, select, update
 
+import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, decode_arrays, encode_arrays, strict_json
 from dynreg.registry.hashes import entries_hash, ids_hash, result_id

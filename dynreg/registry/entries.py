@@ -7,8 +7,8 @@ from typing import Any
 
 from sqlalchemy import Connection, insert, select, update
 
+import dynreg.registry.tables as tables
 from dynreg.errors import RegistryError
-from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import canonical_json, content_name
 from dynreg.registry.populations import gaps_between, get_population, held_spans, require_population

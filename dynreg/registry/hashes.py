@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 from sqlalchemy import Connection, select
 
-from dynreg.registry import tables
+import dynreg.registry.tables as tables
 
 
 def entries_hash(connection: Connection, population_id: str) -> str:

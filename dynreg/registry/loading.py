@@ -6,8 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from sqlalchemy import Connection, Row, select
 
+import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import decode_arrays
 from dynreg.registry.populations import get_population

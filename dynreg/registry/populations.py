@@ -6,9 +6,9 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, insert, select, update
 
+import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
 from dynreg.errors import NoMatchError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
     LOCKS,

@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, insert, text
 
-from dynreg.registry import tables
+import dynreg.registry.tables as tables
 from dynreg.registry.files import ROBOTS, canonical_json
 from dynreg.registry.hashes import entries_hash, result_id
 from dynreg.registry.scan import Found

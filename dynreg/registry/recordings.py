@@ -4,9 +4,9 @@ from pathlib import Path
 
 from sqlalchemy import Connection, Row, Table, delete, func, insert, select, update
 
+import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
 from dynreg.errors import NoMatchError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, temporary_name, unreadable
 from dynreg.registry.records import RecordingInfo

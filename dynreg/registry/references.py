@@ -6,8 +6,8 @@ from collections.abc import Collection
 
 from sqlalchemy import Connection, select
 
+import dynreg.registry.tables as tables
 from dynreg.errors import NoMatchError, RegistryError
-from dynreg.registry import tables
 
 LAST = "@last"
 _ID_COLUMNS = {

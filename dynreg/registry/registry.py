@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 from sqlalchemy import func, select
 
+import dynreg.registry.cache as cache
+import dynreg.registry.documents as documents
+import dynreg.registry.entries as entries
+import dynreg.registry.loading as loading
+import dynreg.registry.populations as populations
+import dynreg.registry.recordings as recordings
+import dynreg.registry.references as references
+import dynreg.registry.robots as robots
+import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
-from dynreg.registry import (
-    cache,
-    documents,
-    entries,
-    loading,
-    populations,
-    recordings,
-    references,
-    robots,
-    tables,
-)
 from dynreg.registry.directory import Directory, open_directory, take_away
 from dynreg.registry.hashes import catalog_hash
 from dynreg.registry.records import (

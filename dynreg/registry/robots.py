@@ -8,8 +8,8 @@ from pathlib import Path, PurePosixPath
 
 from sqlalchemy import Connection, Row, insert, select, update
 
+import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import ROBOTS, canonical_json, sha256_of, write_file
 

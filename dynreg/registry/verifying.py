@@ -7,8 +7,8 @@ from pathlib import Path
 
 from sqlalchemy import Connection, select, text
 
+import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, DynregError, RegistryError
-from dynreg.registry import tables
 from dynreg.registry.catalog import FILE, Catalog
 from dynreg.registry.comparing import Fault, VerifyReport, compare, paths_in
 from dynreg.registry.directory import check_marker, make_folders
