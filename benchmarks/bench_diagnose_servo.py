@@ -19,7 +19,7 @@ import dynreg
 from dynreg.data.recording import Episode, Recording
 from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.settings import Settings
-from dynreg.lookups import robot_of
+from dynreg.verbs.subjects import robot_of
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))

@@ -21,7 +21,6 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
-from dynreg.lookups import robot_of
 from dynreg.replay.parts import Parts
 from dynreg.search.cmaes import CmaEs
 from dynreg.sim.config import SimConfig, terms_of
@@ -29,6 +28,7 @@ from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+from dynreg.verbs.subjects import robot_of
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))

@@ -11,8 +11,8 @@ import numpy as np
 
 from dynreg import results
 from dynreg.errors import UsageError
-from dynreg.lookups import loaded_robot, name_of, population_for, read_log, registered, robot_of
 from dynreg.registry import Registry
+from dynreg.verbs.subjects import loaded_robot, population_for, read_log, recorded
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
@@ -136,7 +136,7 @@ class Session:
         Raises LogError, MapError with what is wrong and where; nothing is registered then.
         """
         from dynreg.data.recording import Recording
-        from dynreg.summaries import recording_summary
+        from dynreg.verbs.ingest import ingested
 
         loaded = loaded_robot(robot)
         recording = logs if isinstance(logs, Recording) else read_log(logs, loaded, log_map)
@@ -144,9 +144,7 @@ class Session:
             from dynreg.walks import of_gait
 
             recording = of_gait(self.registry, recording, gait, loaded)
-        self.registry.put_robot(loaded.folder, loaded.hash, loaded.name)
-        identity = self.registry.put_recording(recording, loaded.hash, name)
-        return recording_summary(identity, recording, loaded.name, name or name_of(self.registry, identity))
+        return ingested(self.registry, recording, loaded, name)
 
     def query(
         self,
@@ -173,15 +171,12 @@ class Session:
         """
         from dynreg.neighbours.query import Settings, query
 
-        identity, loaded = self._recording(recording, robot, log_map)
-        ready = self._population(
-            population, identity, states=distance == "trajectory" or distance.startswith("cross_loss")
-        )
+        asked = recorded(self.registry, recording, robot, log_map, ingest=True)
+        states = distance == "trajectory" or distance.startswith("cross_loss")
+        ready = self._population(population, asked.recording.id, states=states)
         settings = _settings(Settings, locals())
-        found = query(
-            self.registry, ready, loaded, settings, name=name_of(self.registry, identity), progress=progress
-        )
-        self.registry.put_result("neighbours", identity, found.to_dict())
+        found = query(self.registry, ready, asked.recording, settings, name=asked.name, progress=progress)
+        self.registry.put_result("neighbours", asked.recording.id, found.to_dict())
         return found
 
     def calibrate(
@@ -200,11 +195,11 @@ class Session:
         """Fit the robot's parameters to a recording by a search over replays; the reference for `query`."""
         from dynreg.adapt.calibrate import calibrate
 
-        identity, loaded = self._recording(recording, robot, log_map)
+        asked = recorded(self.registry, recording, robot, log_map, ingest=True)
         result = calibrate(
             self.registry,
-            robot_of(self.registry, identity),
-            loaded,
+            asked.robot,
+            asked.recording,
             method=method,
             seed=seed,
             budget=budget,
@@ -212,7 +207,7 @@ class Session:
             threads=threads,
             progress=progress,
         )
-        self.registry.put_result("calibration", identity, result.to_dict())
+        self.registry.put_result("calibration", asked.recording.id, result.to_dict())
         return result
 
     def diagnose(
@@ -246,12 +241,12 @@ class Session:
 
         joints = None if joints is None else dict.fromkeys(joints)
         settings = _settings(Settings, locals())
-        loaded, owner, name = self._unregistered(recording, robot, log_map)
-        found = diagnose(self.registry, owner, loaded, settings, name=name, progress=progress)
-        if loaded.id not in {info.id for info in self.registry.recordings()}:
-            self.registry.put_robot(owner.folder, owner.hash, owner.name)
-            self.registry.put_recording(loaded, owner.hash)
-        self.registry.put_result("diagnosis", loaded.id, found.to_dict())
+        asked = recorded(self.registry, recording, robot, log_map, ingest=False)
+        found = diagnose(
+            self.registry, asked.robot, asked.recording, settings, name=asked.name, progress=progress
+        )
+        asked.register()
+        self.registry.put_result("diagnosis", asked.recording.id, found.to_dict())
         return found
 
     def compare(
@@ -277,12 +272,12 @@ class Session:
         from dynreg.compare.compare import Settings, compare
 
         settings = _settings(Settings, locals())
-        loaded, owner, name = self._unregistered(recording, robot, log_map)
-        found = compare(self.registry, owner, loaded, settings, name=name, progress=progress)
-        if loaded.id not in {info.id for info in self.registry.recordings()}:
-            self.registry.put_robot(owner.folder, owner.hash, owner.name)
-            self.registry.put_recording(loaded, owner.hash)
-        self.registry.put_result("comparison", loaded.id, found.to_dict())
+        asked = recorded(self.registry, recording, robot, log_map, ingest=False)
+        found = compare(
+            self.registry, asked.robot, asked.recording, settings, name=asked.name, progress=progress
+        )
+        asked.register()
+        self.registry.put_result("comparison", asked.recording.id, found.to_dict())
         return found
 
     def drift(
@@ -312,9 +307,18 @@ class Session:
         from dynreg.drift.drift import stored_drift
 
         settings = _settings(DriftSettings, locals())
-        recent = self._unregistered(recording, robot, log_map)
-        earlier = None if against is None else self._unregistered(against, robot, log_map)
-        return stored_drift(self.registry, recent, earlier, settings, out=out, progress=progress)
+        recent, earlier = (
+            None if one is None else recorded(self.registry, one, robot, log_map, ingest=False)
+            for one in (recording, against)
+        )
+        return stored_drift(
+            self.registry,
+            (recent.recording, recent.robot, recent.name),
+            earlier and (earlier.recording, earlier.robot, earlier.name),
+            settings,
+            out=out,
+            progress=progress,
+        )
 
     def gait(
         self,
@@ -346,12 +350,13 @@ class Session:
 
         search = SearchSettings(method, accept or usual_accept(on), rollouts, seed, patience, again=AGAIN)
         settings = WalkSettings(on, k, task, search, resume, threads)
-        identity, loaded = self._recording(recording, robot, log_map)
+        known = recorded(self.registry, recording, robot, log_map, ingest=True)
+        identity = known.recording.id
         asked = Asked(
             self.registry,
-            robot_of(self.registry, identity),
-            loaded,
-            name_of(self.registry, identity),
+            known.robot,
+            known.recording,
+            known.name,
             lambda: self.query(identity, k=k, population=population, threads=threads, progress=progress),
             lambda: self._population(population, identity, states=False).record.id,
         )
@@ -387,7 +392,7 @@ class Session:
     @staticmethod
     def effects(robot: "str | Path | Robot | None" = None) -> results.EffectsList:
         """The library of effects; for a robot with those that it can have."""
-        from dynreg.library import effects_list
+        from dynreg.verbs.effects import effects_list
 
         return effects_list(None if robot is None else loaded_robot(robot))
 
@@ -418,13 +423,13 @@ class Session:
 
     def list(self, kind: str | None = None) -> results.Listing:
         """What the registry holds: populations, recordings, simulators made by queries, results."""
-        from dynreg.summaries import listing
+        from dynreg.verbs.list import listing
 
         return listing(self.registry, kind)
 
     def show(self, ref: str) -> results.EntrySummary:
         """One thing in the registry, by id, unique prefix, name or `@last`, the last recording."""
-        from dynreg.summaries import summary
+        from dynreg.verbs.show import summary
 
         return summary(self.registry, *self.registry.resolve(ref))
 
@@ -434,20 +439,20 @@ class Session:
 
     def result(self, ref: str = "@last") -> results.Result:
         """A stored result: by its id, the newest about a recording (its id or name), or `@last`, the last result."""
-        from dynreg.summaries import stored_result
+        from dynreg.verbs.show import stored_result
 
         return stored_result(self.registry, ref)
 
     def verify(self, repair: bool = False) -> results.Verification:
         """Check every hash, row and index of the registry; with `repair`, mend what can be mended."""
-        from dynreg.summaries import verification
+        from dynreg.verbs.verify import verification
 
         return verification(self.registry.path, repair)
 
     def export(self, refs: "Sequence[str]", destination: str | Path) -> results.Listing:
         """Copy entries, populations, recordings or results, with all they need, to a new registry."""
         from dynreg.registry import export
-        from dynreg.summaries import listing
+        from dynreg.verbs.list import listing
 
         export(self.registry, [refs] if isinstance(refs, str) else [str(ref) for ref in refs], destination)
         with Registry.open(destination) as copy:
@@ -487,36 +492,9 @@ class Session:
 
     def info(self) -> dict[str, Any]:
         """Versions, device, threads and what the registry holds."""
-        from dynreg.summaries import information
+        from dynreg.verbs.info import information
 
         return information(self.registry)
-
-    def _recording(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        robot: "str | Path | Robot | None",
-        log_map: str | Path | None,
-    ) -> "tuple[str, Recording]":
-        """(id, recording); a path of a log is ingested on the way."""
-        identity = registered(self.registry, recording, robot)
-        if identity is None:
-            identity = self.ingest(recording, robot, log_map=log_map).recording
-        return identity, self.registry.recording(identity)
-
-    def _unregistered(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        robot: "str | Path | Robot | None",
-        log_map: str | Path | None,
-    ) -> "tuple[Recording, Robot, str]":
-        """(recording, its robot, its name); a path of a log is read, and nothing is registered."""
-        identity = registered(self.registry, recording, robot)
-        if identity is None:
-            owner = loaded_robot(robot)
-            loaded = read_log(recording, owner, log_map)
-            return loaded, owner, loaded.id[:12]
-        owner = robot_of(self.registry, identity)
-        return self.registry.recording(identity), owner, name_of(self.registry, identity)
 
     def _population(self, ref: str | None, recording: str, *, states: bool) -> "Population":
         """The population to ask about a recording; the last one stays loaded."""

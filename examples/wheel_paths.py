@@ -23,12 +23,12 @@ import dynreg
 from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.settings import Settings
 from dynreg.errors import NoMatchError
-from dynreg.lookups import robot_of
 from dynreg.replay.parts import names
 from dynreg.results import Diagnosis
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
+from dynreg.verbs.subjects import robot_of
 from dynreg.wheeled import pose_names
 
 MEASURED, NOMINAL, CALIBRATED, EXTENDED = "#a4a7aa", "#d9822b", "#7b3fb5", "#0b63ce"

@@ -38,7 +38,7 @@ def test_the_hidden_servo_is_the_same_for_the_same_seed(servo, examples, tmp_pat
 
 def test_its_logs_are_read_by_the_map_beside_it(servo, examples) -> None:
     """Sixteen runs at four gains; the torque goes off in the drops alone; readings are coarse and noisy."""
-    from dynreg.lookups import read_log
+    from dynreg.verbs.subjects import read_log
 
     robot = dynreg.load_robot("servo_pendulum")
     recording = read_log(servo.logs, robot, servo.log_map)

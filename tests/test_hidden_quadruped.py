@@ -12,10 +12,10 @@ from dynreg.data.readers import read_log as raw_log
 from dynreg.data.recording import Recording
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import progress
-from dynreg.lookups import read_log
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import Spent
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.subjects import read_log
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SEED, EPISODES, RATE = 4, 3, 36.0  # the first two draws of this seed cannot walk

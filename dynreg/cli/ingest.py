@@ -34,8 +34,8 @@ def ingest(
 
     Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday
     """
-    from dynreg.lookups import read_log
     from dynreg.sim.robot import load_robot
+    from dynreg.verbs.subjects import read_log
 
     loaded = load_robot(robot)
     recording = read_log(logs, loaded, log_map)  # before a registry is made for it

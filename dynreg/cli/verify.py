@@ -26,7 +26,7 @@ def verify(
     Example: dynreg verify --repair
     """
     from dynreg.report.words import count
-    from dynreg.summaries import verification
+    from dynreg.verbs.verify import verification
 
     result = verification(call.registry, repair)  # a session could not open a damaged registry
     call.emit(result, hint=None if result.clean or repair else "dynreg verify --repair")

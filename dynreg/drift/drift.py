@@ -12,8 +12,7 @@ from dynreg.data.recording import Recording
 from dynreg.drift.compared import Compared, DriftSettings, Held, compared
 from dynreg.drift.document import document
 from dynreg.errors import NoMatchError, RobotError, UsageError
-from dynreg.lookups import name_of
-from dynreg.registry import Registry
+from dynreg.registry import RecordingInfo, Registry
 from dynreg.registry.files import write_file
 from dynreg.results import Drift
 from dynreg.rng import stream
@@ -45,8 +44,8 @@ def stored_drift(
     loaded, robot, name = recent
     chosen = earlier is None
     if earlier is None:
-        identity = earliest(registry, robot, loaded.id)
-        earlier = registry.recording(identity), robot, name_of(registry, identity)
+        first = earliest(registry, robot, loaded.id)
+        earlier = registry.recording(first.id), robot, first.name
     if earlier[1].hash != robot.hash:
         raise UsageError(
             f"{name!r} is of robot {robot.name!r} ({robot.hash[:12]}), {earlier[2]!r} of {earlier[1].name!r}"
@@ -69,13 +68,13 @@ def stored_drift(
     return result
 
 
-def earliest(registry: Registry, robot: Robot, but: str) -> str:
-    """The id of the robot's recording that was ingested first; NoMatchError where none was before `but`.
+def earliest(registry: Registry, robot: Robot, but: str) -> RecordingInfo:
+    """The robot's recording that was ingested first; NoMatchError where none was before `but`.
 
     Where `but` is not registered, all of them were.
     """
     before = itertools.takewhile(lambda r: r.id != but, registry.recordings())
-    found = [r.id for r in before if r.robot_hash == robot.hash]
+    found = [r for r in before if r.robot_hash == robot.hash]
     if not found:
         raise NoMatchError(
             f"no earlier recording of {robot.name!r} in {str(registry.path)!r}",

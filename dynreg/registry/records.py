@@ -198,6 +198,11 @@ class RecordingInfo:
     robot_hash: str
     names: tuple[str, ...]
 
+    @property
+    def name(self) -> str:
+        """Its first name, or the beginning of its id."""
+        return self.names[0] if self.names else self.id[:12]
+
 
 @dataclass(frozen=True)
 class ResultRecord:

@@ -487,7 +487,7 @@ def _populate_twice(tmp: Path, registry: Path) -> None:
 
 def _another_robot(tmp: Path, registry: Path) -> None:
     from dynreg import session
-    from dynreg.lookups import loaded_robot
+    from dynreg.verbs.subjects import loaded_robot
 
     log = tmp / "other.csv"
     rows = (f"{0.005 * i:.3f},{0.01 * (i % 17)},{0.02 * (i % 5)},{0.3 * (i % 9)}\n" for i in range(400))

@@ -11,11 +11,11 @@ import made_up_results
 import pytest
 import tiny_registry
 
-from dynreg import summaries
 from dynreg.cli.call import Call
 from dynreg.cli.main import main
 from dynreg.errors import NoMatchError
 from dynreg.session import Session
+from dynreg.verbs import verify
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,6 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
     monkeypatch.setattr(Call, "open", opened)
     for verb in ("effects", "excite"):  # which need no registry
         monkeypatch.setattr(Session, verb, staticmethod(getattr(made, verb)))
-    monkeypatch.setattr(summaries, "verification", made.verify)
+    monkeypatch.setattr(verify, "verification", made.verify)
     (tmp_path / "run.csv").write_text(tiny_registry.bench_csv(), encoding="utf-8")
     return made

@@ -199,7 +199,7 @@ def test_the_choices_offered_are_those_of_the_layers_below() -> None:
     from dynreg.cli import completion
     from dynreg.neighbours.retrieve import DISTANCES
     from dynreg.sim.robot import packaged_robots
-    from dynreg.summaries import KINDS
+    from dynreg.verbs.list import KINDS
 
     assert completion.DISTANCES == ("auto", *DISTANCES)
     assert completion.KINDS == KINDS

@@ -1,6 +1,7 @@
-"""What a session's verbs are asked about: robots, logs, recordings and populations, found where they are said to be."""
+"""What verbs are asked about: robots, logs, recordings and populations, found where they are said to be."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,50 +49,63 @@ def read_log(
         raise first from None
 
 
-def registered(
-    registry: Registry, recording: str | Path | RecordingSummary, robot: "str | Path | Robot | None"
-) -> str | None:
-    """The id of a registered recording; None for the path of a log of `robot`.
+@dataclass(frozen=True)
+class Recorded:
+    """A recording that a verb is asked about: where it is kept, its robot, itself and its name."""
 
-    Raises NoMatchError for what is neither, UsageError for a recording of another robot.
+    registry: Registry
+    robot: "Robot"
+    recording: "Recording"
+    name: str
+
+    def register(self) -> None:
+        """Keep the robot and the recording where the registry does not yet."""
+        if self.recording.id not in {info.id for info in self.registry.recordings()}:
+            register(self.registry, self.robot, self.recording)
+
+
+def recorded(
+    registry: Registry,
+    reference: str | Path | RecordingSummary,
+    robot: "str | Path | Robot | None" = None,
+    log_map: "str | Path | LogMap | None" = None,
+    *,
+    ingest: bool,
+) -> Recorded:
+    """A recording by its id, name or `@last`, or read from a log of `robot`.
+
+    ingest : whether a log is registered at once; where not, `Recorded.register` does it when the verb has an answer.
+    Raises NoMatchError for what is neither, UsageError for a recording of another robot, LogError and MapError for a
+    log that cannot be read.
     """
-    if isinstance(recording, RecordingSummary):
-        return recording.recording
-    try:
-        identity = registry.resolve(str(recording), ("recording",))[1]
-    except NoMatchError:
-        if not Path(recording).exists():
-            raise
-        if robot is None:
-            raise UsageError(
-                f"{str(recording)!r} is a log, and no robot is named",
-                expected="the robot that it was recorded on",
-                do="add --robot ROBOT, or ingest it first",
-            ) from None
-        return None
-    if robot is not None:
-        owner = registry.robots()[_info(registry, identity).robot_hash]
-        asked = loaded_robot(robot).name
-        if owner != asked:
-            raise UsageError(
-                f"recording {str(recording)!r} is of robot {owner!r}, not of {asked!r}",
-                expected=f"a recording of {asked!r}",
-                do="leave --robot out, or name another recording",
-            )
-    return identity
+    identity = _registered(registry, reference, robot)
+    if identity is None:
+        owner = loaded_robot(robot)
+        loaded = read_log(reference, owner, log_map)
+        if not ingest:
+            return Recorded(registry, owner, loaded, loaded.id[:12])
+        identity = register(registry, owner, loaded)
+    name = info_of(registry, identity).name
+    return Recorded(registry, robot_of(registry, identity), registry.recording(identity), name)
+
+
+def register(registry: Registry, robot: "Robot", recording: "Recording", name: str | None = None) -> str:
+    """Keep a robot and a recording of it, under a name; its id."""
+    registry.put_robot(robot.folder, robot.hash, robot.name)
+    return registry.put_recording(recording, robot.hash, name)
+
+
+def info_of(registry: Registry, recording: str) -> RecordingInfo:
+    """What the catalogue says of a registered recording (its id)."""
+    (info,) = [info for info in registry.recordings() if info.id == recording]
+    return info
 
 
 def robot_of(registry: Registry, recording: str) -> "Robot":
     """The robot of a registered recording (its id), from the registry's own copy."""
     from dynreg.sim.robot import load_robot
 
-    return load_robot(registry.robot_folder(_info(registry, recording).robot_hash))
-
-
-def name_of(registry: Registry, recording: str) -> str:
-    """The name of a registered recording (its id), or the beginning of its id."""
-    names = _info(registry, recording).names
-    return names[0] if names else recording[:12]
+    return load_robot(registry.robot_folder(info_of(registry, recording).robot_hash))
 
 
 def population_for(registry: Registry, recording: str, ref: str | None) -> tuple[str, int]:
@@ -100,7 +114,7 @@ def population_for(registry: Registry, recording: str, ref: str | None) -> tuple
     Raises UsageError for one of another robot or where there are several, NoMatchError where there is none or it has
     no entries.
     """
-    info = _info(registry, recording)
+    info = info_of(registry, recording)
     records = registry.populations()
     if ref is not None:
         identity = registry.resolve(ref, ("population",))[1]
@@ -144,6 +158,34 @@ def _only_population(
     return fitting[0]
 
 
-def _info(registry: Registry, recording: str) -> RecordingInfo:
-    (info,) = [info for info in registry.recordings() if info.id == recording]
-    return info
+def _registered(
+    registry: Registry, recording: str | Path | RecordingSummary, robot: "str | Path | Robot | None"
+) -> str | None:
+    """The id of a registered recording; None for the path of a log of `robot`.
+
+    Raises NoMatchError for what is neither, UsageError for a recording of another robot.
+    """
+    if isinstance(recording, RecordingSummary):
+        return recording.recording
+    try:
+        identity = registry.resolve(str(recording), ("recording",))[1]
+    except NoMatchError:
+        if not Path(recording).exists():
+            raise
+        if robot is None:
+            raise UsageError(
+                f"{str(recording)!r} is a log, and no robot is named",
+                expected="the robot that it was recorded on",
+                do="add --robot ROBOT, or ingest it first",
+            ) from None
+        return None
+    if robot is not None:
+        owner = registry.robots()[info_of(registry, identity).robot_hash]
+        asked = loaded_robot(robot).name
+        if owner != asked:
+            raise UsageError(
+                f"recording {str(recording)!r} is of robot {owner!r}, not of {asked!r}",
+                expected=f"a recording of {asked!r}",
+                do="leave --robot out, or name another recording",
+            )
+    return identity

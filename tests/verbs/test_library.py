@@ -2,9 +2,9 @@
 
 import pytest
 
-from dynreg.library import effects_list
 from dynreg.sim.effects import applicable, effects
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.effects import effects_list
 
 
 def test_every_effect_is_listed_in_the_order_in_which_they_act() -> None:

@@ -1,0 +1,69 @@
+"""What a registry holds."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from dynreg.errors import UsageError
+from dynreg.registry import Registry
+from dynreg.results import EntrySummary, Listing
+
+KINDS = ("population", "recording", "simulator", "result", "robot")
+Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
+
+
+def listing(registry: Registry, kind: str | None = None) -> Listing:
+    """All populations, recordings, simulators, results and robots, or those of one kind."""
+    if kind is not None and kind not in KINDS:
+        raise UsageError(f"kind {kind!r}", expected=f"one of {list(KINDS)}", do="choose one of them")
+    items = [
+        EntrySummary(id=identity, kind=k, name=name, robot=robot, detail=detail)
+        for k in (KINDS if kind is None else (kind,))
+        for identity, name, robot, detail in _ROWS[k](registry)
+    ]
+    return Listing(registry=str(registry.path), items=tuple(items))
+
+
+def simulator_name(identity: str, config: Mapping[str, Any]) -> str:
+    """Robot, how the simulator came about and the beginning of its id: simulators have no other name.
+
+    >>> simulator_name("ab12" * 16, {"robot_name": "leg", "lineage": {"made_by": "query", "kind": "synthesised"}})
+    'leg synthesised ab12ab12'
+    """
+    lineage = config.get("lineage", {})
+    made = lineage.get("kind") or lineage.get("made_by", "").replace("calibrate", "calibrated by")
+    return " ".join(part for part in (config.get("robot_name"), made, identity[:8]) if part)
+
+
+def _populations(registry: Registry) -> Iterator[Row]:
+    for r in registry.populations():
+        detail = {"entries": registry.count(r.id), "planned": r.size, "seed": r.seed}
+        yield r.id, r.name, r.name, detail
+
+
+def _recordings(registry: Registry) -> Iterator[Row]:
+    robots = registry.robots()
+    return ((i.id, ", ".join(i.names), robots[i.robot_hash], {}) for i in registry.recordings())
+
+
+def _simulators(registry: Registry) -> Iterator[Row]:
+    configs = [(i, registry.simulator(i)) for i in registry.ids("simulator")]
+    return ((i, simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs)
+
+
+def _results(registry: Registry) -> Iterator[Row]:
+    for record in [registry.result(i) for i in registry.ids("result")]:
+        detail = {"recording": record.recording_id[:12]} if record.recording_id else {}
+        yield record.id, record.kind, record.document.get("robot", ""), detail
+
+
+def _robots(registry: Registry) -> Iterator[Row]:
+    return ((identity, name, name, {}) for identity, name in registry.robots().items())
+
+
+_ROWS = {
+    "population": _populations,
+    "recording": _recordings,
+    "simulator": _simulators,
+    "result": _results,
+    "robot": _robots,
+}

@@ -1,0 +1,136 @@
+"""One thing that a registry holds, with all that is known of it, and stored results."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from dynreg import results
+from dynreg.errors import CorruptError, DynregError, NoMatchError
+from dynreg.registry import Registry, ResultRecord
+from dynreg.verbs.ingest import recording_summary
+from dynreg.verbs.list import simulator_name
+from dynreg.verbs.subjects import info_of
+
+Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
+_RESULTS = {
+    "neighbours": results.Neighbours,
+    "calibration": results.Calibration,
+    "diagnosis": results.Diagnosis,
+    "trials": results.TrialTable,
+    "gait": results.Gait,
+    "drift": results.Drift,
+    "comparison": results.Comparison,
+}
+
+
+def summary(registry: Registry, kind: str, identity: str) -> results.EntrySummary:
+    """One thing, with all that is known of it."""
+    name, robot, detail = _SHOWN[kind](registry, identity)
+    return results.EntrySummary(id=identity, kind=kind, name=name, robot=robot, detail=detail)
+
+
+def _entry(registry: Registry, identity: str) -> Shown:
+    entry = registry.load_entry(identity)
+    robot = registry.population(entry.population_id).name
+    detail = {
+        "population": entry.population_id,
+        "number": entry.number,
+        "own_loss": entry.own_loss,
+        "train_loss": entry.train_loss,
+        "parameters": entry.values,
+        **entry.extra,
+    }
+    return f"{robot}-{entry.number}", robot, detail
+
+
+def _recording(registry: Registry, identity: str) -> Shown:
+    info = info_of(registry, identity)
+    robot, name = registry.robots()[info.robot_hash], next(iter(info.names), "")
+    return name, robot, recording_summary(identity, registry.recording(identity), robot, name).to_dict()
+
+
+def _population(registry: Registry, identity: str) -> Shown:
+    record = registry.population(identity)
+    detail = {"entries": registry.count(identity), "planned": record.size, "seed": record.seed}
+    return record.name, record.name, detail | {"spec": dict(record.spec)}
+
+
+def _simulator(registry: Registry, identity: str) -> Shown:
+    config = registry.simulator(identity)
+    ordered = in_order(config, _parameters(registry, config.get("robot")))
+    return simulator_name(identity, config), config.get("robot_name", ""), ordered
+
+
+def _result(registry: Registry, identity: str) -> Shown:
+    record = registry.result(identity)
+    return record.kind, record.document.get("robot", ""), _document(registry, record)
+
+
+def _robot(registry: Registry, identity: str) -> Shown:
+    name = registry.robots()[identity]
+    return name, name, {"hash": identity}
+
+
+_SHOWN = {
+    "entry": _entry,
+    "recording": _recording,
+    "population": _population,
+    "simulator": _simulator,
+    "result": _result,
+    "robot": _robot,
+}
+
+
+def stored_result(registry: Registry, ref: str) -> results.Result:
+    """A result by its id, or the newest about a recording; NoMatchError where there is none."""
+    if ref == "@last":
+        record = registry.latest()
+    else:
+        kind, identity = registry.resolve(ref, ("result", "recording"))
+        record = registry.result(identity) if kind == "result" else registry.latest(None, identity)
+    if record.kind not in _RESULTS:
+        raise NoMatchError(
+            f"result {ref!r} is of kind {record.kind!r}",
+            expected=f"one of {sorted(_RESULTS)}",
+            do="name another",
+        )
+    try:
+        return _RESULTS[record.kind].model_validate(_document(registry, record))
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        raise CorruptError(
+            f"result {record.id[:12]} does not read: {'.'.join(map(str, first['loc']))}: {first['msg']}",
+            expected=f"a {record.kind} document of this version",
+            do="run the command that made it again",
+        ) from None
+
+
+def in_order(document: Any, names: Sequence[str]) -> Any:
+    """JSON data whose objects have these keys first and in this order: stored documents are sorted by the letter.
+
+    >>> in_order({"answer": {"b": 1, "a": 2}}, ("b", "a"))
+    {'answer': {'b': 1, 'a': 2}}
+    """
+    if isinstance(document, list):
+        return [in_order(part, names) for part in document]
+    if not isinstance(document, dict):
+        return document
+    keys = dict.fromkeys([name for name in names if name in document] + list(document))
+    return {key: in_order(document[key], names) for key in keys}
+
+
+def _document(registry: Registry, record: ResultRecord) -> dict[str, Any]:
+    """A result's document with its parameters in the robot's own order."""
+    robots = [info.robot_hash for info in registry.recordings() if info.id == record.recording_id]
+    return in_order(record.document, _parameters(registry, robots[0] if robots else None))
+
+
+def _parameters(registry: Registry, robot_hash: str | None) -> tuple[str, ...]:
+    """Names of a robot's parameters; none where its folder is lost, as what was stored can be read without it."""
+    from dynreg.sim.robot import load_robot
+
+    try:
+        return load_robot(registry.robot_folder(robot_hash)).space.names if robot_hash else ()
+    except DynregError:
+        return ()
