@@ -28,7 +28,7 @@ _HOMES = {
     "Episode": "dynreg.data.recording",
     "Recording": "dynreg.data.recording",
     "Session": "dynreg.session",
-    "check_robot": "dynreg.sim.robot",
+    "check_robot": "dynreg.sim.check",
     "load_robot": "dynreg.sim.robot",
     "open": "dynreg.session",
     "packaged_robots": "dynreg.sim.robot",

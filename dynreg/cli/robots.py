@@ -80,7 +80,7 @@ def check(
     Example: dynreg robots check my_arm/
     """
     from dynreg.cli.documents import RobotCheck
-    from dynreg.sim.robot import check_robot
+    from dynreg.sim.check import check_robot
 
     problems = tuple(check_robot(folder))
     result = RobotCheck(robot=folder, sound=not problems, problems=problems)

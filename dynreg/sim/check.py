@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from pathlib import Path
 
 import numpy as np
 
 from dynreg.errors import DynregError
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import TYPICAL, bank_period, excitation, reset_pose
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run, motor_noise
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import SettingTable
@@ -21,6 +22,19 @@ SAME = 1e-9  # of a channel's largest value: below it two rollouts are the same
 HALVED = 0.25  # share of the motion that half the time step may change within SHORT
 SHORT = 0.1  # [s]
 STAND = 1.0  # [s]
+
+
+def check_robot(ref: str | Path) -> list[str]:
+    """What is wrong with a robot folder, one line each; empty when it can be simulated.
+
+    Goes further than `load_robot`: compiles the model, resolves every name against it and simulates the
+    nominal and the extreme configurations for some steps.
+    """
+    try:
+        robot = load_robot(ref)
+    except DynregError as problem:
+        return [str(problem)]
+    return problems(robot)
 
 
 def problems(robot: Robot) -> list[str]:

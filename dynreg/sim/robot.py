@@ -12,7 +12,7 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import DynregError, LogError, RobotError
+from dynreg.errors import LogError, RobotError
 from dynreg.sim.consistency import check_consistency
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
@@ -207,21 +207,6 @@ def require_commands(robot: Robot, recording: Recording) -> None:
             expected=f"the channels {list(robot.actions)}",
             do="log the commands too and map them; until then it can only be checked, listed and exported",
         )
-
-
-def check_robot(ref: str | Path) -> list[str]:
-    """What is wrong with a robot folder, one line each; empty when it can be simulated.
-
-    Goes further than `load_robot`: compiles the model, resolves every name against it and simulates the
-    nominal and the extreme configurations for some steps.
-    """
-    try:
-        robot = load_robot(ref)
-    except DynregError as problem:
-        return [str(problem)]
-    from dynreg.sim.check import problems
-
-    return problems(robot)
 
 
 def _parameter(table) -> Parameter:

@@ -11,11 +11,12 @@ from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.errors import UsageError
 from dynreg.extend.carry import carries
 from dynreg.extend.robot_folder import export_robot
+from dynreg.sim.check import check_robot
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import applicable, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.robot import Robot, check_robot, load_robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
 EXACT = 1e-12  # of rollouts of the folder and of the simulator

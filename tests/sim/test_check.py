@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from arm_robot import ARM_XML, parameter
 
-from dynreg.sim.robot import check_robot, packaged_robots
+from dynreg.sim.check import check_robot
+from dynreg.sim.robot import packaged_robots
 
 
 @pytest.mark.parametrize("name", packaged_robots())

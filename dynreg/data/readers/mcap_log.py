@@ -7,6 +7,7 @@ from typing import Any
 from mcap.records import Channel, Schema
 
 from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.bag_folder import bag_information, stated_counts
 from dynreg.data.readers.mcap_walk import Tally, message_count, walk
 from dynreg.data.readers.messages import Topic, gather
 from dynreg.data.readers.ros_types import Decode, ros_decoder
@@ -55,8 +56,6 @@ def _stated(path: Path) -> int | None:
     own = message_count(path)
     if own is not None or not (path.parent / "metadata.yaml").exists():
         return own
-    from dynreg.data.readers.rosbag import bag_information, stated_counts
-
     try:
         return stated_counts(bag_information(path.parent)).get(path.name)
     except LogError:
