@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dynreg import results
-from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.verbs.subjects import loaded_robot, population_for, read_log, recorded
 
@@ -410,16 +409,10 @@ class Session:
         between : two effects, such as "payload" and "coulomb_friction[arm]"; the commands are a recording whose
         channels are the robot's actions. Raises UsageError where these are not two different effects.
         """
-        from dynreg.diagnose.excite import excite
+        from dynreg.verbs.excite import ExciteSettings, excite
 
-        pair = tuple(between)
-        if len(pair) != 2 or pair[0] == pair[1] or not 0 < seconds < float("inf"):
-            raise UsageError(
-                f"an experiment of {seconds:g} s between {list(pair)}",
-                expected="two different effects and a positive length",
-                do="name two of those that `dynreg effects` lists",
-            )
-        return excite(loaded_robot(robot), pair, seconds=seconds, seed=seed, progress=progress)
+        settings = ExciteSettings(tuple(between), seconds, seed)
+        return excite(loaded_robot(robot), settings, progress=progress)
 
     def list(self, kind: str | None = None) -> results.Listing:
         """What the registry holds: populations, recordings, simulators made by queries, results."""

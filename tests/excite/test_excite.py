@@ -7,21 +7,21 @@ import pytest
 
 from dynreg.data.recording import Recording
 from dynreg.data.table import write_csv
-from dynreg.diagnose import excite as module
-from dynreg.diagnose.excite import excite
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem, effective_samples
-from dynreg.diagnose.rivals import first_starts
-from dynreg.diagnose.separate import Pair
 from dynreg.diagnose.truth import REACH, Hidden, measured_states, trial_settings
 from dynreg.errors import DynregError, UsageError
+from dynreg.excite.excite import excite
+from dynreg.excite.rivals import first_starts
+from dynreg.excite.separate import Pair
 from dynreg.replay.windows import Windows
 from dynreg.results import Experiment
 from dynreg.sim.effects import term
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
+from dynreg.verbs.experiment import experiment as told_of
 
 SECONDS = 4.0
 PAIRS = (("payload", "coulomb_friction"), ("backlash", "command_deadband"))
@@ -34,7 +34,7 @@ def servo() -> Robot:
 
 @pytest.fixture(scope="module")
 def answers(servo: Robot) -> dict[tuple[str, str], tuple[Recording, Experiment]]:
-    return {pair: excite(servo, pair, seconds=SECONDS, seed=0) for pair in PAIRS}
+    return {pair: told(servo, pair, seconds=SECONDS, seed=0) for pair in PAIRS}
 
 
 @pytest.mark.parametrize("pair", PAIRS, ids=["friction", "play"])
@@ -64,13 +64,13 @@ def test_robots_that_are_not_the_model_bear_it_out(pair: tuple[str, str], answer
 def test_the_limits_are_kept_and_told(pair: tuple[str, str], answers, servo: Robot) -> None:
     recording, experiment = answers[pair]
     run = run_of(servo, recording)
-    told = {limit.name: limit for limit in experiment.limits}
-    assert set(told) == {"arm/target", "arm/target rate", "arm/position (expected)"}
-    for limit in told.values():
+    kept = {limit.name: limit for limit in experiment.limits}
+    assert set(kept) == {"arm/target", "arm/target rate", "arm/position (expected)"}
+    for limit in kept.values():
         assert limit.low <= limit.least <= limit.most <= limit.high
-    assert (told["arm/target"].least, told["arm/target"].most) == (run.actions.min(), run.actions.max())
+    assert (kept["arm/target"].least, kept["arm/target"].most) == (run.actions.min(), run.actions.max())
     fastest = np.abs(np.diff(run.actions, axis=1)).max() * servo.rate
-    assert told["arm/target rate"].most == pytest.approx(fastest)
+    assert kept["arm/target rate"].most == pytest.approx(fastest)
 
 
 def test_the_recording_can_be_played(answers, servo: Robot) -> None:
@@ -93,41 +93,39 @@ def test_the_recording_can_be_played(answers, servo: Robot) -> None:
             )
 
 
-def test_the_same_seed_gives_the_same_bytes(servo: Robot, monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr(module, "ROUNDS", 1)
+def test_the_same_seed_gives_the_same_bytes(servo: Robot, tmp_path) -> None:
     files = []
     for number, seed in enumerate((3, 3, 4)):
-        recording, experiment = excite(servo, ("speed_limit", "torque_limit"), seconds=1.0, seed=seed)
+        recording, experiment = told(servo, ("speed_limit", "torque_limit"), seconds=1.0, seed=seed, rounds=1)
         write_csv(recording, tmp_path / f"{number}.csv")
         files.append((tmp_path / f"{number}.csv").read_bytes() + experiment.to_json().encode())
     assert files[0] == files[1] != files[2]
 
 
-def test_progress_runs_to_its_end(servo: Robot, monkeypatch) -> None:
-    monkeypatch.setattr(module, "ROUNDS", 1)
+def test_progress_runs_to_its_end(servo: Robot) -> None:
     seen: list[tuple] = []
-    excite(servo, ("speed_limit", "torque_limit"), seconds=1.0, seed=0, progress=lambda *a: seen.append(a))
+    pair, asked = ("speed_limit", "torque_limit"), {"seconds": 1.0, "seed": 0, "rounds": 1}
+    excite(servo, pair, **asked, progress=lambda *a: seen.append(a))
     assert seen[0] == ("excite", 0, seen[0][2]) and seen[-1][1] == seen[-1][2]
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
 
 
-def test_an_effect_that_another_contains_is_not_counted(servo: Robot, monkeypatch) -> None:
-    monkeypatch.setattr(module, "ROUNDS", 1)
+def test_an_effect_that_another_contains_is_not_counted(servo: Robot) -> None:
     pair = ("coulomb_friction", "stribeck_friction")
-    _, experiment = excite(servo, pair, seconds=2.0, seed=0)
+    _, experiment = told(servo, pair, seconds=2.0, seed=0, rounds=1)
     assert experiment.separation > 10.0
     assert "where coulomb_friction is true" in experiment.note
 
 
-def test_effects_of_a_base_on_wheels_are_driven_apart(monkeypatch) -> None:
+def test_effects_of_a_base_on_wheels_are_driven_apart() -> None:
     """Its disturbance is one of the speeds that it is told: it has no torques."""
-    monkeypatch.setattr(module, "ROUNDS", 1)
-    recording, experiment = excite(load_robot("diffdrive"), ("wheel_slip", "rate_limit"), seconds=2.0, seed=0)
+    pair = ("wheel_slip", "rate_limit")
+    recording, experiment = told(load_robot("diffdrive"), pair, seconds=2.0, seed=0, rounds=1)
     assert experiment.separation > 8.0
     assert recording.names[:2] == ("left_wheel/velocity_command", "right_wheel/velocity_command")
-    told = {limit.name: limit for limit in experiment.limits}
+    kept = {limit.name: limit for limit in experiment.limits}
     for name in recording.names[:2]:
-        assert told[name].low <= told[name].least < 0 < told[name].most <= told[name].high
+        assert kept[name].low <= kept[name].least < 0 < kept[name].most <= kept[name].high
 
 
 @pytest.mark.parametrize(
@@ -147,13 +145,18 @@ def test_what_cannot_be_told_apart_is_refused(robot: str, pair: tuple, seconds: 
         excite(load_robot(robot), pair, seconds=seconds, seed=0)
 
 
-def test_effects_for_which_parameters_make_up_are_refused(servo: Robot, monkeypatch) -> None:
-    monkeypatch.setattr(module, "ROUNDS", 1)
+def test_effects_for_which_parameters_make_up_are_refused(servo: Robot) -> None:
     vague = [p.model_copy(update={"tolerance": 5.0}) for p in servo.file.parameters]
     space = replace(servo.space, parameters=tuple(replace(p, tolerance=5.0) for p in servo.space.parameters))
     robot = replace(servo, file=servo.file.model_copy(update={"parameters": vague}), space=space)
     with pytest.raises(DynregError, match="does not tell coulomb_friction from viscous_friction"):
-        excite(robot, ("coulomb_friction", "viscous_friction"), seconds=1.0, seed=0)
+        excite(robot, ("coulomb_friction", "viscous_friction"), seconds=1.0, seed=0, rounds=1)
+
+
+def told(robot: Robot, pair: tuple[str, str], **asked) -> tuple[Recording, Experiment]:
+    """The commands, and what is said about them."""
+    chosen = excite(robot, pair, **asked)
+    return chosen.recording, told_of(chosen)
 
 
 def run_of(robot: Robot, recording: Recording) -> Run:

@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.problem import Point, Problem
-from dynreg.diagnose.separate import Pair
+from dynreg.excite.separate import Pair
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 from dynreg.sim.real import LEAST_NOISE

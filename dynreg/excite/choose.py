@@ -4,12 +4,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynreg.diagnose.candidates import Limits, Pool, both, pool
-from dynreg.diagnose.experiment import PAUSE
-from dynreg.diagnose.rivals import first_starts, strongest
-from dynreg.diagnose.separate import Judge, Pair
 from dynreg.diagnose.truth import REACH, trial_settings
 from dynreg.errors import UsageError
+from dynreg.excite.candidates import Limits, Pool, both, pool
+from dynreg.excite.rivals import first_starts, strongest
+from dynreg.excite.separate import Judge, Pair
 from dynreg.sim.excitation import excitation, reset_pose
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -19,6 +18,7 @@ KEPT = 30  # candidates for each truth that are kept after their first trial
 SWAPS = 2  # rounds of exchanging the episodes chosen
 NEAREST = 3  # rivals known that a fit begins from
 SAME = 3.0  # nats that separate nothing
+PAUSE = 1.0  # s between episodes
 
 
 @dataclass

@@ -1,62 +1,38 @@
-"""From chosen episodes to what the user gets: the commands as a recording, and what is said about them."""
+"""What is said about the commands of an experiment: the limits that they keep, and what to do with each episode."""
 
 import numpy as np
 
 from dynreg.data.names import parts_of
-from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.candidates import Limits, Pool, joint_range
+from dynreg.excite.candidates import Limits, Pool, joint_range
+from dynreg.excite.excite import Chosen
+from dynreg.excite.separate import Pair
 from dynreg.results import Experiment, LimitKept
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-PAUSE = 1.0  # s between episodes
 
-
-def recording(robot: Robot, pool: Pool, between: tuple[str, str], seed: int) -> Recording:
-    """The commands as a log without states, and the enable channels where drives are switched off."""
-    run, first = pool.run, len(robot.file.inputs)
-    enables = [i for i in range(first, len(robot.inputs)) if (run.inputs[..., i] != 1.0).any()]
-    channels = [Channel(a.name, a.unit) for a in robot.file.actions]
-    channels += [Channel(robot.inputs[i], "1") for i in enables]
-    values = np.concatenate([run.actions, run.inputs[..., enables]], axis=2)
-    time = np.arange(run.steps) * run.period
-    episodes = tuple(
-        Episode(
-            f"excite_{e}",
-            e * (run.steps * run.period + PAUSE) + time,
-            values[e],
-            dict(zip(robot.settings, run.settings[e], strict=True)),
-        )
-        for e in range(run.episodes)
-    )
-    source = {"made_by": "excite", "robot": robot.name, "between": list(between), "seed": seed}
-    return Recording(tuple(channels), episodes, False, source | {"patterns": list(pool.names)})
-
-
-def experiment(
-    robot: Robot,
-    between: tuple[str, str],
-    limits: Limits,
-    pool: Pool,
-    reached: np.ndarray,
-    *,
-    nats: float,
-    usual: float | None,
-    silent: list[str],
-) -> Experiment:
-    """What the commands are expected to tell, and the limits that they keep.
-
-    reached : (E, 2, S) lowest and highest states. silent : the cases that count in neither number.
-    """
+def experiment(chosen: Chosen) -> Experiment:
+    """What the commands are expected to tell, and the limits that they keep."""
+    pair, pool = chosen.pair, chosen.pool
+    silent = [
+        _said(pair, *truth) for truth, counts in zip(pair.truths, chosen.counts, strict=True) if not counts
+    ]
     return Experiment(
-        robot=robot.name,
-        between=between,
+        robot=pair.robot.name,
+        between=chosen.between,
         seconds=pool.run.episodes * pool.run.steps * pool.run.period,
-        separation=nats,
-        usual=usual,
-        limits=(*_commanded(robot, limits, pool.run), *_moved(robot, reached)),
-        note=_note(robot, pool, silent),
+        separation=chosen.nats,
+        usual=chosen.usual,
+        limits=(*_commanded(pair.robot, chosen.limits, pool.run), *_moved(pair.robot, chosen.reached)),
+        note=_note(pair.robot, pool, silent),
     )
+
+
+def _said(pair: Pair, which: int, z: np.ndarray) -> str:
+    """A truth in words: the effect, and its sign where it has one."""
+    size = pair.hypotheses[which].parameters[0]
+    sign = (" (positive)" if z[len(pair.coordinates)] > 0 else " (negative)") if size.signed else ""
+    return pair.terms[which].key + sign
 
 
 def _commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.candidates import Limits, both, joint_range, pool
+from dynreg.excite.candidates import Limits, both, joint_range, pool
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.robot import load_robot
 

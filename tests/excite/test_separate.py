@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.candidates import Limits, Pool, pool
-from dynreg.diagnose.separate import Judge, Pair
+from dynreg.excite.candidates import Limits, Pool, pool
+from dynreg.excite.separate import Judge, Pair
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 from dynreg.sim.run import Run

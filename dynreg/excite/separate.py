@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.diagnose.candidates import Pool, joint_range
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.diagnose.problem import effective_samples
+from dynreg.excite.candidates import Pool, joint_range
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout

@@ -1,16 +1,15 @@
 """Excite: commands within the robot's limits that drive two hypotheses apart."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Recording
-from dynreg.diagnose.candidates import Limits
-from dynreg.diagnose.choose import SAME, Search
-from dynreg.diagnose.experiment import experiment, recording
-from dynreg.diagnose.separate import Pair
+from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import RobotError, UsageError
-from dynreg.results import Experiment
+from dynreg.excite.candidates import Limits, Pool
+from dynreg.excite.choose import PAUSE, SAME, Search
+from dynreg.excite.separate import Pair
 from dynreg.sim.effects import Term, one_group, term
 from dynreg.sim.robot import Robot
 
@@ -18,8 +17,50 @@ SHORT = 2.5  # s of an episode, and of the longest ones:
 LONG = 10.0
 EPISODES = 4  # at least: a diagnosis fits, selects and tests by different ones
 FEWEST = 20  # commands of an episode
-ROUNDS = 3  # of choosing episodes, each against the rivals that the last one left
+ROUNDS = 3
 Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Episodes that were chosen, and the evidence [nats] to expect of them in the worst case that counts.
+
+    reached : (E, 2, S) lowest and highest states to expect. usual : the evidence of the usual excitation as long as
+    this; None where it was not computed. counts : (N,) which truths of the pair count.
+    """
+
+    between: tuple[str, str]
+    pair: Pair
+    limits: Limits
+    pool: Pool
+    reached: np.ndarray
+    nats: float
+    usual: float | None
+    counts: np.ndarray
+
+    @property
+    def recording(self) -> Recording:
+        """The commands as a log without states, and the enable channels where drives are switched off."""
+        robot, pool, run = self.pair.robot, self.pool, self.pool.run
+        enables = [
+            i for i in range(len(robot.file.inputs), len(robot.inputs)) if (run.inputs[..., i] != 1.0).any()
+        ]
+        channels = [Channel(a.name, a.unit) for a in robot.file.actions]
+        channels += [Channel(robot.inputs[i], "1") for i in enables]
+        values = np.concatenate([run.actions, run.inputs[..., enables]], axis=2)
+        time = np.arange(run.steps) * run.period
+        episodes = tuple(
+            Episode(
+                f"excite_{e}",
+                e * (run.steps * run.period + PAUSE) + time,
+                values[e],
+                dict(zip(robot.settings, run.settings[e], strict=True)),
+            )
+            for e in range(run.episodes)
+        )
+        source = {"made_by": "excite", "robot": robot.name, "between": list(self.between)}
+        source |= {"seed": self.pair.seed, "patterns": list(pool.names)}
+        return Recording(tuple(channels), episodes, False, source)
 
 
 def excite(
@@ -28,13 +69,15 @@ def excite(
     *,
     seconds: float,
     seed: int,
+    rounds: int = ROUNDS,
     progress: Progress | None = None,
-) -> tuple[Recording, Experiment]:
+) -> Chosen:
     """Commands of `seconds` that tell the effects `between` apart, and the evidence to expect of them.
 
     Patterns of several reaches and speeds are tried, with the `trial` settings of robot.toml. Either effect is taken
     for true, at medium size and with either sign, and the other fitted to it: what counts is the evidence in the worst
     of these cases, those left out that nothing tells (the other effect contains this one, or it changes nothing).
+    rounds : of choosing episodes, each against the rivals that the last one left.
 
     Raises UsageError where no commands separate the two (they are of one exact group, or move the robot alike),
     where an effect cannot act on the robot, or where `seconds` are too few; RobotError for a robot without commands
@@ -44,22 +87,22 @@ def excite(
     limits = Limits.of(robot)
     lengths = _lengths(robot, seconds)
     report = progress or (lambda *_: None)
-    total, searches = len(lengths) * (ROUNDS + 1) + 1, []
+    total, searches = len(lengths) * (rounds + 1) + 1, []
     for number, (steps, many) in enumerate(lengths):
-        report("excite", number * (ROUNDS + 1), total)
+        report("excite", number * (rounds + 1), total)
         search = Search.of(pair, limits, steps, many)
         searches.append(search)
         if search.usual is not None:
             search.rate(search.usual)
-        for turn in range(ROUNDS):
-            report("excite", number * (ROUNDS + 1) + turn + 1, total)
+        for turn in range(rounds):
+            report("excite", number * (rounds + 1) + turn + 1, total)
             chosen = search.choose()
             if chosen in search.rated:
                 break
             search.rate(chosen)
     search, chosen, counts = _settled(pair, searches)
     report("excite", total, total)
-    return _answer(pair, limits, between, search, chosen, counts)
+    return _answer(between, limits, search, chosen, counts)
 
 
 def _settled(pair: Pair, searches: list[Search]) -> tuple[Search, tuple[int, ...], np.ndarray]:
@@ -85,33 +128,13 @@ def _settled(pair: Pair, searches: list[Search]) -> tuple[Search, tuple[int, ...
 
 
 def _answer(
-    pair: Pair,
-    limits: Limits,
-    between: tuple[str, str],
-    search: Search,
-    chosen: tuple[int, ...],
-    counts: np.ndarray,
-) -> tuple[Recording, Experiment]:
-    robot, judge = pair.robot, search.judge
-    made = judge.pool.take(np.array(chosen))
-    usual = None if search.usual is None else float(search.rated[search.usual][counts].min())
-    return recording(robot, made, between, pair.seed), experiment(
-        robot,
-        between,
-        limits,
-        made,
-        judge.reached[np.array(chosen)],
-        nats=float(search.rated[chosen][counts].min()),
-        usual=usual,
-        silent=[_said(pair, *truth) for truth, yes in zip(pair.truths, counts, strict=True) if not yes],
+    between: tuple[str, str], limits: Limits, search: Search, chosen: tuple[int, ...], counts: np.ndarray
+) -> Chosen:
+    judge, at = search.judge, np.array(chosen)
+    nats, usual = (
+        None if one is None else float(search.rated[one][counts].min()) for one in (chosen, search.usual)
     )
-
-
-def _said(pair: Pair, which: int, z: np.ndarray) -> str:
-    """A truth in words: the effect, and its sign where it has one."""
-    size = pair.hypotheses[which].parameters[0]
-    sign = (" (positive)" if z[len(pair.coordinates)] > 0 else " (negative)") if size.signed else ""
-    return pair.terms[which].key + sign
+    return Chosen(between, judge.pair, limits, judge.pool.take(at), judge.reached[at], nats, usual, counts)
 
 
 def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:

@@ -1,0 +1,1 @@
+"""Excite: commands for the experiment that tells two causes apart."""
