@@ -19,7 +19,9 @@ Progress = Callable[[str, int, int], None]
 class ExciteSettings(Settings):
     """What an experiment can be told. Raises UsageError where it is not between two effects."""
 
-    between: tuple[str, ...] = option((), "The two effects.", flag="--for", metavar="A,B", complete="effect_names")
+    between: tuple[str, ...] = option(
+        (), "The two effects.", flag="--for", metavar="A,B", complete="effect_names"
+    )
     seconds: float = option(10.0, "Length [s].")
     seed: int = seed()
 
@@ -44,7 +46,5 @@ def excite(
     from dynreg.excite.excite import excite as choose
     from dynreg.verbs.experiment import experiment
 
-    chosen = choose(
-        robot, settings.between, seconds=settings.seconds, seed=settings.seed, progress=progress
-    )
+    chosen = choose(robot, settings.between, seconds=settings.seconds, seed=settings.seed, progress=progress)
     return chosen.recording, experiment(chosen)

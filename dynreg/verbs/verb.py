@@ -1,0 +1,102 @@
+"""Verbs as rows: what each does, what it can be told, and how Python and the command line ask for it.
+
+A verb is a function (asked, settings, progress) -> Result. `asked` is a `Recorded` or a `Built`: the registry, with
+the recording or the robot that it is about. What it answers is stored, and kept under the kind that its schema names.
+A verb's module loads quickly, as the help of the program needs its settings: what is heavy is imported where it runs.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from dynreg.verbs.settings import Settings, taking
+
+if TYPE_CHECKING:
+    from dynreg.registry import Registry
+    from dynreg.results import RecordingSummary, Result
+    from dynreg.sim.robot import Robot
+
+Progress = Callable[[str, int, int], None]
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True)
+class Built:
+    """A robot that a verb is asked about, and where the answer is kept."""
+
+    registry: "Registry"
+    robot: "Robot"
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One row: the function, its settings, and what it is about.
+
+    ingest : whether a log that is given by its path is registered before the verb begins, as when its answer is kept;
+    else it is registered with the answer.
+    """
+
+    run: Callable[..., Any]
+    settings: type[Settings]
+    about: Literal["recording", "robot"]
+    ingest: bool = False
+
+    @property
+    def help(self) -> str:
+        """What it does and an example, for the command line: the docstring, without what Python raises."""
+        import inspect
+
+        return inspect.getdoc(self.run).partition("\n\nRaises")[0]
+
+
+def about_recording(
+    run: Callable[..., Answer], settings: type[Settings], *, ingest: bool = False
+) -> Callable[..., Answer]:
+    """The method of a session for a verb that is asked about a recording."""
+
+    def method(
+        self,
+        recording: "str | Path | RecordingSummary",
+        *,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        progress: Progress | None = None,
+        **told: Any,
+    ) -> Answer:
+        from dynreg.verbs.subjects import recorded
+
+        chosen = settings(**told)
+        asked = recorded(self.registry, recording, robot, log_map, ingest=ingest)
+        found = run(asked, chosen, progress)
+        asked.register()
+        self.registry.put_result(kind_of(found), asked.recording.id, found.to_dict())
+        return found
+
+    return _row(method, Verb(run, settings, "recording", ingest))
+
+
+def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callable[..., Answer]:
+    """The method of a session for a verb that is asked about a robot."""
+
+    def method(self, robot: "str | Path | Robot", *, progress: Progress | None = None, **told: Any) -> Answer:
+        from dynreg.verbs.subjects import loaded_robot
+
+        chosen = settings(**told)
+        return run(Built(self.registry, loaded_robot(robot)), chosen, progress)
+
+    return _row(method, Verb(run, settings, "robot"))
+
+
+def kind_of(result: "Result") -> str:
+    """The kind under which a result is stored: the name in its schema."""
+    return type(result).model_fields["schema_"].default.split("/")[1]
+
+
+def _row(method: Callable[..., Answer], verb: Verb) -> Callable[..., Answer]:
+    """The method with the name, the help and the arguments of its verb, and the row itself as `verb`."""
+    method.__name__ = verb.run.__name__
+    method.__qualname__ = f"Session.{verb.run.__name__}"
+    method.__doc__ = verb.run.__doc__
+    method.verb = verb
+    return taking(verb.settings)(method)

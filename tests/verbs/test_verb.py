@@ -1,0 +1,69 @@
+"""Verbs as rows: a session's method has the name, the help and the arguments of its verb."""
+
+import inspect
+from dataclasses import dataclass
+
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.results import EffectsList
+from dynreg.verbs.settings import Settings, option, seed
+from dynreg.verbs.verb import about_recording, about_robot, kind_of
+
+
+@dataclass(frozen=True)
+class CountSettings(Settings):
+    """For these tests."""
+
+    rows: int = option(3, "Rows to count.", least=1)
+    seed: int = seed()
+
+
+def count(asked, settings, progress):
+    """Count rows.
+
+    Example: dynreg count monday
+
+    Raises what is not told on the command line.
+    """
+    return EffectsList(robot=f"{asked.name} {settings.rows}" if hasattr(asked, "name") else None, effects=())
+
+
+class Door:
+    """As a session."""
+
+    registry = None
+    count = about_recording(count, CountSettings)
+    counted = about_robot(count, CountSettings)
+
+
+def test_a_method_is_told_as_its_verb():
+    signature = inspect.signature(Door.count)
+    assert [*signature.parameters] == ["self", "recording", "rows", "seed", "robot", "log_map", "progress"]
+    assert [*inspect.signature(Door.counted).parameters] == ["self", "robot", "rows", "seed", "progress"]
+    assert Door.count.__doc__.startswith("Count rows.")
+    assert "rows : Rows to count." in Door.count.__doc__
+    assert Door.count.verb.help == "Count rows.\n\nExample: dynreg count monday"
+
+
+def test_the_answer_is_stored_under_its_kind_about_the_recording(registry_folder, tmp_path):
+    import shutil
+
+    from dynreg import session
+
+    shutil.copytree(registry_folder, tmp_path / "registry")
+    with session.open(tmp_path / "registry") as opened:
+        door = Door()
+        door.registry = opened.registry
+        assert door.count("bench", rows=7).robot == "bench 7"
+        identity = opened.show("bench").id
+        assert opened.registry.latest("effects", identity).document["robot"] == "bench 7"
+
+
+def test_a_setting_that_cannot_be_is_refused_before_anything_is_read():
+    with pytest.raises(UsageError, match="rows 0"):
+        Door().count("nowhere", rows=0)
+
+
+def test_the_kind_of_a_result_is_in_its_schema():
+    assert kind_of(EffectsList(effects=())) == "effects"
