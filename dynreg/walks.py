@@ -19,7 +19,6 @@ from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import YAW, X, Y, task_of
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.registry import Registry, ResultRecord
-from dynreg.registry.files import SEARCHES
 from dynreg.replay.known import known_values
 from dynreg.results import Cost, Fitness, Gait, GaitFinals, GaitGene, GaitStep, GaitTrial, Neighbours
 from dynreg.rng import stream, stream_seed
@@ -93,7 +92,7 @@ def walk(asked: Asked, settings: WalkSettings, progress: Progress | None = None)
     key = {"robot": robot.hash, "recording": asked.recording.id, "task": task.name, "simulators": chosen.ids}
     key |= {"values": trials.simulators.values.tolist(), **asdict(settings.search)}
     name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
-    journal = asked.registry.path / SEARCHES / f"{name}.jsonl"
+    journal = asked.registry.journal_path(name)
     sought = seek(
         trials, settings.search, journal=journal, resume=settings.resume, key=key, progress=progress
     )

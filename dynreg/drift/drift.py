@@ -12,8 +12,7 @@ from dynreg.data.recording import Recording
 from dynreg.drift.compared import Compared, DriftSettings, Held, compared
 from dynreg.drift.document import document
 from dynreg.errors import NoMatchError, RobotError, UsageError
-from dynreg.registry import RecordingInfo, Registry
-from dynreg.registry.files import write_file
+from dynreg.registry import RecordingInfo, Registry, write_file
 from dynreg.results import Drift
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
@@ -59,10 +58,9 @@ def stored_drift(
     if out is not None:
         write_file(Path(out), table)
         result = result.model_copy(update={"kept": True})
-    known = {info.id for info in registry.recordings()}
     registry.put_robot(robot.folder, robot.hash, robot.name)
     for recording in (earlier[0], loaded):
-        if recording.id not in known:
+        if not registry.holds(recording.id):
             registry.put_recording(recording, robot.hash)
     registry.put_result("drift", loaded.id, result.to_dict())
     return result

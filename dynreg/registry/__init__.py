@@ -2,6 +2,7 @@
 
 from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.exporting import export
+from dynreg.registry.files import write_file
 from dynreg.registry.records import (
     EntryRecord,
     PopulationArrays,
@@ -25,4 +26,5 @@ __all__ = [
     "VerifyReport",
     "export",
     "verify",
+    "write_file",
 ]

@@ -70,7 +70,7 @@ def _copy_entry(registry: Registry, copy: Registry, entry_id: str) -> None:
 
 
 def _copy_recording(registry: Registry, copy: Registry, recording_id: str) -> None:
-    (info,) = [info for info in registry.recordings() if info.id == recording_id]
+    info = registry.recording_info(recording_id)
     _copy_robot(registry, copy, info.robot_hash)
     for name in info.names or (None,):
         copy.put_recording(registry.recording(recording_id), info.robot_hash, name)

@@ -69,14 +69,17 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
     return recording
 
 
-def list_recordings(directory: Directory) -> tuple[RecordingInfo, ...]:
-    """All recordings, in the order of their last ingestion."""
-    names: dict[str, list[str]] = {}
+def list_recordings(directory: Directory, recording_id: str | None = None) -> tuple[RecordingInfo, ...]:
+    """All recordings, in the order of their last ingestion; or the one of this id, if there is one."""
+    table, named = tables.recordings, tables.recording_names
+    query = select(table.c.id, table.c.robot_hash, named.c.name).outerjoin(named)
+    if recording_id is not None:
+        query = query.where(table.c.id == recording_id)
+    names: dict[tuple[str, str], list[str]] = {}
     with directory.catalog.read() as connection:
-        for row in connection.execute(select(tables.recording_names).order_by(tables.recording_names.c.name)):
-            names.setdefault(row.recording_id, []).append(row.name)
-        rows = connection.execute(select(tables.recordings).order_by(tables.recordings.c.ordinal)).all()
-    return tuple(RecordingInfo(row.id, row.robot_hash, tuple(names.get(row.id, ()))) for row in rows)
+        for row in connection.execute(query.order_by(table.c.ordinal, named.c.name)):
+            names.setdefault((row.id, row.robot_hash), []).extend([row.name] if row.name is not None else [])
+    return tuple(RecordingInfo(*key, tuple(held)) for key, held in names.items())
 
 
 def next_ordinal(connection: Connection, table: Table) -> int:

@@ -19,6 +19,7 @@ import dynreg.registry.robots as robots
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
 from dynreg.registry.directory import Directory, open_directory, take_away
+from dynreg.registry.files import SEARCHES
 from dynreg.registry.hashes import catalog_hash
 from dynreg.registry.records import (
     EntryRecord,
@@ -153,6 +154,15 @@ class Registry:
         """Ids, robots and names of all recordings, the last ingested at the end."""
         return recordings.list_recordings(self.directory)
 
+    def recording_info(self, ref: str) -> RecordingInfo:
+        """Id, robot and names of one recording, which is not read."""
+        (info,) = recordings.list_recordings(self.directory, self._id(ref, "recording"))
+        return info
+
+    def holds(self, recording_id: str) -> bool:
+        """Whether a recording of this id is stored."""
+        return bool(recordings.list_recordings(self.directory, recording_id))
+
     def put_simulator(self, config: Mapping[str, Any]) -> str:
         """Store a simulator's configuration (plain JSON); returns the hash of its canonical form."""
         return documents.put_simulator(self.directory, dict(config))
@@ -192,6 +202,10 @@ class Registry:
     def cache(self, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
         """Keep what can be computed again; no result, so that no list and no `@last` meets it."""
         cache.put_cached(self.directory, kind, key, document)
+
+    def journal_path(self, name: str) -> Path:
+        """Where a search that has not ended keeps its journal; `name` says which search."""
+        return self.directory.path / SEARCHES / f"{name}.jsonl"
 
     def ids(self, kind: str) -> tuple[str, ...]:
         """Ids of all simulators (sorted), or of all results in the order in which they came."""

@@ -6,13 +6,13 @@ from dynreg.data.recording import Recording
 from dynreg.registry import Registry
 from dynreg.results import RecordingSummary
 from dynreg.sim.robot import Robot
-from dynreg.verbs.subjects import info_of, register
+from dynreg.verbs.subjects import register
 
 
 def ingested(registry: Registry, recording: Recording, robot: Robot, name: str | None) -> RecordingSummary:
     """Register a recording under a name, which may be left out, and say what was found in it."""
     identity = register(registry, robot, recording, name)
-    return recording_summary(identity, recording, robot.name, name or info_of(registry, identity).name)
+    return recording_summary(identity, recording, robot.name, name or registry.recording_info(identity).name)
 
 
 def recording_summary(identity: str, recording: Recording, robot: str, name: str) -> RecordingSummary:

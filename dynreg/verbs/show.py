@@ -10,7 +10,6 @@ from dynreg.errors import CorruptError, DynregError, NoMatchError
 from dynreg.registry import Registry, ResultRecord
 from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
-from dynreg.verbs.subjects import info_of
 
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
 _RESULTS = {
@@ -45,7 +44,7 @@ def _entry(registry: Registry, identity: str) -> Shown:
 
 
 def _recording(registry: Registry, identity: str) -> Shown:
-    info = info_of(registry, identity)
+    info = registry.recording_info(identity)
     robot, name = registry.robots()[info.robot_hash], next(iter(info.names), "")
     return name, robot, recording_summary(identity, registry.recording(identity), robot, name).to_dict()
 
@@ -122,8 +121,9 @@ def in_order(document: Any, names: Sequence[str]) -> Any:
 
 def _document(registry: Registry, record: ResultRecord) -> dict[str, Any]:
     """A result's document with its parameters in the robot's own order."""
-    robots = [info.robot_hash for info in registry.recordings() if info.id == record.recording_id]
-    return in_order(record.document, _parameters(registry, robots[0] if robots else None))
+    known = registry.holds(record.recording_id)
+    robot = registry.recording_info(record.recording_id).robot_hash if known else None
+    return in_order(record.document, _parameters(registry, robot))
 
 
 def _parameters(registry: Registry, robot_hash: str | None) -> tuple[str, ...]:

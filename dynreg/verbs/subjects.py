@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
-from dynreg.registry import PopulationRecord, RecordingInfo, Registry
+from dynreg.registry import PopulationRecord, Registry
 from dynreg.results import RecordingSummary
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Recorded:
 
     def register(self) -> None:
         """Keep the robot and the recording where the registry does not yet."""
-        if self.recording.id not in {info.id for info in self.registry.recordings()}:
+        if not self.registry.holds(self.recording.id):
             register(self.registry, self.robot, self.recording)
 
 
@@ -85,7 +85,7 @@ def recorded(
         if not ingest:
             return Recorded(registry, owner, loaded, loaded.id[:12])
         identity = register(registry, owner, loaded)
-    name = info_of(registry, identity).name
+    name = registry.recording_info(identity).name
     return Recorded(registry, robot_of(registry, identity), registry.recording(identity), name)
 
 
@@ -95,17 +95,11 @@ def register(registry: Registry, robot: "Robot", recording: "Recording", name: s
     return registry.put_recording(recording, robot.hash, name)
 
 
-def info_of(registry: Registry, recording: str) -> RecordingInfo:
-    """What the catalogue says of a registered recording (its id)."""
-    (info,) = [info for info in registry.recordings() if info.id == recording]
-    return info
-
-
 def robot_of(registry: Registry, recording: str) -> "Robot":
     """The robot of a registered recording (its id), from the registry's own copy."""
     from dynreg.sim.robot import load_robot
 
-    return load_robot(registry.robot_folder(info_of(registry, recording).robot_hash))
+    return load_robot(registry.robot_folder(registry.recording_info(recording).robot_hash))
 
 
 def population_for(registry: Registry, recording: str, ref: str | None) -> tuple[str, int]:
@@ -114,7 +108,7 @@ def population_for(registry: Registry, recording: str, ref: str | None) -> tuple
     Raises UsageError for one of another robot or where there are several, NoMatchError where there is none or it has
     no entries.
     """
-    info = info_of(registry, recording)
+    info = registry.recording_info(recording)
     records = registry.populations()
     if ref is not None:
         identity = registry.resolve(ref, ("population",))[1]
@@ -180,7 +174,7 @@ def _registered(
             ) from None
         return None
     if robot is not None:
-        owner = registry.robots()[info_of(registry, identity).robot_hash]
+        owner = registry.robots()[registry.recording_info(identity).robot_hash]
         asked = loaded_robot(robot).name
         if owner != asked:
             raise UsageError(

@@ -73,3 +73,15 @@ def test_there_is_no_last_recording_in_an_empty_registry(tmp_path):
         pytest.raises(NoMatchError, match="ingest"),
     ):
         registry.resolve("@last")
+
+
+def test_one_recording_is_told_without_reading_it(registry):
+    unnamed = registry.put_recording(make_recording(2), ROBOT)
+    registry.put_recording(make_recording(1), ROBOT, "again")
+    info = registry.recording_info("again")
+    assert info in registry.recordings() and info.robot_hash == ROBOT
+    assert info.names == ("again", "first run") and info.name == "again"
+    assert registry.recording_info(unnamed[:12]).name == unnamed[:12]
+    assert registry.holds(unnamed) and not registry.holds("0" * 64)
+    with pytest.raises(NoMatchError):
+        registry.recording_info("0" * 64)
