@@ -20,7 +20,8 @@ import hidden_servo
 from dynreg import session
 from dynreg.cli.main import main as dynreg
 from dynreg.cli.output import WIDTH
-from dynreg.report.words import interval, number, verdict
+from dynreg.report.neighbours import verdict
+from dynreg.report.words import interval, number
 from dynreg.results import Neighbours
 
 ROOT = Path(__file__).parents[1]

@@ -7,7 +7,6 @@ import made_up_diagnosis
 import made_up_drift
 import made_up_gait
 
-from dynreg.cli.documents import Info, LogFinding, LogFindings, ReportFile, RobotCheck, RobotLine, RobotList
 from dynreg.results import (
     Calibration,
     CalibrationStep,
@@ -17,14 +16,21 @@ from dynreg.results import (
     EntrySummary,
     Estimate,
     Gain,
+    Info,
     Listing,
+    LogFinding,
+    LogFindings,
     Neighbour,
     Neighbours,
     Nominal,
     PopulationSummary,
     RecordingSummary,
+    ReportFile,
     Result,
+    RobotCheck,
     RobotFolder,
+    RobotLine,
+    RobotList,
     Stage,
     Synthesised,
     Trace,

@@ -12,8 +12,8 @@ from dynreg.errors import LogError, taken_apart
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dynreg.cli.documents import LogFinding
     from dynreg.data.ingest import Finding
+    from dynreg.results import LogFinding
 
 
 def register(app: typer.Typer) -> None:
@@ -36,25 +36,14 @@ def doctor(
 
     Example: dynreg doctor run.mcap --robot servo_pendulum --map my_map.toml
     """
-    from dynreg.cli.documents import LogFinding, LogFindings
-    from dynreg.report.tables import table
+    from dynreg.results import LogFinding, LogFindings
 
     findings = tuple(LogFinding(**vars(f)) for f in _findings(logs, robot, log_map))
     wrong = [f for f in findings if f.severity == "error"]
     result = LogFindings(logs=tuple(map(str, logs)), robot=robot, usable=not wrong, findings=findings)
-    shown = table(("severity", "check", "where", "finding"), _rows(findings))
-    call.emit(result, shown if findings else "nothing found: the logs can be ingested")
+    call.emit(result)
     if wrong:
         raise _refused(wrong)
-
-
-def _rows(findings: "Sequence[LogFinding]") -> list[tuple[str, str, str, str]]:
-    """What is found alike in several episodes or files is one row: the first place, and how many more."""
-    places: dict[tuple[str, str, str], list[str]] = {}
-    for f in findings:
-        places.setdefault((f.severity, f.check, f.message), []).append(f.where)
-    more = {key: f" (and {len(where) - 1} more such places)" for key, where in places.items() if where[1:]}
-    return [(key[0], key[1], where[0] + more.get(key, ""), key[2]) for key, where in places.items()]
 
 
 def _refused(wrong: "Sequence[LogFinding]") -> LogError:

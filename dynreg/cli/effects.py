@@ -30,9 +30,9 @@ def effects(
 
     Example: dynreg effects servo_pendulum
     """
-    from dynreg.report.library_tables import effects_table
+    from dynreg.report.effects import tables
     from dynreg.session import Session
 
     result = Session.effects(robot)
-    shown = None if call.shared.json else effects_table(result, near)
+    shown = None if call.shared.json else tables(result, near)
     call.emit(result, shown, hint=f"dynreg trial {robot or 'ROBOT'} --effect EFFECT")

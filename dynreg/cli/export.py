@@ -2,16 +2,13 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from dynreg.cli.call import Call, verb
 from dynreg.cli.completion import stored_names
 from dynreg.errors import UsageError
-
-if TYPE_CHECKING:
-    from dynreg.results import RobotFolder
 
 
 class Form(StrEnum):
@@ -77,20 +74,7 @@ def export(
             return
         if form is Form.robot:
             folder = session.export_robot(refs[0], to)
-            call.emit(folder, _shown(folder), hint=f"dynreg robots check {to}")
+            call.emit(folder, hint=f"dynreg robots check {to}")
             return
         result = session.export(refs, to)
     call.emit(result, hint=f"dynreg list --registry {to}")
-
-
-def _shown(result: "RobotFolder") -> Any:
-    from rich.console import Group
-
-    from dynreg.report.tables import table
-
-    lines: list[Any] = [str(result)]
-    if result.effects:
-        rows = [(e.effect, ", ".join(e.parameters) or "-", "yes" if e.mjcf else "-") for e in result.effects]
-        lines.append(table(("effect", "in robot.toml", "in mujoco.xml"), rows))
-    lines += [f"note: no mujoco.xml: {result.note}"] if result.note else []
-    return Group(*lines)

@@ -15,7 +15,7 @@ def info(call: Call) -> None:
 
     Example: dynreg info
     """
-    from dynreg.cli.documents import Info
+    from dynreg.results import Info
 
     with call.open() as session:
         result = Info.model_validate(session.info())

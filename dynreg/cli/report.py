@@ -31,11 +31,11 @@ def report(
 
     Example: dynreg report @last --out monday.html
     """
-    from dynreg.cli.documents import ReportFile
     from dynreg.report.html import write_report
+    from dynreg.results import ReportFile
 
     with call.open() as session:
         result = session.result(ref)
     write_report(result, out)
     written = ReportFile(result=ref, path=str(out), bytes=out.stat().st_size)
-    call.emit(written, f"{out}: {written.bytes / 1024:.0f} KiB", hint=f"open {out} in a browser")
+    call.emit(written, hint=f"open {out} in a browser")

@@ -19,7 +19,7 @@ from dynreg.cli.completion import robot_names
 from dynreg.errors import RobotError, taken_apart
 
 if TYPE_CHECKING:
-    from dynreg.cli.documents import RobotLine
+    from dynreg.results import RobotLine
 
 
 def register(app: typer.Typer) -> None:
@@ -53,19 +53,11 @@ def list_robots(call: Call) -> None:
 
     Example: dynreg robots list
     """
-    from dynreg.cli.documents import RobotList
-    from dynreg.report.tables import table
+    from dynreg.results import RobotList
     from dynreg.sim.robot import packaged_robots
 
     result = RobotList(robots=tuple(_line(name) for name in packaged_robots()))
-    shown = table(
-        ("robot", "title", "engines", "rate [Hz]", "channels", "parameters"),
-        [
-            (r.name, r.title, ", ".join(r.engines), r.control_rate, len(r.channels), len(r.parameters))
-            for r in result.robots
-        ],
-    )
-    call.emit(result, shown, hint="dynreg populate ROBOT -n 1000")
+    call.emit(result, hint="dynreg populate ROBOT -n 1000")
 
 
 def check(
@@ -79,13 +71,13 @@ def check(
 
     Example: dynreg robots check my_arm/
     """
-    from dynreg.cli.documents import RobotCheck
+    from dynreg.results import RobotCheck
     from dynreg.sim.check import check_robot
 
     problems = tuple(check_robot(folder))
     result = RobotCheck(robot=folder, sound=not problems, problems=problems)
     hint = None if problems else f"dynreg populate {folder} -n 1000"
-    call.emit(result, "\n".join(problems) or f"{folder}: sound", hint)
+    call.emit(result, hint=hint)
     if problems:
         raise _refused(folder, problems)
 
@@ -102,7 +94,7 @@ def _refused(folder: str, problems: tuple[str, ...]) -> RobotError:
 
 
 def _line(name: str) -> "RobotLine":
-    from dynreg.cli.documents import RobotLine
+    from dynreg.results import RobotLine
     from dynreg.sim.robot import load_robot
 
     robot = load_robot(name)

@@ -4,18 +4,17 @@ import json
 import sys
 from pathlib import Path
 
-from dynreg.cli.documents import DOCUMENTS
-from dynreg.results import Result
+from dynreg.results import RESULTS, Result
 
 
 def schema_files() -> dict[str, str]:
     """{file name: text} of the JSON schemas, named like the documents' `schema`."""
-    return {f"{_name(model)}.json": _text(model) for model in DOCUMENTS}
+    return {f"{_name(model)}.json": _text(model) for model in RESULTS.values()}
 
 
 def model_of(schema: str) -> type[Result]:
     """The document type that a JSON document's `schema` names; KeyError for an unknown one."""
-    return {model.model_fields["schema_"].default: model for model in DOCUMENTS}[schema]
+    return {model.model_fields["schema_"].default: model for model in RESULTS.values()}[schema]
 
 
 def main(folder: str = "schemas") -> None:

@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from dynreg.results import Estimate
+
 WIDTH, HEIGHT = 1000.0, 100.0
 MOST_POINTS = 600
 ROOM = 14.0  # percent of an axis that a label takes on a phone
@@ -97,6 +99,11 @@ def track(
         f"{span[0]:.3g}",
         f"{span[1]:.3g}",
     )
+
+
+def estimate_track(e: Estimate, others: Iterable[float] = ()) -> Track:
+    """The track of a parameter, with the values of others as dots."""
+    return track(e.value, e.low, e.high, e.nominal, others, e.limits)
 
 
 def ruler(value: float, low: float, high: float, marks: dict[str, float]) -> Ruler:

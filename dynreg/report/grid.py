@@ -8,7 +8,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from dynreg.report.words import number
+from dynreg.report.words import interval, number
+from dynreg.results import Estimate
 
 KEPT_WHOLE = 32  # a first cell shorter than this is not broken
 _LINES = box.SIMPLE_HEAD
@@ -27,3 +28,19 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | No
     for row in rows:
         out.add_row(*(cell if isinstance(cell, str) else number(cell) for cell in row))
     return Group(Text(f"\n{title}", style="bold"), out) if title else out
+
+
+def estimate_table(parameters: dict[str, Estimate], title: str) -> RenderableType:
+    """Parameters with their intervals beside the nominal values."""
+    rows = [(name, e.nominal, interval(e), e.unit) for name, e in parameters.items()]
+    return table(("parameter", "nominal", "value [90 % interval]", "unit"), rows, title)
+
+
+def value_text(value: Any) -> str:
+    """JSON data in a cell: lists of long texts line by line."""
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {value_text(v)}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        texts = [value_text(v) for v in value]
+        return ("\n" if any(len(text) > KEPT_WHOLE for text in texts) else ", ").join(texts)
+    return number(value) if isinstance(value, float) else str(value)

@@ -1,146 +1,34 @@
-"""Frozen results: what every verb answers, with a JSON form (`schemas/`) and tables for notebooks."""
+"""Frozen results: what every verb answers, with a JSON form (`schemas/`) and tables for notebooks.
 
-from dynreg.results.calibration import Calibration, CalibrationStep
-from dynreg.results.comparison import (
-    Comparison,
-    Contender,
-    DrivenPath,
-    Errors,
-    Pace,
-    Pair,
-    Paths,
-    Spread,
-    Variance,
-    Way,
-)
-from dynreg.results.diagnosis import (
-    Cause,
-    Diagnosis,
-    DiagnosisTrace,
-    EffectEstimate,
-    Inseparable,
-    Looked,
-    Moved,
-    Noise,
-    Pulled,
-    Ranked,
-    ResidualShare,
-    Rest,
-    RolloutError,
-    Threshold,
-    Where,
-    cause_key,
-)
-from dynreg.results.drift import Drift, DriftCell, DriftPattern, FalseAlarms, Separating, Shift, Taken
-from dynreg.results.experiment import Experiment, LimitKept
-from dynreg.results.gait import Fitness, Gait, GaitFinals, GaitGene, GaitJoint, GaitStep, GaitTrial
-from dynreg.results.library import EffectRow, EffectSize, EffectsList
-from dynreg.results.neighbours import (
-    ChannelError,
-    Neighbour,
-    Neighbours,
-    Nominal,
-    Stage,
-    Synthesised,
-    Trace,
-)
-from dynreg.results.result import Cost, Estimate, Gain, Result
-from dynreg.results.robot_folder import CarriedEffect, RobotFolder
-from dynreg.results.sentence import diagnosis_sentence
-from dynreg.results.stored import EntrySummary, Listing, PopulationSummary, RecordingSummary, Verification
-from dynreg.results.trials import Confusion, Rate, TrialGroup, TrialResult, TrialTable, rate
+Each module here is one row of the table: its public names are names of this package, and those of its classes that
+have a schema of their own are in `RESULTS`.
+"""
 
-RESULTS: tuple[type[Result], ...] = (
-    Neighbours,
-    PopulationSummary,
-    RecordingSummary,
-    EntrySummary,
-    Listing,
-    Verification,
-    Calibration,
-    Diagnosis,
-    EffectsList,
-    TrialResult,
-    TrialTable,
-    Experiment,
-    RobotFolder,
-    Gait,
-    Drift,
-    Comparison,
-)
+from importlib import import_module
+from pkgutil import iter_modules
 
-__all__ = [
-    "RESULTS",
-    "Calibration",
-    "CalibrationStep",
-    "CarriedEffect",
-    "Cause",
-    "ChannelError",
-    "Comparison",
-    "Confusion",
-    "Contender",
-    "Cost",
-    "Diagnosis",
-    "DiagnosisTrace",
-    "Drift",
-    "DriftCell",
-    "DriftPattern",
-    "DrivenPath",
-    "EffectEstimate",
-    "EffectRow",
-    "EffectSize",
-    "EffectsList",
-    "EntrySummary",
-    "Errors",
-    "Estimate",
-    "Experiment",
-    "FalseAlarms",
-    "Fitness",
-    "Gain",
-    "Gait",
-    "GaitFinals",
-    "GaitGene",
-    "GaitJoint",
-    "GaitStep",
-    "GaitTrial",
-    "Inseparable",
-    "LimitKept",
-    "Listing",
-    "Looked",
-    "Moved",
-    "Neighbour",
-    "Neighbours",
-    "Noise",
-    "Nominal",
-    "Pace",
-    "Pair",
-    "Paths",
-    "PopulationSummary",
-    "Pulled",
-    "Ranked",
-    "Rate",
-    "RecordingSummary",
-    "ResidualShare",
-    "Rest",
-    "Result",
-    "RobotFolder",
-    "RolloutError",
-    "Separating",
-    "Shift",
-    "Spread",
-    "Stage",
-    "Synthesised",
-    "Taken",
-    "Threshold",
-    "Trace",
-    "TrialGroup",
-    "TrialResult",
-    "TrialTable",
-    "Variance",
-    "Verification",
-    "Way",
-    "Where",
-    "cause_key",
-    "diagnosis_sentence",
-    "rate",
-]
+from dynreg.results.result import Result
+
+
+def _public() -> dict[str, object]:
+    """{name: class or function} that the modules of this package define."""
+    homes = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+    return {
+        name: thing
+        for home in homes
+        for name, thing in vars(home).items()
+        if not name.startswith("_") and getattr(thing, "__module__", None) == home.__name__
+    }
+
+
+_PUBLIC = _public()
+globals().update(_PUBLIC)
+
+RESULTS: dict[str, type[Result]] = {
+    thing.schema_name(): thing
+    for thing in _PUBLIC.values()
+    if isinstance(thing, type) and issubclass(thing, Result) and thing.schema_name()
+}
+"""{name in its schema, such as "neighbours": class} of everything that a command answers."""
+
+__all__ = sorted(("RESULTS", *_PUBLIC))  # noqa: PLE0605

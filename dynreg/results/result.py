@@ -12,6 +12,12 @@ class Result(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="null", populate_by_name=True)
 
+    @classmethod
+    def schema_name(cls) -> str:
+        """`neighbours` where its schema is "dynreg/neighbours/1"; "" of a part, which has no schema of its own."""
+        field = cls.model_fields.get("schema_")
+        return field.default.split("/")[1] if field else ""
+
     def to_json(self, indent: int | None = None) -> str:
         """The JSON document of the result, as its schema says; numbers that are not finite become null."""
         return json.dumps(self.to_dict(), indent=indent)

@@ -81,3 +81,24 @@ class Verification(Result):
 
     def rows(self) -> list[dict[str, Any]]:
         return [{"fault": f} for f in self.faults]
+
+
+class ReportFile(Result):
+    """A report that was written."""
+
+    schema_: Literal["dynreg/report/1"] = Field(default="dynreg/report/1", alias="schema")
+    result: str
+    path: str
+    bytes: int
+
+
+class Info(Result):
+    """Versions, device, and what the registry holds (counts by kind, simulators of all populations)."""
+
+    schema_: Literal["dynreg/info/1"] = Field(default="dynreg/info/1", alias="schema")
+    registry: str
+    holds: dict[str, int]
+    entries: int
+    versions: dict[str, str]
+    device: str
+    cores: int

@@ -12,15 +12,6 @@ from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
 
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
-_RESULTS = {
-    "neighbours": results.Neighbours,
-    "calibration": results.Calibration,
-    "diagnosis": results.Diagnosis,
-    "trials": results.TrialTable,
-    "gait": results.Gait,
-    "drift": results.Drift,
-    "comparison": results.Comparison,
-}
 
 
 def summary(registry: Registry, kind: str, identity: str) -> results.EntrySummary:
@@ -88,14 +79,14 @@ def stored_result(registry: Registry, ref: str) -> results.Result:
     else:
         kind, identity = registry.resolve(ref, ("result", "recording"))
         record = registry.result(identity) if kind == "result" else registry.latest(None, identity)
-    if record.kind not in _RESULTS:
+    if record.kind not in results.RESULTS:
         raise NoMatchError(
             f"result {ref!r} is of kind {record.kind!r}",
-            expected=f"one of {sorted(_RESULTS)}",
+            expected=f"one of {sorted(results.RESULTS)}",
             do="name another",
         )
     try:
-        return _RESULTS[record.kind].model_validate(_document(registry, record))
+        return results.RESULTS[record.kind].model_validate(_document(registry, record))
     except ValidationError as problem:
         first = problem.errors()[0]
         raise CorruptError(

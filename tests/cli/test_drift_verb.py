@@ -10,7 +10,7 @@ import pytest
 from dynreg.cli.schemas import model_of
 from dynreg.drift.compared import DriftSettings
 from dynreg.errors import NoMatchError
-from dynreg.report.drift_tables import command
+from dynreg.report.drift import command
 from dynreg.results import Drift
 
 

@@ -14,7 +14,7 @@ from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
-from dynreg.report.diagnosis_words import rest_words
+from dynreg.report.diagnosis.words import rest_words
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 

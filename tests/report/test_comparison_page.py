@@ -5,7 +5,7 @@ import re
 import made_up_comparison
 import pytest
 
-from dynreg.report.comparison_page import comparison_page
+from dynreg.report.comparison import page as comparison_page
 from dynreg.report.html import page
 from dynreg.report.plan import MARGIN, SIZE, plan
 

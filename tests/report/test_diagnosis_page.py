@@ -6,7 +6,8 @@ import made_up_diagnosis
 import pytest
 from test_html import words
 
-from dynreg.report.diagnosis_page import REGIMES, diagnosis_page
+from dynreg.report.diagnosis.drawn import REGIMES
+from dynreg.report.diagnosis.drawn import page as diagnosis_page
 from dynreg.report.drawing import ROOM, ruler
 from dynreg.report.html import page
 from dynreg.results import Where

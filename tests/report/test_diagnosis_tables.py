@@ -4,7 +4,7 @@ import made_up_diagnosis
 import pytest
 from test_tables import text_of
 
-from dynreg.report.diagnosis_words import (
+from dynreg.report.diagnosis.words import (
     diagnosis_steps,
     noise_words,
     size_word,
@@ -147,11 +147,11 @@ def test_the_library_shows_what_fits_and_why_the_rest_does_not() -> None:
 
 def test_near_effects_are_told_when_asked() -> None:
     from dynreg.cli.output import console
-    from dynreg.report.library_tables import effects_table
+    from dynreg.report.effects import tables
 
     out = console()
     with out.capture() as captured:
-        out.print(effects_table(made_up_diagnosis.effects_list(), near=True))
+        out.print(tables(made_up_diagnosis.effects_list(), near=True))
     assert "stribeck_friction" in captured.get()
     assert "stribeck_friction" not in flat(made_up_diagnosis.effects_list())
 

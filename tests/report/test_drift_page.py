@@ -5,8 +5,8 @@ import re
 import made_up_drift
 import pytest
 
-from dynreg.report.drift_page import drift_page
-from dynreg.report.drift_tables import cells
+from dynreg.report.drift import cells
+from dynreg.report.drift import page as drift_page
 from dynreg.report.html import page
 
 

@@ -2,7 +2,7 @@
 
 import made_up_gait
 
-from dynreg.report.gait_page import best_so_far, gait_page
+from dynreg.report.gait import best_so_far, page
 from dynreg.results import GaitStep
 
 
@@ -14,9 +14,9 @@ def test_the_best_value_rises_in_stairs_and_begins_with_the_first_gait() -> None
 
 
 def test_feet_are_those_of_the_first_simulator_in_which_it_stood() -> None:
-    page = gait_page(made_up_gait.gait(fell=True))
-    (foot, spans), *_ = page["steps"]
+    drawn = page(made_up_gait.gait(fell=True))
+    (foot, spans), *_ = drawn["steps"]
     assert foot == "fl_foot" and len(spans) == 2
     left, width = spans[0]  # 0 to 1.5 s of 1 to 4 s
     assert left == 0.0 and abs(width - 100 * 0.5 / 3.0) < 1e-9
-    assert len(page["ways"]) == 3 and len(page["joints"]) == 2
+    assert len(drawn["ways"]) == 3 and len(drawn["joints"]) == 2

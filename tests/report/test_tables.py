@@ -6,8 +6,9 @@ import made_up_results
 import pytest
 
 from dynreg.cli.output import console
-from dynreg.report.tables import render, table
-from dynreg.report.words import next_steps, verdict
+from dynreg.report.grid import table
+from dynreg.report.neighbours import next_steps, verdict
+from dynreg.report.tables import render
 from dynreg.results import Gain, Result
 
 

@@ -1,18 +1,21 @@
-"""A comparison of models as rich tables."""
+"""The room of a comparison of models: its words, its tables and its page."""
 
 from collections.abc import Iterator
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from dynreg.report.grid import table
+from dynreg.report.plan import Plan, plan
 from dynreg.report.words import count
-from dynreg.results import Comparison, Spread
+from dynreg.results import Comparison, DrivenPath, Spread
 
 DIRECTIONS = {"dx": "to the side", "dy": "ahead", "dtheta": "turned"}
+STYLES = 8  # of models' lines on the page: beyond them they begin again
 
 
-def comparison_tables(result: Comparison) -> RenderableType:
+def tables(result: Comparison) -> RenderableType:
     """Errors by axis, which of them differ, ends of paths and times."""
     parts = result.parts
     return Group(
@@ -108,3 +111,48 @@ def _pace_table(result: Comparison) -> RenderableType:
         "made in [s]",
     )
     return table(columns, rows, "time for a command")
+
+
+def page(result: Comparison) -> dict[str, Any]:
+    """The template's variables."""
+    styles = {name: f"model-{i % STYLES}" for i, name in enumerate(result.names)}
+    return {
+        "result": result,
+        "title": f"{result.recording_name} · models of {result.robot}",
+        "verdict": str(result),
+        "directions": DIRECTIONS,
+        "styles": styles,
+        "bars": _bars(result),
+        "ends": _ends(result),
+        "plans": [p for p in (_plan(path, styles) for path in result.driven) if p is not None],
+        "chance": chance,
+        "ratio": ratio,
+    }
+
+
+def _bars(result: Comparison) -> list[dict[str, Any]]:
+    """For each axis the models' mean errors, in percent of the largest."""
+    errors = result.errors
+    out = []
+    for whole in errors.variance:
+        found = {name: errors.models[name][whole.axis] for name in result.names}
+        largest = max(s.mean for s in found.values()) or 1.0
+        unit = next(iter(found.values())).unit
+        rows = [(name, s, 100 * s.mean / largest) for name, s in found.items()]
+        out.append({"axis": whole.axis, "unit": unit, "whole": whole, "rows": rows})
+    return out
+
+
+def _ends(result: Comparison) -> list[tuple[str, Any, float]]:
+    """(model, error at the end of paths, percent of the largest mean)."""
+    if result.paths is None:
+        return []
+    found = {name: result.paths.models[name] for name in result.names}
+    largest = max(s.mean for s in found.values()) or 1.0
+    return [(name, s, 100 * s.mean / largest) for name, s in found.items()]
+
+
+def _plan(path: DrivenPath, styles: dict[str, str]) -> Plan | None:
+    title = f"episode {path.episode}, from {path.begin:.1f} s, {path.seconds:.1f} s long"
+    ways = [("measured", path.measured), *((style, path.models[name]) for name, style in styles.items())]
+    return plan(title, [(style, (way.x, way.y)) for style, way in ways])

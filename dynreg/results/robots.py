@@ -1,4 +1,4 @@
-"""The answer of `export --as robot`: a simulator as a robot folder."""
+"""Robots: those that come with dynreg, what is wrong with a folder, a simulator as a folder of its own."""
 
 from typing import Any, Literal
 
@@ -40,3 +40,32 @@ class RobotFolder(Result):
 
     def __str__(self) -> str:
         return f"simulator {self.simulator[:12]} of {self.robot} as robot {self.name}, in {self.folder}"
+
+
+class RobotLine(Result):
+    """A packaged robot."""
+
+    name: str
+    title: str
+    engines: tuple[str, ...]
+    control_rate: float | None
+    channels: tuple[str, ...]
+    actions: tuple[str, ...]
+    settings: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+
+class RobotList(Result):
+    """The robots that come with dynreg."""
+
+    schema_: Literal["dynreg/robots/1"] = Field(default="dynreg/robots/1", alias="schema")
+    robots: tuple[RobotLine, ...]
+
+
+class RobotCheck(Result):
+    """What is wrong with a robot folder; nothing where it can be simulated."""
+
+    schema_: Literal["dynreg/robot_check/1"] = Field(default="dynreg/robot_check/1", alias="schema")
+    robot: str
+    sound: bool
+    problems: tuple[str, ...]

@@ -1,11 +1,14 @@
-"""A drift as rich tables, and what it says in words."""
+"""The room of a drift: its words, its tables and its page, a map of cells for each axis."""
 
 import math
 import shlex
+from dataclasses import dataclass
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from dynreg.report.drawing import Tick, ticks
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
 from dynreg.results import Drift, DriftCell, Shift, Taken
@@ -13,9 +16,10 @@ from dynreg.results import Drift, DriftCell, Shift, Taken
 SHOWN = 12  # cells
 UNITS = {"m": ("mm", 1000.0), "rad": ("deg", math.degrees(1.0))}  # as people read them
 AXES = {"dx": "to the right", "dy": "ahead", "dtheta": "turned left"}
+SHADES = (1.0, 2.0, 3.5, 6.0)  # standard errors from which on a colour is a shade darker
 
 
-def drift_tables(result: Drift) -> RenderableType:
+def tables(result: Drift) -> RenderableType:
     """Its patterns, what moved most, and how often the test errs."""
     moved = result.moved
     title = f"{count(len(moved), 'cell')} moved" + (f", the {SHOWN} strongest" if len(moved) > SHOWN else "")
@@ -131,3 +135,71 @@ def command(result: Drift) -> str:
     words += [word for flag, value, usual in asked if value != usual for word in (flag, f"{value!r}")]
     words += ["--welch"] * (result.test == "welch") + ["--no-fdr"] * (not result.together)
     return shlex.join(words)
+
+
+@dataclass(frozen=True)
+class Square:
+    """One cell on a map of 0 to 100 on both sides: its corner, its shade (-4 to 4), and what it says."""
+
+    x: float
+    y: float
+    shade: int
+    rejected: bool
+    label: str
+
+
+@dataclass(frozen=True)
+class Map:
+    """The shifts on one axis: a square for each cell that was tested, `size` wide."""
+
+    title: str
+    size: float
+    squares: tuple[Square, ...]
+    ticks: tuple[Tick, ...]
+
+
+def page(result: Drift) -> dict[str, Any]:
+    """The template's variables."""
+    return {
+        "result": result,
+        "title": f"{result.recording_name} · drift of {result.robot}",
+        "verdict": str(result),
+        "maps": [_map(result, axis, name) for axis, name in AXES.items()] if result.cells else [],
+        "shades": range(1, len(SHADES) + 1),
+        "bounds": SHADES,
+        "strongest": [(c, cells(c)) for c in result.moved[:SHOWN]],
+        "columns": [f"{name} [{shown_unit(result, axis)}]" for axis, name in AXES.items()]
+        if result.cells
+        else [],
+        "errors": errors(result),
+        "taken": [taken(result.earlier), taken(result.recent)],
+        "steps": steps(result),
+    }
+
+
+def _map(result: Drift, axis: str, name: str) -> Map:
+    span = result.high - result.low
+    size = 100.0 / result.grid
+    squares = []
+    for c in result.cells:
+        if axis not in c.shifts:
+            continue
+        shift = c.shifts[axis]
+        size_of_it = sum(abs(shift.sigmas) >= bound for bound in SHADES)
+        squares.append(
+            Square(
+                100.0 * (c.left - result.low) / span - size / 2,
+                100.0 * (result.high - c.right) / span - size / 2,
+                size_of_it if shift.sigmas > 0 else -size_of_it,
+                shift.rejected,
+                f"left {c.left:+.3f}, right {c.right:+.3f} m/s: {cell(shift)} {shown_unit(result, axis)}"
+                f" ({shift.sigmas:+.1f})",
+            )
+        )
+    places = ticks(result.low, result.high, 4)
+    return Map(
+        name,
+        size,
+        tuple(squares),
+        tuple(Tick(round(100.0 * (at - result.low) / span, 2), f"{at:g}") for at in places),
+    )

@@ -1,11 +1,11 @@
-"""The library of effects, and an experiment, as text."""
+"""The room of the library of effects."""
 
-from rich.console import Group, RenderableType
+from rich.console import Group
 from rich.text import Text
 
 from dynreg.report.grid import table
 from dynreg.report.words import number
-from dynreg.results import EffectSize, EffectsList, Experiment
+from dynreg.results import EffectSize, EffectsList
 
 PER = {
     "torque": ("tau", "the drive's torque limit"),
@@ -19,7 +19,7 @@ PER = {
 }
 
 
-def effects_table(result: EffectsList, near: bool = False) -> Group:
+def tables(result: EffectsList, near: bool = False) -> Group:
     """What each effect is and how large, what nothing usual tells apart; `near`: also what the right commands do."""
     fitting = [e for e in result.effects if e.applies is not False]
     rows = [(e.id, e.acts_on, e.title, _size(e.parameters[0]) if e.parameters else "-") for e in fitting]
@@ -40,19 +40,6 @@ def effects_table(result: EffectsList, near: bool = False) -> Group:
     lacking = [(e.id, e.why_not or "") for e in result.effects if e.applies is False]
     if lacking:
         parts.append(table(("effect", "why not"), lacking, f"not on {result.robot}"))
-    return Group(*parts)
-
-
-def experiment_table(result: Experiment) -> Group:
-    """How well it separates, and what it uses of the robot's limits."""
-    usual = (
-        "" if result.usual is None else f"; the usual commands of that length: {number(result.usual)} nats"
-    )
-    parts: list[RenderableType] = [Text(str(result) + usual, style="bold")]
-    if result.limits:
-        rows = [(k.name, k.low, k.high, k.least, k.most, k.unit) for k in result.limits]
-        parts.append(table(("limit", "low", "high", "least used", "most used", "unit"), rows))
-    parts += [Text(f"note: {result.note}")] if result.note else []
     return Group(*parts)
 
 

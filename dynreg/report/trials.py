@@ -1,4 +1,6 @@
-"""Trials as text."""
+"""The room of trials: their words, their tables and their page."""
+
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -11,9 +13,11 @@ LISTED = 12  # as many trials are listed one by one
 SIZES = ("weak", "medium", "strong")
 
 
-def trials_table(result: TrialTable) -> Group:
+def tables(result: TrialTable | TrialResult) -> RenderableType:
     """The rates, by effect, what was taken for what, and a few trials one by one."""
-    parts: list[RenderableType] = [Text(trials_verdict(result), style="bold")]
+    if isinstance(result, TrialResult):
+        return _rows((result,), f"one trial on {result.robot}")
+    parts: list[RenderableType] = [Text(verdict(result), style="bold")]
     parts.append(table(("", "", "90 % interval"), [(n, *rate_cells(r)) for n, r in rates(result)], "rates"))
     rows = [
         (g.hidden or "nothing", g.trials, *rate_cells(g.right), g.in_set.hits if g.in_set else None)
@@ -31,12 +35,7 @@ def trials_table(result: TrialTable) -> Group:
     return Group(*parts)
 
 
-def trial_table(result: TrialResult) -> RenderableType:
-    """One trial."""
-    return _rows((result,), f"one trial on {result.robot}")
-
-
-def trials_verdict(result: TrialTable) -> str:
+def verdict(result: TrialTable) -> str:
     """The rates in a sentence."""
     said = []
     if result.right:
@@ -84,6 +83,31 @@ def figures(result: TrialTable) -> str:
         ("{} s a diagnosis", result.seconds_median),
     ]
     return "; ".join(text.format(number(value)) for text, value in known if value is not None)
+
+
+def page(result: TrialTable) -> dict[str, Any]:
+    """The template's variables."""
+    return {
+        "result": result,
+        "title": f"{result.robot} · trials",
+        "verdict": verdict(result),
+        "rates": [_bar(name, r) for name, r in rates(result)],
+        "groups": [_bar(g.hidden or "nothing", g.right) for g in result.by_effect],
+        "confusions": [(c.hidden or "nothing", said_instead(c), c.count) for c in result.confusions],
+        "figures": figures(result),
+    }
+
+
+def _bar(name: str, rate: Rate) -> dict[str, Any]:
+    hits, interval = rate_cells(rate)
+    return {
+        "name": name,
+        "hits": hits,
+        "interval": interval,
+        "value": 100 * rate.value,
+        "left": 100 * rate.low,
+        "width": max(100 * (rate.high - rate.low), 0.8),
+    }
 
 
 def _rows(trials: tuple[TrialResult, ...], title: str) -> RenderableType:

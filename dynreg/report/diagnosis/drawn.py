@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from dynreg.report.diagnosis_tables import gain_cell
-from dynreg.report.diagnosis_words import (
+from dynreg.report.diagnosis.words import (
     PART,
     VERDICTS,
     diagnosis_steps,
+    gain_cell,
     noise_words,
     rest_words,
     size_word,
@@ -16,7 +16,7 @@ from dynreg.report.diagnosis_words import (
     told_by,
     unsaid,
 )
-from dynreg.report.drawing import Chart, chart, ruler, track
+from dynreg.report.drawing import Chart, chart, estimate_track, ruler
 from dynreg.report.words import number
 from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
 from dynreg.results.sentence import times
@@ -27,7 +27,7 @@ FEW_CHANNELS = 3  # as many stand side by side on a phone
 SIMULATORS = ("nominal", "calibrated", "extended")
 
 
-def diagnosis_page(result: Diagnosis) -> dict[str, Any]:
+def page(result: Diagnosis) -> dict[str, Any]:
     """The template's variables."""
     return {
         "result": result,
@@ -45,10 +45,7 @@ def diagnosis_page(result: Diagnosis) -> dict[str, Any]:
         "errors": [_error_bars(e) for e in (result.errors or (result.error,))[:SHOWN_CHANNELS]],
         "more_errors": max(0, len(result.errors) - SHOWN_CHANNELS),
         "compared": [s for s in SIMULATORS if getattr(result.error, s) is not None],
-        "tracks": {
-            name: track(e.value, e.low, e.high, e.nominal, (), e.limits)
-            for name, e in result.parameters.items()
-        },
+        "tracks": {name: estimate_track(e) for name, e in result.parameters.items()},
         "noise": noise_words(result.noise),
         "rests": _rests(result),
         "unsaid": unsaid(result),

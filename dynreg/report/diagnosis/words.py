@@ -1,7 +1,7 @@
 """What a diagnosis says, does not say and asks for, in sentences."""
 
 from dynreg.report.words import count, number
-from dynreg.results import Cause, Diagnosis, EffectEstimate, Inseparable, Noise, Ranked
+from dynreg.results import Cause, Diagnosis, EffectEstimate, Gain, Inseparable, Noise, Ranked
 from dynreg.results.sentence import times
 
 FLOORS = {
@@ -55,6 +55,15 @@ def size_word(e: EffectEstimate) -> str:
     larger = (lambda size: abs(e.value) <= size) if strong < weak else (lambda size: abs(e.value) >= size)
     names = (("strong", strong), ("medium", medium), ("weak", weak))
     return next((name for name, size in names if larger(size)), "below weak")
+
+
+def gain_cell(gain: Gain | None) -> str:
+    """A gain with its interval in percent."""
+    if gain is None:
+        return "-"
+    if gain.low is None or gain.high is None:
+        return f"{100 * gain.value:.0f} %"
+    return f"{100 * gain.value:.0f} [{100 * gain.low:.0f}, {100 * gain.high:.0f}] %"
 
 
 def noise_words(noise: Noise | None) -> str:

@@ -3,9 +3,10 @@
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from dynreg.report.diagnosis_words import (
+from dynreg.report.diagnosis.words import (
     PART,
     diagnosis_steps,
+    gain_cell,
     noise_words,
     rest_words,
     size_word,
@@ -15,13 +16,13 @@ from dynreg.report.diagnosis_words import (
 )
 from dynreg.report.grid import table
 from dynreg.report.words import interval, number
-from dynreg.results import Diagnosis, Gain
+from dynreg.results import Diagnosis
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8
 
 
-def diagnosis_tables(result: Diagnosis) -> Group:
+def tables(result: Diagnosis) -> Group:
     """Verdict, causes, ranking, parameters, error, what is left, and what to do next."""
     parts: list[RenderableType] = [Text(result.sentence, style="bold")]
     if result.causes:
@@ -60,15 +61,6 @@ def _causes(result: Diagnosis) -> RenderableType:
         "size",
     )
     return table(columns, rows, "causes (gain: of the error on the test part)")
-
-
-def gain_cell(gain: Gain | None) -> str:
-    """A gain with its interval in percent."""
-    if gain is None:
-        return "-"
-    if gain.low is None or gain.high is None:
-        return f"{100 * gain.value:.0f} %"
-    return f"{100 * gain.value:.0f} [{100 * gain.low:.0f}, {100 * gain.high:.0f}] %"
 
 
 def _ranking(result: Diagnosis, number_of_round: int) -> RenderableType:

@@ -1,0 +1,6 @@
+"""The room of a diagnosis: its words, its tables and its page."""
+
+from dynreg.report.diagnosis.drawn import page
+from dynreg.report.diagnosis.text import tables
+
+__all__ = ["page", "tables"]

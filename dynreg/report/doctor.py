@@ -1,0 +1,18 @@
+"""The room of the checks on logs."""
+
+from rich.console import RenderableType
+
+from dynreg.report.grid import table
+from dynreg.results import LogFindings
+
+
+def tables(result: LogFindings) -> RenderableType:
+    """The findings; what is found alike in several episodes or files is one row: the first place, and how many more."""
+    if not result.findings:
+        return "nothing found: the logs can be ingested"
+    places: dict[tuple[str, str, str], list[str]] = {}
+    for f in result.findings:
+        places.setdefault((f.severity, f.check, f.message), []).append(f.where)
+    more = {key: f" (and {len(where) - 1} more such places)" for key, where in places.items() if where[1:]}
+    rows = [(key[0], key[1], where[0] + more.get(key, ""), key[2]) for key, where in places.items()]
+    return table(("severity", "check", "where", "finding"), rows)

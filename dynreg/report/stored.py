@@ -1,0 +1,96 @@
+"""The room of what a registry holds and of what was done to it."""
+
+from functools import singledispatch
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from dynreg.report.grid import table, value_text
+from dynreg.report.words import count, number
+from dynreg.results import (
+    EntrySummary,
+    Listing,
+    PopulationSummary,
+    RecordingSummary,
+    ReportFile,
+    Result,
+    Verification,
+)
+
+
+@singledispatch
+def tables(result: Result) -> RenderableType:
+    """The tables of a summary, by its kind."""
+    raise TypeError(type(result).__name__)
+
+
+@tables.register
+def _population(result: PopulationSummary) -> Group:
+    text = (
+        f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned}"
+        f" simulators, {result.added} added in {result.seconds:.1f} s"
+    )
+    spent = [
+        ("simulate", result.simulate_seconds),
+        ("train", result.train_seconds),
+        ("link", result.link_seconds),
+    ]
+    return Group(Text(text, style="bold"), table(("step", "time [s]"), spent))
+
+
+@tables.register
+def _recording(result: RecordingSummary) -> Group:
+    kind = "measured" if result.measured else "simulated"
+    rate = "uneven times" if result.rate is None else f"{number(result.rate)} Hz"
+    text = (
+        f"{result.name} ({result.recording[:12]}): {kind} recording of {result.robot},"
+        f" {count(result.episodes, 'episode')}, {result.rows_count} rows, {result.duration:.1f} s, {rate}"
+    )
+    lines = [f"channels: {', '.join(result.channels)}"]
+    lines += [f"settings: {', '.join(result.settings)}"] if result.settings else []
+    return Group(Text(text, style="bold"), *map(Text, lines), *(Text(f"- {f}") for f in result.findings))
+
+
+@tables.register
+def _listing(result: Listing) -> RenderableType:
+    if not result.items:
+        return Text(f"{result.registry}: nothing yet")
+    rows = [(i.id[:12], i.kind, i.name or "-", i.robot, _short(i.detail)) for i in result.items]
+    return table(("id", "kind", "name", "robot", "detail"), rows, result.registry)
+
+
+@tables.register
+def _entry(result: EntrySummary) -> RenderableType:
+    head = {"id": result.id, "kind": result.kind, "name": result.name, "robot": result.robot}
+    told = {"schema", "robot_name", result.kind, *head}  # a detail may say again what the head says
+    rows = [(key, value) for key, value in head.items() if value]
+    for key, value in result.detail.items():
+        if key in told or value in (None, "", [], {}):
+            continue
+        if isinstance(value, dict):
+            rows.append((key, ""))
+            rows += [(f"  {name}", value_text(part)) for name, part in value.items()]
+        else:
+            rows.append((key, value_text(value)))
+    return table(("", ""), rows)
+
+
+@tables.register
+def _verification(result: Verification) -> Group:
+    counts = ", ".join(f"{what} {how_many}" for what, how_many in result.checked.items())
+    state = "sound" if result.clean else count(len(result.faults), "fault")
+    lines = [f"- {fault}" for fault in result.faults] + [f"mended: {done}" for done in result.repaired]
+    lines += [f"lost: {what}" for what in result.lost]
+    return Group(Text(f"{result.registry}: {state} ({counts})", style="bold"), *map(Text, lines))
+
+
+@tables.register
+def _report(result: ReportFile) -> str:
+    return f"{result.path}: {result.bytes / 1024:.0f} KiB"
+
+
+def _short(detail: dict[str, Any]) -> str:
+    return ", ".join(
+        f"{k} {value_text(v)}" for k, v in detail.items() if not isinstance(v, dict | list | tuple)
+    )
