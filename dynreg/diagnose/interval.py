@@ -24,8 +24,8 @@ from dynreg.diagnose.fit import bounds, information, objective, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem, mean_squares
 from dynreg.rng import stream
+from dynreg.sim.engine import ENGINES
 
-VECTORISED = ("joint", "kinematic", "unicycle")  # engines on which a thousand draws take a second
 NINETY = (0.05, 0.95)
 ROUNDS = 6  # of proposals, each made of what the last ones found, the first of the curvature,
 DRAWS = 150  # in each
@@ -95,8 +95,8 @@ def _vectorised(problem: Problem) -> str | None:
 
     Moved alone, joints of a chain or on the ground are another robot.
     """
-    others = problem.robot.file.robot.engines if len(problem.robot.actions) == 1 else ()
-    return next((e for e in (problem.running, *others) if e in VECTORISED), None)
+    others = problem.robot.engines if len(problem.robot.actions) == 1 else ()
+    return next((name for name in (problem.running, *others) if ENGINES[name].vectorised), None)
 
 
 def _posterior(problem: Problem, point: Point, chosen: np.ndarray, fast: bool, seed: int) -> Posterior:

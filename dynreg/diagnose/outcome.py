@@ -130,7 +130,7 @@ def outcome(
         ),
         calibrated_simulator=ids["calibrated"],
         extended_simulator=ids.get("extended"),
-        engine=settings.engine or robot.file.robot.engines[0],
+        engine=robot.running(settings.engine),
         seed=settings.seed,
         cost=Cost(
             evaluations=0,

@@ -10,12 +10,12 @@ from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
+from dynreg.sim.engine import ENGINES
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 FLOOR = 0.25  # of the stated sensor noise variance: no residual counts as smaller
-FINER = {"mujoco": 8, "joint": 4}  # times finer time steps tell what those of the model get wrong
-FINER_STANDING = 4  # of a floating base on its feet, whose slips a finer one tells no better;
+FINER_STANDING = 4  # times, of a floating base on its feet, whose slips a finer one tells no better;
 SLOPING = 2  # times as long a step as that is fine enough for their derivatives
 SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance
 MOST = 0.5  # of the spread: a larger difference is chaos, no error of first order
@@ -89,7 +89,7 @@ class Problem:
     @property
     def running(self) -> str:
         """The engine that rollouts run on."""
-        return self.engine or self.robot.file.robot.engines[0]
+        return self.robot.running(self.engine)
 
     @property
     def stands(self) -> bool:
@@ -111,12 +111,12 @@ class Problem:
     @property
     def coarse(self) -> bool:
         """Whether the engine's integrator is so coarse that its time step misleads the search."""
-        return self.running == "mujoco"
+        return ENGINES[self.running].coarse
 
     @property
     def finer(self) -> int:
         """How many times finer the time step is that tells what the model's gets wrong; 1 where none is needed."""
-        return FINER_STANDING if self.stands and self.coarse else FINER.get(self.running, 1)
+        return FINER_STANDING if self.stands and self.coarse else ENGINES[self.running].finer
 
     @cached_property
     def _finer(self) -> Robot:

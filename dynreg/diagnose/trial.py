@@ -240,8 +240,8 @@ def _jobs(robot: Robot, settings: TrialSettings) -> list[tuple[tuple[Term, ...],
 
 def _truth_engine(robot: Robot, settings: TrialSettings) -> str | None:
     """Another engine than the diagnosis runs on, where the robot has one."""
-    mine = settings.engine or robot.file.robot.engines[0]
-    others = [e for e in robot.file.robot.engines if e != mine]
+    mine = robot.running(settings.engine)
+    others = [e for e in robot.engines if e != mine]
     return others[0] if others else mine
 
 

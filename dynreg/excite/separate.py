@@ -39,8 +39,8 @@ class Pair:
     @property
     def engine(self) -> str:
         """The fastest one that the robot offers: both hypotheses run on it."""
-        offered = self.robot.file.robot.engines
-        return "joint" if "joint" in offered else offered[0]
+        quick = (name for name, engine in self.robot.engines.items() if engine.vectorised)
+        return next(quick, self.robot.running())
 
     @cached_property
     def coordinates(self) -> Coordinates:

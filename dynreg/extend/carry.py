@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.sim.effects import Effect, Term, Terms
 from dynreg.sim.engines.acting import acting, configure_terms
-from dynreg.sim.engines.mujoco_engine import configure
+from dynreg.sim.engines.mujoco_model import configure
 from dynreg.sim.fields import names_of
 from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot

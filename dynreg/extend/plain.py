@@ -36,7 +36,7 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     """
     if robot.planar:
         raise RobotError(
-            f"MuJoCo does not move the robot: its engine is {robot.file.robot.engines[0]}",
+            f"MuJoCo does not move the robot: its engine is {robot.running()}",
             expected="joints",
             do="use robot.toml",
         )

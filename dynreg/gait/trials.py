@@ -12,13 +12,14 @@ from dynreg.gait.tasks import Task
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Term, Terms
+from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk, motor_noise
 
 if TYPE_CHECKING:
     from mujoco import MjModel
 
-    from dynreg.sim.engines.mujoco_engine import Arena
+    from dynreg.sim.engines.arena import Arena
 
 LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which a sine is none
 
@@ -71,9 +72,9 @@ class Trials:
         threads: int = 0,
         noise: np.ndarray | None = None,
     ):
-        if "mujoco" not in robot.file.robot.engines:
+        if not any(engine.contacts for engine in robot.engines.values()):
             raise RobotError(
-                f"robot {robot.name!r} has no engine 'mujoco'",
+                f"robot {robot.name!r} has no engine {' or '.join(map(repr, engines_with('contacts')))}",
                 expected="walking robots to name it in robot.toml",
                 do="add it to `engines`",
             )
@@ -155,7 +156,7 @@ class Trials:
         )
 
     def _arena(self, run: Run) -> "Arena":
-        from dynreg.sim.engines.mujoco_engine import Arena
+        from dynreg.sim.engines.arena import Arena
 
         return Arena(
             self.robot,

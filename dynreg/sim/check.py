@@ -47,7 +47,7 @@ def problems(robot: Robot) -> list[str]:
         robot.model  # noqa: B018 (compiles it)
     except DynregError as problem:
         return [str(problem)]
-    engines = robot.file.robot.engines
+    engines = [*robot.engines]
     names = _once(_names(robot), engines)
     found = [*names, *_declared(robot), *_timing(robot), *unit_problems(robot)]
     if names:
@@ -78,7 +78,7 @@ def _names(robot: Robot) -> Iterator[tuple[str | None, str]]:
             f"[reset] keyframe {keyframe!r} is not in the model; expected one of {keyframes}; correct it",
         )
         robot = _with(robot, reset=robot.file.reset.model_copy(update={"keyframe": None}))
-    for engine in robot.file.robot.engines:
+    for engine in robot.engines:
         good: dict[str, list] = {"channels": [], "actions": []}
         for group in ("actions", "channels"):
             for table in getattr(robot.file, group):

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from dynreg.errors import RobotError, SimulationError
+from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import PORT_KEYS, Assignment, combine, matching
 
@@ -156,8 +157,9 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     if "velocity" in ports.types:
         raise SimulationError(
             f"the drive of action {ports.actions[ports.types.index('velocity')]!r} is of type 'velocity'",
-            expected="a drive that becomes a torque: velocity drives are those of the kinematic and unicycle engines",
-            do='set engines = ["kinematic"], or correct the drive',
+            expected="a drive that becomes a torque: velocity drives are those of the "
+            f"{' and '.join(engines_with('planar'))} engines",
+            do=f'set engines = ["{engines_with("planar")[0]}"], or correct the drive',
         )
     position, torque, duty = (types == t for t in ("position", "torque", "duty_servo"))
     motor = types == "dcmotor"

@@ -160,7 +160,7 @@ class SimulatedRobot:
         Raises BudgetError before anything moves where the budget is spent or would be, UsageError for commands
         that are not the robot's.
         """
-        from dynreg.sim.engines.mujoco_engine import Arena
+        from dynreg.sim.engines.arena import Arena
 
         self._check(actions, rate)
         self._afford(len(actions) / rate)

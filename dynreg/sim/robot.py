@@ -12,8 +12,9 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import LogError, RobotError
+from dynreg.errors import LogError, RobotError, SimulationError
 from dynreg.sim.consistency import check_consistency
+from dynreg.sim.engine import ENGINES, Engine
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import RobotFile
@@ -91,9 +92,25 @@ class Robot:
         return self.file.robot.control_rate
 
     @property
+    def engines(self) -> dict[str, Engine]:
+        """The engines that it can run on, by name."""
+        return {name: ENGINES[name] for name in self.file.robot.engines}
+
+    def running(self, engine: str | None = None) -> str:
+        """The engine that it runs on: this one, or its first; SimulationError where it does not offer it."""
+        offered = self.file.robot.engines
+        if engine is not None and engine not in offered:
+            raise SimulationError(
+                f"robot {self.name!r} has no engine {engine!r}",
+                expected=f"one of {list(offered)}",
+                do="choose one of them, or add it to robot.toml",
+            )
+        return engine or offered[0]
+
+    @property
     def planar(self) -> bool:
         """Whether all of its engines move a planar base: no forces, no contacts."""
-        return {*self.file.robot.engines} <= {"kinematic", "unicycle"}
+        return all(engine.planar for engine in self.engines.values())
 
     def substeps(self, period: float | np.ndarray) -> np.ndarray:
         """Physics time steps in commands of `period` [s]: at least one, none longer than the stated time step."""

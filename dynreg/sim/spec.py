@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, field_validator, model_validator
 
+from dynreg.sim.engine import ENGINES
 from dynreg.sim.gait_tables import GaitTable, TaskTable
 from dynreg.sim.table import Table
 
@@ -17,7 +18,7 @@ class RobotTable(Table):
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
     model: str = "model.xml"
-    engines: list[Literal["mujoco", "joint", "kinematic", "unicycle"]] = Field(min_length=1)
+    engines: list[Literal[tuple(ENGINES)]] = Field(min_length=1)
     control_rate: float | None = Field(default=None, gt=0)
     control: Literal["rate", "timed"] = "rate"
     timestep: float = Field(gt=0, le=0.05)

@@ -8,7 +8,7 @@ from arm_robot import parameter
 from mujoco.batch import Batch
 
 from dynreg.errors import RobotError
-from dynreg.sim.engines.mujoco_engine import configure
+from dynreg.sim.engines.mujoco_model import configure
 from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run

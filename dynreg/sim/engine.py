@@ -1,0 +1,41 @@
+"""The engines and what each can do, one row each; the modules load when a robot first runs on them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Engine:
+    """One engine that robot.toml may name.
+
+    module : has the `rollout` that `dynreg.sim.engines.rollout` calls.
+    planar : moves a base on a plane; it has neither forces nor contacts.
+    contacts : bodies touch the ground and each other; robots walk, stand and fall.
+    vectorised : advances all simulators in numpy at once; a thousand draws take a second.
+    coarse : its integrator is of first order, so that its time step misleads a search.
+    finer : times finer time steps tell what that of the model gets wrong; 1 where none are needed.
+    """
+
+    module: str
+    planar: bool = False
+    contacts: bool = False
+    vectorised: bool = False
+    coarse: bool = False
+    finer: int = 1
+
+
+_HOME = "dynreg.sim.engines"
+ENGINES: Mapping[str, Engine] = MappingProxyType(
+    {
+        "mujoco": Engine(f"{_HOME}.mujoco_engine", contacts=True, coarse=True, finer=8),
+        "joint": Engine(f"{_HOME}.joint_engine", vectorised=True, finer=4),
+        "kinematic": Engine(f"{_HOME}.kinematic_engine", planar=True, vectorised=True),
+        "unicycle": Engine(f"{_HOME}.unicycle_engine", planar=True, vectorised=True),
+    }
+)
+
+
+def engines_with(trait: str) -> list[str]:
+    """Names of the engines that have a trait, such as "contacts"."""
+    return [name for name, engine in ENGINES.items() if getattr(engine, trait)]

@@ -1,0 +1,244 @@
+"""Robots set up and settled once on `mujoco.batch.Batch`, each simulation with its own model fields, then run often."""
+
+import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from dynreg.errors import SimulationError
+from dynreg.sim.commands import shaped_commands
+from dynreg.sim.effects import Moment, Terms
+from dynreg.sim.engines.acting import Clock, acting, configure_terms, observed
+from dynreg.sim.engines.mujoco_model import clock_of, compiled, configure, episode_inputs, limited_range
+from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
+from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
+from dynreg.sim.engines.quiet import quiet
+from dynreg.sim.layout import Layout, base_motion, observe
+from dynreg.sim.ports import Ports, law_changes, servo_law, takes_positions
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Rollout, Run, Walk
+
+DIVERGED = 1e4  # rad/s or m/s
+TOUCHING = 1e-3  # m above the ground
+_KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
+
+
+class Arena:
+    """B simulators, each for E episodes, set up and settled once; every run starts there, with other commands.
+
+    `run` gives the number of episodes and all but the commands: settings, inputs, initial states, period, noise.
+    slope : angle [rad] of the ground, rising ahead of the robot: gravity is turned.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        values: np.ndarray,
+        run: Run,
+        *,
+        threads: int = 0,
+        terms: Terms | None = None,
+        slope: float = 0.0,
+    ):
+        model, self.layout = compiled(robot)
+        n, episodes = len(values), run.episodes
+        self.robot, self._shape = robot, (n, episodes)
+        self._batch = batch = Batch(model, n * episodes, nthread=threads)
+        self._ports = ports = configure(robot, batch, model, values, run)
+        self._active = acting(robot, terms, episodes, batch.nsim)
+        configure_terms(robot, self._active, ports, batch.expand)
+        if slope:
+            gravity = batch.expand("opt.gravity")
+            ahead, up = gravity[:, 0].copy(), gravity[:, 2].copy()  # a tilted base has some ahead already
+            gravity[:, 0] = np.cos(slope) * ahead + np.sin(slope) * up
+            gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * ahead
+        self._inputs = episode_inputs(robot, n, run)
+        self._drives = Drives(batch, self.layout, ports)
+        self._drives.apply(servo_law(ports, self._inputs[:, 0]))
+        batch.set_const()
+        self._period, self._begin = clock_of(batch.nsim, ports, run)
+        self._h = _time_steps(robot, batch, self._period)
+        self._busy = busy_simulations(self._active, batch.nsim)
+        self._inertia = _inertia(robot, batch, model, self.layout) if len(self._busy) else None
+        reset(robot, batch, model, self.layout, episodes, run, ports)
+        self._start = {name: batch.bind(name).copy() for name in _KEPT}
+        self._memory = [copy.deepcopy(a.moment.memory) for a in self._active]
+        self._used = False
+
+    def rollout(self, run: Run) -> Rollout:
+        """The whole episodes under the commands and motor noise of `run`, as the log would hold them."""
+        steps = self._steps(run)
+        trace_q, trace_v = self._trace(steps)
+        states = observe(
+            self.layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(self.robot.channels)
+        )
+        states = observed(self.robot, self._active, states, self._ports, steps.clock.period)
+        states[_diverged(trace_v)] = np.nan
+        taken = int(steps.clock.substeps.sum()) * run.steps
+        fell = _fell(self.robot, self.layout, trace_q)
+        return Rollout(states.reshape(*self._shape, run.steps + 1, -1), fell.reshape(self._shape), taken)
+
+    @quiet()
+    def poses(self, run: Run) -> np.ndarray:
+        """(B, E, T+1, nq) where all joints of the model are at the command times, for drawing.
+
+        Falls go on to the end; a simulation that diverges holds NaN from then on.
+        """
+        trace_q, trace_v = self._trace(self._steps(run))
+        poses = np.swapaxes(trace_q, 0, 1)
+        poses[_diverged(trace_v)] = np.nan
+        return poses.reshape(*self._shape, run.steps + 1, -1)
+
+    def model(self, simulator: int) -> mujoco.MjModel:
+        """A copy of the MuJoCo model of a simulator (its number), with its parameters and effects in the fields."""
+        return self._batch.get_model(simulator * self._shape[1])
+
+    @quiet()
+    def walk(self, run: Run, *, feet: bool = False) -> Walk:
+        """How the base moves under the commands and motor noise of `run`; a simulation ends where it falls.
+
+        feet : look at which feet (spheres that can touch the ground) touch it, too: that is slower.
+        Raises SimulationError for a robot without a floating base.
+        """
+        if self.layout.base_qpos < 0:
+            raise SimulationError(
+                f"robot {self.robot.name!r} has no floating base",
+                expected="a model with a free joint: what stands on a bench does not walk",
+                do="name another robot",
+            )
+        steps = self._steps(run)
+        model = compiled(self.robot)[0]
+        spheres = foot_spheres(model) if feet else np.zeros(0, dtype=int)
+        heights = np.full((run.steps + 1, self._batch.nsim, len(spheres)), np.inf)
+        base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights)
+        touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
+        names = [model.geom(int(g)).name for g in spheres]
+        shape = (*self._shape, run.steps + 1)
+        return Walk(
+            base.reshape(*shape, -1),
+            fell.reshape(self._shape),
+            taken,
+            {name: touching[:, i].reshape(shape) for i, name in enumerate(names)},
+        )
+
+    def _trace(self, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
+        """(T+1, n, nq), (T+1, n, nv) of whole episodes."""
+        qpos, qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        count = steps.clock.commands.shape[1]
+        trace_q = np.empty((count + 1, *qpos.shape))
+        trace_v = np.empty((count + 1, *qvel.shape))
+        trace_q[0], trace_v[0] = qpos, qvel
+        changed = law_changes(self._ports, self._inputs)
+        for t in range(count):
+            if t in changed:
+                self._drives.apply(servo_law(self._ports, self._inputs[:, t]))
+            steps.hold(t)
+            trace_q[t + 1], trace_v[t + 1] = qpos, qvel
+        return trace_q, trace_v
+
+    def _steps(self, run: Run) -> Steps:
+        """Every simulation at its start, with the commands of `run` before it."""
+        batch = self._batch
+        if self._used:
+            for name, values in self._start.items():
+                batch.bind(name)[:] = values
+            for a, memory in zip(self._active, self._memory, strict=True):
+                a.moment = Moment(memory=copy.deepcopy(memory))
+            self._drives.rub(self._drives.plain)
+            self._drives.apply(servo_law(self._ports, self._inputs[:, 0]))
+        self._used = True
+        commands = _commands(self.layout, batch, self._ports, run)
+        clock = Clock(commands, self._period, self._h, self._begin)
+        if not len(self._busy):
+            return Steps(batch, self.layout, self._drives, clock, self._busy)
+        effects = (self._active, self._ports, self._inertia)
+        return EffectSteps(batch, self.layout, self._drives, clock, self._busy, *effects)
+
+
+def _time_steps(robot: Robot, batch: Batch, period: np.ndarray) -> np.ndarray:
+    """(n,) physics time step [s]: that of each simulation divides its period between commands."""
+    substeps = robot.substeps(period)
+    batch.expand("opt.timestep")[:] = (period / substeps).reshape(batch.expand("opt.timestep").shape)
+    return period / substeps
+
+
+def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
+    """(n, A) diagonal of the joint-space inertia matrix at the reset pose."""
+    name = robot.file.reset.keyframe
+    matrix = batch.bind("M")  # outputs are filled by calls made after they are bound
+    batch.reset(keyframe=model.keyframe(name).id if name else -1, stage=mujoco.mjtStage.mjSTAGE_POS)
+    diagonal = model.M_rowadr + model.M_rownnz - 1
+    return matrix[:, diagonal[layout.action_dof]].copy()
+
+
+def _diverged(trace_v: np.ndarray) -> np.ndarray:
+    """(n, T+1) whether velocities (T+1, n, nv) have left all bounds by then."""
+    return np.maximum.accumulate(~(np.abs(trace_v).max(axis=2) < DIVERGED), axis=0).T
+
+
+def _walk(
+    robot: Robot, batch: Batch, layout: Layout, steps: Steps, feet: np.ndarray, heights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """(n, T+1, 12) the base, (n,) the step at which each simulation fell or diverged, time steps taken.
+
+    Simulations that fell stand still from then on, and are not advanced. The heights (T+1, n, F) [m] of the centres
+    of the `feet` (geoms) are written from the first command on, where there are any.
+    """
+    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+    centres = batch.bind("geom_xpos") if len(feet) else None
+    commands = steps.clock.commands.shape[1]
+    at, dof = layout.base_qpos, layout.base_dof
+    trace_q, trace_v = np.empty((commands + 1, batch.nsim, 7)), np.empty((commands + 1, batch.nsim, 6))
+    trace_q[0], trace_v[0] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
+    fell, taken = np.full(batch.nsim, commands + 1), 0
+    for t in range(commands):
+        standing = fell > commands
+        if not standing.any():
+            trace_q[t + 1 :], trace_v[t + 1 :] = trace_q[t], trace_v[t]
+            break
+        steps.hold(t)
+        if centres is not None:
+            heights[t + 1] = np.where(standing[:, None], centres[:, feet, 2], np.inf)
+        taken += int(steps.clock.substeps[standing].sum())
+        trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
+        down = standing & (_down(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
+        if down.any():
+            fell[down] = t + 1
+            steps.keep(fell > commands)
+    last = np.where(fell > commands, commands, fell - 1)
+    still = np.minimum(np.arange(commands + 1)[:, None], last)
+    rows = np.arange(batch.nsim)
+    base = base_motion(replace(layout, base_qpos=0, base_dof=0), trace_q[still, rows], trace_v[still, rows])
+    return np.swapaxes(base, 0, 1), fell, taken
+
+
+def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run) -> np.ndarray:
+    """(B E, T, A) what the actuators are told; position commands stay inside the joints' own ranges."""
+    n = batch.nsim
+    steps, count = run.actions.shape[-2:]
+    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), steps, count)
+    actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
+    low, high = limited_range(layout, batch.get_model(0), batch, ports)
+    noise = None if run.noise is None else run.noise.reshape(n, steps, count)
+    start = np.where(takes_positions(ports), batch.bind("qpos")[:, layout.action_qpos], 0.0)
+    return shaped_commands(actions, start, low, high, ports, noise)
+
+
+def _fell(robot: Robot, layout: Layout, trace_q: np.ndarray) -> np.ndarray:
+    """(n,) first recorded step at which the base tilts or sinks too far; T+1 where it never does."""
+    steps, n = trace_q.shape[:2]
+    if layout.base_qpos < 0:
+        return np.full(n, steps)
+    down = _down(robot, trace_q[..., layout.base_qpos :])
+    return np.where(down.any(axis=0), down.argmax(axis=0), steps)
+
+
+def _down(robot: Robot, base: np.ndarray) -> np.ndarray:
+    """(...) whether a base (..., 7 or more: position, quaternion) tilts or sinks too far; never without [fall]."""
+    if robot.file.fall is None:
+        return np.zeros(base.shape[:-1], dtype=bool)
+    x, y = base[..., 4], base[..., 5]
+    upright = 1 - 2 * (x * x + y * y)
+    return (upright < np.cos(robot.file.fall.tilt)) | (base[..., 2] < robot.file.fall.height)

@@ -1,0 +1,84 @@
+"""The MuJoCo model that engines share: compiled once, with each simulation's own parameters in its fields."""
+
+import copy
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from dynreg.sim.fields import modify, set_field
+from dynreg.sim.layout import Layout, layout_of
+from dynreg.sim.ports import Ports, nominal_ports, takes_positions
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+
+def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
+    """Write parameters and settings into the batch's fields and the returned ports, (B E) simulations."""
+    n, episodes = len(values), run.episodes
+    ports = nominal_ports(robot, n).repeat(episodes)
+    settings = run.settings
+    if settings is None:
+        settings = np.tile([s.nominal for s in robot.file.settings], (episodes, 1))
+    columns = [(a, np.repeat(values[:, i], episodes)) for i, s in enumerate(robot.setters) for a in s]
+    columns += [(a, np.tile(settings[:, i], n)) for i, s in enumerate(robot.setting_setters) for a in s]
+    for assignment, column in columns:
+        if assignment.root == "mj":
+            set_field(batch, model, assignment, column)
+        elif assignment.root == "modifier":
+            modify(batch, model, assignment, column)
+        else:
+            ports.apply(assignment, column)
+    return ports
+
+
+@lru_cache(maxsize=8)
+def compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
+    """The model with affine actuators (so that any drive is a choice of parameters) and its layout."""
+    layout = layout_of(robot)
+    model = copy.copy(robot.model)
+    at = layout.action_actuator
+    model.actuator_gaintype[at] = mujoco.mjtGain.mjGAIN_FIXED
+    model.actuator_biastype[at] = mujoco.mjtBias.mjBIAS_AFFINE
+    model.actuator_biasprm[at] = 0.0
+    model.actuator_forcelimited[at] = 1
+    model.actuator_ctrllimited[at] = 0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    # link lengths differ between simulations: bounding volumes of the midphase would be the base model's
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+    # to look for islands in one robot costs more than it saves
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return model, layout
+
+
+def episode_inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
+    """(B E, T, I) inputs, defaults where the run has none or NaN."""
+    defaults = robot.input_defaults
+    if run.inputs is None:
+        return np.broadcast_to(defaults, (n * run.episodes, run.steps, len(defaults)))
+    filled = np.where(np.isnan(run.inputs), defaults, run.inputs)
+    return np.tile(filled, (n, 1, 1))
+
+
+def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Of n simulations (n,): the period between commands [s], and when each episode of the log began [s]."""
+    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
+    begin = np.zeros(run.episodes) if run.begin is None else run.begin
+    return period * ports.control["clock"], np.tile(begin, n // run.episodes)
+
+
+def limited_range(
+    layout: Layout, model: mujoco.MjModel, batch: Batch, ports: Ports
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, A) lowest and highest commands: the actions' limits, for position servos also the joints' own."""
+    n = batch.nsim
+    low, high = (np.tile(layout.action_range[:, i], (n, 1)) for i in (0, 1))
+    joints = model.dof_jntid[layout.action_dof]
+    limited = takes_positions(ports) & (model.jnt_limited[joints] > 0)
+    if limited.any():
+        ranges = batch.expanded("jnt_range")
+        ranges = np.tile(model.jnt_range, (n, 1, 1)) if ranges is None else ranges
+        low[:, limited] = np.maximum(low[:, limited], ranges[:, joints[limited], 0])
+        high[:, limited] = np.minimum(high[:, limited], ranges[:, joints[limited], 1])
+    return low, high
