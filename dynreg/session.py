@@ -296,28 +296,20 @@ class Session:
         log_map: str | Path | None = None,
         progress: Progress | None = None,
     ) -> results.Drift:
-        """Whether an earlier recording is still true of a wheeled robot; see `drift.compared.DriftSettings`.
+        """Whether an earlier recording is still true of a wheeled robot; see `verbs.drift.DriftSettings`.
 
         The result is stored. against : the earlier recording; by default the one of this robot that was ingested
         first. out : a Parquet file for the updated displacement table, a row for each sample, with which of them still
         count.
         """
-        from dynreg.drift.compared import DriftSettings
-        from dynreg.drift.drift import stored_drift
+        from dynreg.verbs.drift import DriftSettings, drift
 
         settings = _settings(DriftSettings, locals())
         recent, earlier = (
             None if one is None else recorded(self.registry, one, robot, log_map, ingest=False)
             for one in (recording, against)
         )
-        return stored_drift(
-            self.registry,
-            (recent.recording, recent.robot, recent.name),
-            earlier and (earlier.recording, earlier.robot, earlier.name),
-            settings,
-            out=out,
-            progress=progress,
-        )
+        return drift(recent, earlier, settings, out=out, progress=progress)
 
     def gait(
         self,

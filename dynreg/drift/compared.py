@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError, UsageError
+from dynreg.errors import LogError
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 from dynreg.timed.cells import Grid, Pieces, pieces
@@ -16,34 +16,18 @@ from dynreg.wheeled import Told, told
 
 
 @dataclass(frozen=True)
-class DriftSettings:
-    """What is asked for. sample : seconds of a piece. cells : on each side. splits : of the earlier recording.
+class Plan:
+    """How two recordings are held against each other.
 
-    level, welch, together : of the tests, see `timed.table.Rules`.
+    sample : seconds of a piece. cells : on each side. rules : of the tests. splits : of the earlier recording, to
+    measure how often the tests err. seed : of every draw.
     """
 
-    sample: float = 0.5
-    cells: int = 20
-    level: float = 0.05
-    welch: bool = False
-    together: bool = True
-    splits: int = 200
-    seed: int = 0
-
-    def __post_init__(self):
-        for name, value, good, expected in (
-            ("sample", self.sample, 0.0 < self.sample < float("inf"), "a positive time in seconds"),
-            ("cells", self.cells, 1 <= self.cells <= 200, "1 to 200 cells on each side"),
-            ("level", self.level, 0.0 < self.level < 1.0, "a level between 0 and 1, such as 0.05"),
-            ("splits", self.splits, self.splits >= 0, "0 or more"),
-        ):
-            if not good:
-                raise UsageError(f"{name} {value:g}", expected=expected, do="give another number")
-
-    @property
-    def rules(self) -> Rules:
-        """For the tests."""
-        return Rules(level=self.level, welch=self.welch, together=self.together)
+    sample: float
+    cells: int
+    rules: Rules
+    splits: int
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -66,22 +50,20 @@ class Compared:
     new_off: np.ndarray
 
 
-def compared(robot: Robot, recent: Held, earlier: Held, settings: DriftSettings) -> Compared:
+def compared(robot: Robot, recent: Held, earlier: Held, plan: Plan) -> Compared:
     """Both in pieces, over the reference that the earlier one gives.
 
     Raises RobotError for a robot without wheels, LogError for a recording without a pose or without pieces of
-    `settings.sample` seconds.
+    `plan.sample` seconds.
     """
-    old_told, new_told = (told(robot, held.recording, longest=settings.sample) for held in (earlier, recent))
-    grid = _grid(robot, old_told, settings.cells)
+    old_told, new_told = (told(robot, held.recording, longest=plan.sample) for held in (earlier, recent))
+    grid = _grid(robot, old_told, plan.cells)
     nominal = _nominal(robot)
-    begun = _pieces(old_told, grid, settings.sample, nominal)
-    _require(begun, old_told, earlier, settings.sample)
-    reference = fitted(
-        nominal, begun.commands, begun.moved, stream(settings.seed, "drift", "fitted commands")
-    )
-    old, new = (_pieces(t, grid, settings.sample, reference) for t in (old_told, new_told))
-    _require(new, new_told, recent, settings.sample)
+    begun = _pieces(old_told, grid, plan.sample, nominal)
+    _require(begun, old_told, earlier, plan.sample)
+    reference = fitted(nominal, begun.commands, begun.moved, stream(plan.seed, "drift", "fitted commands"))
+    old, new = (_pieces(t, grid, plan.sample, reference) for t in (old_told, new_told))
+    _require(new, new_told, recent, plan.sample)
     off = [p.moved - reference.predict(p.commands) for p in (old, new)]
     return Compared(grid, reference, old, new, *off)
 

@@ -8,10 +8,10 @@ import made_up_drift
 import pytest
 
 from dynreg.cli.schemas import model_of
-from dynreg.drift.compared import DriftSettings
 from dynreg.errors import NoMatchError
 from dynreg.report.drift import command
 from dynreg.results import Drift
+from dynreg.verbs.drift import DriftSettings
 
 
 @pytest.fixture

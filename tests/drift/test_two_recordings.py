@@ -9,12 +9,14 @@ from hidden_wheels import logged, logs, robot
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.drift.compared import DriftSettings, Held
+from dynreg.drift.compared import Held
 from dynreg.drift.drift import drift
 from dynreg.errors import LogError, NoMatchError, RegistryError, RobotError, UsageError
 from dynreg.results import Drift
 from dynreg.session import Session
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.drift import DriftSettings
+from dynreg.verbs.drift_document import document
 
 SEEDS = 20
 PIECES = DriftSettings(splits=0)
@@ -36,7 +38,8 @@ def slower(before: Recording) -> Recording:
 
 
 def found(owner: Robot, before: Recording, after: Recording, settings: DriftSettings = PIECES) -> Drift:
-    return drift(owner, Held(after, "after"), Held(before, "before"), settings)[0]
+    recent, earlier = Held(after, "after"), Held(before, "before")
+    return document(owner, recent, earlier, settings, drift(owner, recent, earlier, settings.plan))
 
 
 # ---- what changed ----
@@ -222,9 +225,9 @@ def test_pieces_that_are_too_short_too_long_or_too_fast_are_counted(
 @pytest.mark.parametrize(
     "wrong, says",
     [
-        ({"sample": 0.0}, "a positive time"),
-        ({"sample": np.nan}, "a positive time"),
-        ({"cells": 0}, "1 to 200 cells"),
+        ({"sample": 0.0}, "a number above 0"),
+        ({"sample": np.nan}, "a number above 0"),
+        ({"cells": 0}, "1 to 200"),
         ({"level": 1.0}, "between 0 and 1"),
         ({"splits": -1}, "0 or more"),
     ],

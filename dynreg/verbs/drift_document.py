@@ -1,0 +1,136 @@
+"""The result of a drift, from what the tests found."""
+
+from dataclasses import asdict
+
+import numpy as np
+
+from dynreg.drift.compared import Held
+from dynreg.drift.drift import Drifted
+from dynreg.results import Drift, DriftCell, DriftPattern, FalseAlarms, Separating, Shift, Taken
+from dynreg.sim.robot import Robot
+from dynreg.timed.cells import Grid, Pieces
+from dynreg.timed.commands import AXES
+from dynreg.timed.drift import Shifts, Split
+from dynreg.timed.patterns import HIGHEST, LOWEST
+from dynreg.timed.reference import Reference
+from dynreg.verbs.drift import DriftSettings
+
+UNITS = ("m", "m", "rad")
+
+
+def document(robot: Robot, recent: Held, earlier: Held, settings: DriftSettings, found: Drifted) -> Drift:
+    """The verdict with all that it stands on."""
+    both, clear = found.both, found.clear
+    return Drift(
+        robot=robot.name,
+        recording=recent.recording.id,
+        recording_name=recent.name,
+        earlier=_taken(earlier, both.old),
+        recent=_taken(recent, both.new),
+        chosen=False,
+        verdict=found.verdict,
+        test="welch" if settings.welch else "student",
+        together=settings.together,
+        tests=found.tests,
+        rejected=found.rejected,
+        false_alarms=_false_alarms(settings.level, found.tests, found.itself),
+        pattern=clear[0] if len(clear) == 1 else None,
+        rivals=clear if len(clear) > 1 else (),
+        separate_by=tuple(Separating(left=a, right=b, apart=c, known=d) for a, b, c, d in found.apart),
+        patterns=tuple(DriftPattern(**asdict(judged)) for judged in found.order),
+        cells=_cells(both.grid, found.shifts),
+        sample=settings.sample,
+        grid=both.grid.each,
+        low=both.grid.low,
+        high=both.grid.high,
+        reference=_reference(both.reference),
+        seed=settings.seed,
+        notes=_notes(found, settings.splits),
+        seconds=0.0,
+    )
+
+
+def _false_alarms(level: float, tests: int, itself: Split | None) -> FalseAlarms:
+    return FalseAlarms(
+        level=level,
+        expected=level * tests,
+        splits=itself.splits if itself else 0,
+        by=itself and itself.by,
+        tests=itself and itself.tests,
+        one_by_one=itself and itself.one_by_one,
+        alarms=itself and itself.alarms,
+    )
+
+
+def _reference(r: Reference) -> dict[str, float]:
+    lags = {"speed_lag": float(r.parameters[0]), "yaw_lag": float(r.parameters[1])}
+    return {"left": r.left, "right": r.right, "turns": r.turns, **lags}
+
+
+def _taken(held: Held, taken: Pieces) -> Taken:
+    return Taken(
+        recording=held.recording.id,
+        name=held.name,
+        samples=taken.drives,
+        pieces=len(taken.commands),
+        short=taken.short,
+        long=taken.long,
+        outside=taken.outside,
+    )
+
+
+def _cells(grid: Grid, found: Shifts) -> tuple[DriftCell, ...]:
+    """Those that were tested, the strongest shift first."""
+    sigmas = found.sigmas
+    tested = np.flatnonzero(np.isfinite(found.p).any(axis=1))
+    order = (
+        tested[np.argsort(-np.nanmax(np.abs(sigmas[tested]), axis=1), kind="stable")] if len(tested) else []
+    )
+    return tuple(_cell(grid, found, at, sigmas[at]) for at in order)
+
+
+def _cell(grid: Grid, found: Shifts, at: int, sigmas: np.ndarray) -> DriftCell:
+    """One by its number, with the normal deviates (3,) of its tests."""
+    left, right = map(float, grid.middle(at))
+    return DriftCell(
+        left=left,
+        right=right,
+        earlier=int(found.count[0, at]),
+        recent=int(found.count[1, at]),
+        shifts={
+            axis: Shift(
+                value=float(found.value[at, i]),
+                error=float(found.error[at, i]),
+                unit=UNITS[i],
+                p=float(found.p[at, i]),
+                sigmas=float(sigmas[i]),
+                rejected=bool(found.rejected[at, i]),
+            )
+            for i, axis in enumerate(AXES)
+            if np.isfinite(found.p[at, i])
+        },
+    )
+
+
+def _notes(found: Drifted, splits: int) -> tuple[str, ...]:
+    """What else a reader must know. splits : that were asked for."""
+    both, out = found.both, []
+    if not found.tests:
+        out.append(
+            f"{both.old.drives} and {both.new.drives} samples in {both.grid.cells} cells: ask for fewer --cells,"
+            " or record more commands, the same ones in both"
+        )
+    if found.clear and not found.rejected:
+        out.append("no cell alone shows it: the pattern pools all of them")
+    if found.clear and found.order[0].share < 0.5:
+        best = found.order[0]
+        out.append(f"{best.name} explains {100 * best.share:.0f} % of the squared shifts: not all of it")
+    out += [
+        f"the factor of {j.name} stands at a bound of the search, {LOWEST:g} to {HIGHEST:g}: what moved may be more, or"
+        " something else"
+        for j in found.order
+        if j.at_bound and j.name in found.clear
+    ]
+    if found.tests and splits > 0 and found.itself is None:
+        out.append("the earlier recording is too small to be split: how often the test errs was not measured")
+    return tuple(out)
