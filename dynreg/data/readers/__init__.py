@@ -1,49 +1,64 @@
-"""One module a log format, each with `read(path, options) -> RawLog`, and the table that picks among them."""
+"""The table of log formats, and one module each with `read(path, options) -> RawLog`; plugins by entry points."""
 
-import importlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
-from typing import Literal
+from typing import Any
 
 from dynreg.data.series import RawLog
 from dynreg.errors import LogError
+from dynreg.plugins import with_plugins
 
-Format = Literal["mcap", "rosbag", "csv", "parquet", "matlab", "bam", "lerobot"]
 
-# Each reader imports its libraries; they load when a log of that kind is met.
-_READERS = MappingProxyType(
-    {
-        "mcap": "dynreg.data.readers.mcap_log",
-        "rosbag": "dynreg.data.readers.rosbag",
-        "csv": "dynreg.data.readers.tables",
-        "parquet": "dynreg.data.readers.tables",
-        "matlab": "dynreg.data.readers.matlab",
-        "bam": "dynreg.data.readers.bam",
-        "lerobot": "dynreg.data.readers.lerobot",
-    }
+@dataclass(frozen=True)
+class LogFormat:
+    """One format of logs.
+
+    module : where its `read` is; it imports its libraries, which load when a log of that kind is met.
+    magic : first bytes, any of which tell it. suffixes : in small letters; they tell where no first bytes do.
+    folder : a file that a folder of that kind holds, and what such a folder is called.
+    """
+
+    name: str
+    module: str
+    magic: tuple[bytes, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    folder: tuple[str, str] | None = None
+
+
+_HDF = b"\x89HDF\r\n\x1a\n"
+_PACKAGED = (
+    LogFormat("mcap", f"{__name__}.mcap_log", (b"\x89MCAP0\r\n",), (".mcap",)),
+    LogFormat(
+        "rosbag",
+        f"{__name__}.rosbag",
+        (b"#ROSBAG V", b"SQLite format 3\x00"),
+        (".bag", ".db3"),
+        ("metadata.yaml", "rosbag2"),
+    ),
+    LogFormat("csv", f"{__name__}.tables", (), (".csv", ".tsv")),
+    LogFormat("parquet", f"{__name__}.tables", (b"PAR1",), (".parquet",)),
+    LogFormat("matlab", f"{__name__}.matlab", (b"MATLAB 5.0", b"MATLAB 7.3", _HDF), (".mat",)),
+    LogFormat("bam", f"{__name__}.bam", (), (".json",)),
+    LogFormat("lerobot", f"{__name__}.lerobot", folder=("meta/info.json", "LeRobot")),
 )
-_MAGIC: tuple[tuple[bytes, Format], ...] = (
-    (b"\x89MCAP0\r\n", "mcap"),
-    (b"#ROSBAG V", "rosbag"),
-    (b"SQLite format 3\x00", "rosbag"),
-    (b"PAR1", "parquet"),
-    (b"MATLAB 5.0", "matlab"),
-    (b"MATLAB 7.3", "matlab"),
-    (b"\x89HDF\r\n\x1a\n", "matlab"),
-)
-_SUFFIXES: MappingProxyType[str, Format] = MappingProxyType(
-    {
-        ".mcap": "mcap",
-        ".bag": "rosbag",
-        ".db3": "rosbag",
-        ".csv": "csv",
-        ".tsv": "csv",
-        ".parquet": "parquet",
-        ".mat": "matlab",
-        ".json": "bam",
-    }
-)
+
+
+@cache
+def formats() -> Mapping[str, LogFormat]:
+    """{name: format}: those of dynreg, and those of installed plugins.
+
+    A plugin is a `LogFormat` under the entry point group `dynreg.readers`; RobotError where one is none.
+    """
+    packaged = {form.name: form for form in _PACKAGED}
+    expected = "a dynreg.data.readers.LogFormat"
+    return with_plugins(packaged, "dynreg.readers", "name", _made, expected)
+
+
+def _made(plugin: Any) -> LogFormat | None:
+    return plugin if isinstance(plugin, LogFormat) else None
 
 
 @dataclass(frozen=True)
@@ -64,38 +79,40 @@ class ReadOptions:
         return self.sources is None or any(s.startswith(f"{topic}.") for s in self.sources)
 
 
-def format_of(path: Path) -> Format:
-    """The format of a log, from its first bytes, else from its suffix.
+def format_of(path: Path) -> LogFormat:
+    """The format of a log, from its first bytes, else from its suffix; of a folder, from what it holds.
 
     Raises LogError where there is no such file or the format is not known.
     """
     if path.is_dir():
-        if (path / "metadata.yaml").exists():
-            return "rosbag"
-        if (path / "meta" / "info.json").exists():
-            return "lerobot"
-        raise LogError(
-            f"{path.name!r} is a folder that holds neither metadata.yaml nor meta/info.json",
-            expected="a rosbag2 or LeRobot folder, or the paths of single logs",
-            do="pass the logs in it by name",
-        )
+        return _of_folder(path)
     if not path.exists():
         raise LogError(f"there is no log {str(path)!r}", expected="an existing file", do="check the path")
     with path.open("rb") as file:
-        head = file.read(16)
+        head = file.read(64)
     if not head:
         raise LogError(f"{path.name!r} is empty", expected="a log with data in it", do="record it again")
-    for magic, name in _MAGIC:
-        if head.startswith(magic):
-            return name
-    suffix = path.suffix.lower()
-    if suffix not in _SUFFIXES:
+    told = [f for f in formats().values() if head.startswith(f.magic)]
+    told += [f for f in formats().values() if path.suffix.lower() in f.suffixes]
+    if not told:
         raise LogError(
             f"{path.name!r} is of no known format",
-            expected=f"one of {', '.join(_SUFFIXES)}",
+            expected=f"one of {', '.join(suffix for f in formats().values() for suffix in f.suffixes)}",
             do="export the log to CSV, Parquet or MCAP",
         )
-    return _SUFFIXES[suffix]
+    return told[0]
+
+
+def _of_folder(path: Path) -> LogFormat:
+    folders = {f.folder: f for f in formats().values() if f.folder}
+    for (file, _), form in folders.items():
+        if (path / file).exists():
+            return form
+    raise LogError(
+        f"{path.name!r} is a folder that holds neither {' nor '.join(file for file, _ in folders)}",
+        expected=f"a {' or '.join(called for _, called in folders)} folder, or the paths of single logs",
+        do="pass the logs in it by name",
+    )
 
 
 def read_log(path: str | Path, options: ReadOptions | None = None) -> RawLog:
@@ -108,5 +125,4 @@ def read_log(path: str | Path, options: ReadOptions | None = None) -> RawLog:
     that says how many messages were read and how many are lost.
     """
     path = Path(path)
-    reader = importlib.import_module(_READERS[format_of(path)])
-    return reader.read(path, options or ReadOptions())
+    return import_module(format_of(path).module).read(path, options or ReadOptions())

@@ -23,7 +23,7 @@ def read(path: Path, options: ReadOptions) -> RawLog:
     `unit` key of Parquet field metadata. Raises LogError for a file that is neither or is damaged.
     """
     try:
-        table = _read_parquet(path) if format_of(path) == "parquet" else _read_csv(path)
+        table = _read_parquet(path) if format_of(path).name == "parquet" else _read_csv(path)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise LogError(
             f"{path.name!r} cannot be read as a table: {error}",
