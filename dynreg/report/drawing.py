@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from dynreg.results import Estimate
+from dynreg.results import Curves, Estimate
 
 WIDTH, HEIGHT = 1000.0, 100.0
 MOST_POINTS = 600
@@ -75,6 +75,20 @@ def chart(
     x_span, y_span = (min(x), max(x)), _padded(min(values), max(values))
     lines = tuple(Line(style, _path(x, curve, x_span, y_span)) for style, curve in curves.items())
     return Chart(title, x_label, lines, _placed(xs, x_span), _placed(ys, y_span))
+
+
+def traces(found: Iterable[Curves], order: Sequence[str]) -> list[Chart]:
+    """A chart for each that there is something to draw of; where curves run together, the last in `order` is on top."""
+    drawn = (
+        chart(
+            f"{t.channel} [{t.unit}], episode {t.episode}",
+            "time [s]",
+            t.time,
+            {name: curve for name in order if (curve := getattr(t, name)) is not None},
+        )
+        for t in found
+    )
+    return [c for c in drawn if c is not None]
 
 
 def track(

@@ -5,7 +5,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from dynreg.report.drawing import Chart, Track, chart, estimate_track
+from dynreg.report.drawing import Track, estimate_track, traces
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count
 from dynreg.results import Gain, Neighbours
@@ -128,27 +128,14 @@ def page(result: Neighbours) -> dict[str, Any]:
         "shown": shown,
         "error_before": getattr(by_name.get("nominal"), shown, None),
         "error_after": getattr(answer, shown, None),
-        "charts": _trace_charts(result),
+        # the nominal line is dashed, so that the answer shows through where they run together
+        "charts": traces(result.traces, ("measured", "answer", "nominal")),
         "stages": _stage_bars(result),
         "tracks": _neighbour_tracks(result),
         "channels": _channel_bars(result),
         "names": list(result.nominal.parameters),
         "units": {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {},
     }
-
-
-def _trace_charts(result: Neighbours) -> list[Chart]:
-    drawn = (
-        chart(
-            f"{t.channel} [{t.unit}], episode {t.episode}",
-            "time [s]",
-            t.time,
-            # the last one on top: dashed, so that the answer shows through where they run together
-            {"measured": t.measured, "answer": t.answer, "nominal": t.nominal},
-        )
-        for t in result.traces
-    )
-    return [c for c in drawn if c is not None]
 
 
 def _stage_bars(result: Neighbours) -> list[dict[str, Any]]:

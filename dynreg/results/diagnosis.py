@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from dynreg.results.result import Cost, Estimate, Gain, Result
+from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result
 
 Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 CauseVerdict = Literal["named", "ambiguous", "partly_explained"]
@@ -20,21 +20,29 @@ def cause_key(effect: str, joints: tuple[str, ...]) -> str:
     return effect + (f"[{','.join(joints)}]" if joints else "")
 
 
-class EffectEstimate(Result):
+class EffectOn(Result):
+    """An effect on some joints; none for all of them, or for the robot as a whole."""
+
+    effect: str
+    joints: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """`effect[joints]`."""
+        return cause_key(self.effect, self.joints)
+
+
+class EffectEstimate(Interval):
     """A parameter of a cause with its 90 % interval, in `unit`; the interval holds if the cause is the right one.
 
     at_bound : the value lies on the edge of what a fit may reach. sizes : the weak, medium and strong size.
     """
 
-    value: float
-    low: float
-    high: float
-    unit: str
     at_bound: bool = False
     sizes: tuple[float, float, float] | None = None
 
 
-class Cause(Result):
+class Cause(EffectOn):
     """A physical effect that the simulator lacks.
 
     joints : those that have it; none for all of them, or for the robot as a whole.
@@ -44,8 +52,6 @@ class Cause(Result):
     gain : by how much it lowers the error on the test part; null where nothing was held out.
     """
 
-    effect: str
-    joints: tuple[str, ...] = ()
     title: str = ""
     verdict: CauseVerdict
     parameters: dict[str, EffectEstimate]
@@ -55,13 +61,8 @@ class Cause(Result):
     separate_by: str = ""
     gain: Gain | None = None
 
-    @property
-    def key(self) -> str:
-        """`effect[joints]`."""
-        return cause_key(self.effect, self.joints)
 
-
-class Looked(Result):
+class Looked(EffectOn):
     """How large the effect may be that was looked at most closely: the first cause, or without one that asked for, or
     the best ranked.
 
@@ -69,16 +70,9 @@ class Looked(Result):
     that move the robot most like it. whatever : intervals that hold with each of them acting, too.
     """
 
-    effect: str
-    joints: tuple[str, ...] = ()
     rivals: tuple[str, ...]
     alone: dict[str, EffectEstimate]
     whatever: dict[str, EffectEstimate]
-
-    @property
-    def key(self) -> str:
-        """`effect[joints]`."""
-        return cause_key(self.effect, self.joints)
 
 
 class Inseparable(Result):
@@ -98,19 +92,12 @@ class Inseparable(Result):
     experiment: str
 
 
-class Ranked(Result):
+class Ranked(EffectOn):
     """A hypothesis and what it scored in round `round` (the first cause is found in round 1); note : why it lost."""
 
-    effect: str
-    joints: tuple[str, ...] = ()
     score_nats: float
     round: int = 1
     note: str = ""
-
-    @property
-    def key(self) -> str:
-        """`effect[joints]`."""
-        return cause_key(self.effect, self.joints)
 
 
 class Pulled(Estimate):
@@ -217,15 +204,9 @@ class Rest(Result):
     trajectories: int
 
 
-class DiagnosisTrace(Result):
+class DiagnosisTrace(Curves):
     """Measured and simulated values of one channel in one episode; time [s]; null where there is no such simulator."""
 
-    episode: str
-    channel: str
-    unit: str
-    time: list[float]
-    measured: list[float | None]
-    nominal: list[float | None]
     calibrated: list[float | None] | None = None
     extended: list[float | None] | None = None
 
@@ -298,26 +279,18 @@ class Diagnosis(Result):
     def tables(self) -> dict[str, list[dict[str, Any]]]:
         """Causes with their parameters, the ranking, the other parameters, and the error of every channel."""
         causes = [
-            {
-                "cause": c.key,
-                "verdict": c.verdict,
-                "nats": c.evidence_nats,
-                "parameter": name,
-                **e.model_dump(),
-            }
+            {"cause": c.key, "verdict": c.verdict, "nats": c.evidence_nats, "parameter": name}
+            | e.model_dump(exclude={"sizes", "at_bound"})
             for c in self.causes
             for name, e in c.parameters.items()
         ]
-        hidden = {"sizes", "at_bound"}
-        errors = [e.model_dump() for e in self.errors or (self.error,)]
         return {
-            "causes": [{k: v for k, v in row.items() if k not in hidden} for row in causes],
+            "causes": causes,
             f"ranking (a cause needs {self.threshold_nats:.3g} nats)": self.rows(),
             "parameters": [
-                {"parameter": name, **{k: v for k, v in p.model_dump().items() if k != "limits"}}
-                for name, p in self.parameters.items()
+                {"parameter": name, **p.model_dump(exclude={"limits"})} for name, p in self.parameters.items()
             ],
-            "error": [{k: v for k, v in row.items() if k != "metric"} for row in errors],
+            "error": [e.model_dump(exclude={"metric"}) for e in self.errors or (self.error,)],
         }
 
     def __str__(self) -> str:

@@ -4,16 +4,11 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from dynreg.results.result import Cost, Result
+from dynreg.results.result import Cost, Interval, Result
 
 
-class GaitGene(Result):
+class GaitGene(Interval):
     """One number of a gait, with the bounds in which it was sought."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
 
 
 class GaitJoint(Result):

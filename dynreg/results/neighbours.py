@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from dynreg.results.result import Cost, Estimate, Gain, Result
+from dynreg.results.result import Cost, Curves, Estimate, Gain, Result
 
 
 class Neighbour(Result):
@@ -57,15 +57,9 @@ class ChannelError(Result):
     spread: float
 
 
-class Trace(Result):
+class Trace(Curves):
     """Measured and replayed values of one channel in one held-out episode; time [s]."""
 
-    episode: str
-    channel: str
-    unit: str
-    time: list[float]
-    measured: list[float | None]
-    nominal: list[float | None]
     answer: list[float | None]
 
 

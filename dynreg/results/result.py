@@ -54,20 +54,36 @@ class Result(BaseModel):
         return "".join(parts)
 
 
-class Estimate(Result):
+class Interval(Result):
+    """A number between two bounds, all in `unit`."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+class Estimate(Interval):
     """A parameter with its 90 % interval, in `unit`; the interval holds if the model is right.
 
     at_bound : the value lies on the edge of the population's range, so the interval says little.
     limits : that range (low, high), where there is one.
     """
 
-    value: float
-    low: float
-    high: float
-    unit: str
     nominal: float
     at_bound: bool = False
     limits: tuple[float, float] | None = None
+
+
+class Curves(Result):
+    """Measured values of one channel in one episode, and the nominal simulator's under the same commands; time [s]."""
+
+    episode: str
+    channel: str
+    unit: str
+    time: list[float]
+    measured: list[float | None]
+    nominal: list[float | None]
 
 
 class Gain(Result):

@@ -16,7 +16,7 @@ from dynreg.report.diagnosis.words import (
     told_by,
     unsaid,
 )
-from dynreg.report.drawing import Chart, chart, estimate_track, ruler
+from dynreg.report.drawing import estimate_track, ruler, traces
 from dynreg.report.words import number
 from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
 from dynreg.results.sentence import times
@@ -37,7 +37,8 @@ def page(result: Diagnosis) -> dict[str, Any]:
         "steps": diagnosis_steps(result),
         "causes": [_cause(cause) for cause in result.causes],
         "part": PART[result.error.part],
-        "charts": _charts(result),
+        # the dotted and the dashed line on top, so that lines which run together still show
+        "charts": traces(result.traces, ("measured", "extended", "calibrated", "nominal")),
         "drawn": [s for s in SIMULATORS if any(getattr(t, s) is not None for t in result.traces)],
         "rankings": _rankings(result),
         "threshold": threshold_words(result),
@@ -110,21 +111,6 @@ def _cause(cause: Cause) -> dict[str, Any]:
         "rulers": rulers,
         "sizes": {name: size_word(e) for name, e in cause.parameters.items()},
     }
-
-
-def _charts(result: Diagnosis) -> list[Chart]:
-    """One for each trace; the dotted and the dashed line on top, so that lines which run together still show."""
-    drawn = []
-    for t in result.traces:
-        curves = {
-            "measured": t.measured,
-            "extended": t.extended,
-            "calibrated": t.calibrated,
-            "nominal": t.nominal,
-        }
-        known = {name: curve for name, curve in curves.items() if curve is not None}
-        drawn.append(chart(f"{t.channel} [{t.unit}], episode {t.episode}", "time [s]", t.time, known))
-    return [c for c in drawn if c is not None]
 
 
 def _rankings(result: Diagnosis) -> list[dict[str, Any]]:
