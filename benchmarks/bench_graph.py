@@ -14,10 +14,11 @@ from time import perf_counter
 
 import numpy as np
 from bench_index import averaged, growths, hubs
+from index_measure import METHODS, Measured, by_graph, by_landmarks, measure_graph
+from landmarks import build_landmarks, refine, search_landmarks
 
 import dynreg
-from dynreg.index import build, build_landmarks, refine, search_landmarks
-from dynreg.index.measure import METHODS, Measured, by_graph, by_landmarks, measure_graph
+from dynreg.index import build
 from dynreg.models.mlp import MlpStack, stack_of
 from dynreg.neighbours.link import load_population
 from dynreg.neighbours.populate import make_entries

@@ -15,19 +15,10 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from index_entries import SyntheticEntries
+from index_measure import METHODS, Row, by_graph, fit_growth, hubness, measure_graph, nearest_lists
 
-from dynreg.index import (
-    METHODS,
-    MatrixDistance,
-    Row,
-    SyntheticEntries,
-    build,
-    fit_growth,
-    hubness,
-    measure_graph,
-    nearest_lists,
-)
-from dynreg.index.measure import by_graph
+from dynreg.index import MatrixDistance, build
 
 BENCHED = {
     **METHODS,

@@ -35,11 +35,6 @@ def build(
     return extend(Graph(GraphSettings(seed, f, ef, cap, batch, starts, printed)), distance, n)
 
 
-def build_as_printed(distance: Distance, n: int, *, seed: int = 0, k: int = 5, restarts: int = 4) -> Graph:
-    """The graph of paper D: one node at a time, k links to what Algorithm 1 finds, no cap on degree."""
-    return build(distance, n, seed=seed, f=k, degree_cap=None, batch=1, starts=restarts, printed=True)
-
-
 def extend(graph: Graph, distance: Distance, n: int) -> Graph:
     """The graph grown to n nodes.
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from index_entries import SyntheticEntries
 
-from dynreg.index import MatrixDistance, SyntheticEntries
+from dynreg.index import MatrixDistance
 
 N, QUERIES = 600, 40
 

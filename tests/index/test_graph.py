@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from index_measure import build_as_printed
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from dynreg.errors import CorruptError, UsageError
-from dynreg.index import Graph, GraphSettings, MatrixDistance, build, build_as_printed, extend, insert
+from dynreg.index import Graph, GraphSettings, MatrixDistance, build, extend, insert
 
 
 def strong_parts(graph):

@@ -1,18 +1,10 @@
 import numpy as np
 import pytest
+from index_measure import recall
+from landmarks import Landmarks, build_landmarks, extend_landmarks, refine, search_landmarks
 
 from dynreg.errors import UsageError
-from dynreg.index import (
-    Landmarks,
-    MatrixDistance,
-    brute_force,
-    build,
-    build_landmarks,
-    extend_landmarks,
-    recall,
-    refine,
-    search_landmarks,
-)
+from dynreg.index import MatrixDistance, brute_force, build
 
 
 @pytest.fixture(scope="module")

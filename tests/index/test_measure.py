@@ -2,11 +2,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-
-from dynreg.errors import UsageError
-from dynreg.index import (
+from index_measure import (
     METHODS,
-    Found,
+    by_graph,
     fit_growth,
     hubness,
     measure_graph,
@@ -14,7 +12,9 @@ from dynreg.index import (
     quality,
     recall,
 )
-from dynreg.index.measure import by_graph
+
+from dynreg.errors import UsageError
+from dynreg.index import Found
 
 TRUTH = np.array([[1.1, 1.2, 1.2, 1.5, 2.0]])
 

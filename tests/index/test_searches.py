@@ -1,18 +1,9 @@
 import numpy as np
 import pytest
+from index_measure import build_as_printed, recall
 
 from dynreg.errors import UsageError
-from dynreg.index import (
-    Graph,
-    GraphSettings,
-    brute_force,
-    build,
-    build_as_printed,
-    recall,
-    search,
-    search_many,
-    search_printed,
-)
+from dynreg.index import Graph, GraphSettings, brute_force, build, search, search_many, search_printed
 from dynreg.rng import stream
 
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from landmarks import Landmarks, build_landmarks, search_landmarks
 
 from dynreg.arrays import Distances, Ids
 from dynreg.errors import UsageError
-from dynreg.index.construct import build, build_as_printed
-from dynreg.index.distance import Distance, MatrixDistance, ToMany
-from dynreg.index.landmarks import Landmarks, build_landmarks, search_landmarks
-from dynreg.index.searches import Found, search_many, search_printed
+from dynreg.index import Distance, Found, Graph, MatrixDistance, ToMany, build, search_many, search_printed
 from dynreg.rng import stream
 
 Measured = tuple[list[Found], float]
@@ -152,6 +150,11 @@ def measure_graph(
             cost = float(np.mean([one.evaluations for one in found]))
             rows.append(Row(name, n, recall(found, truth, k), quality(found, truth, k), cost, insertion))
     return rows
+
+
+def build_as_printed(distance: Distance, n: int, *, seed: int = 0, k: int = 5, restarts: int = 4) -> Graph:
+    """The graph of paper D: one node at a time, k links to what Algorithm 1 finds, no cap on degree."""
+    return build(distance, n, seed=seed, f=k, degree_cap=None, batch=1, starts=restarts, printed=True)
 
 
 def by_printed(

@@ -13,8 +13,7 @@ from numpy import ndarray
 
 from dynreg.arrays import Distances, Ids
 from dynreg.errors import UsageError
-from dynreg.index.distance import Distance, ToMany
-from dynreg.index.searches import Found
+from dynreg.index import Distance, Found, ToMany
 from dynreg.rng import stream
 
 Score = Callable[["Landmarks", Float[ndarray, "Q M"]], Float[ndarray, "Q N"]]
