@@ -12,9 +12,10 @@ from dynreg.adapt.methods import METHODS
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
+from dynreg.replay.cut import windows
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import parts
-from dynreg.replay.windows import Replayer, errors, windows
+from dynreg.replay.windows import Replayer, errors
 from dynreg.results import Calibration, CalibrationStep, Cost, Estimate
 from dynreg.search.cmaes import CmaEs
 from dynreg.sim.config import SimConfig

@@ -10,8 +10,9 @@ import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import LogError, RobotError, SimulationError
+from dynreg.replay.cut import windows
 from dynreg.replay.timed import EVEN, grid
-from dynreg.replay.windows import Windows, windows
+from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands

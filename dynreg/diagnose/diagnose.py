@@ -23,10 +23,11 @@ from dynreg.diagnose.threshold import Calibrated, threshold
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.registry import Registry
+from dynreg.replay.cut import windows
 from dynreg.replay.holes import hit, holes, sentence
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
-from dynreg.replay.windows import Windows, windows
+from dynreg.replay.windows import Windows
 from dynreg.results import Diagnosis
 from dynreg.sim.effects import Term
 from dynreg.sim.engines import rollout

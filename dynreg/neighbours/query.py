@@ -20,12 +20,13 @@ from dynreg.neighbours.synthesise import (
     replay_into,
 )
 from dynreg.registry import Registry
+from dynreg.replay.cut import windows
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.judged import gain
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, names, parts, seen
 from dynreg.replay.timed import on_grid
-from dynreg.replay.windows import Replayer, Windows, errors, windows
+from dynreg.replay.windows import Replayer, Windows, errors
 from dynreg.results import Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised
 from dynreg.sim.config import SimConfig
 

@@ -12,7 +12,8 @@ from dynreg.diagnose.signals import joint_signals, joints_of_actions
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.trial import one_trial
 from dynreg.diagnose.truth import hide, log_of, protocol
-from dynreg.replay.windows import STILL, standing, starts, windows
+from dynreg.replay.cut import windows
+from dynreg.replay.windows import STILL, standing, starts
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 

@@ -16,8 +16,9 @@ from dynreg.errors import LogError, UsageError
 from dynreg.neighbours import link
 from dynreg.neighbours.link import load_graph, load_population
 from dynreg.neighbours.retrieve import DISTANCES, retrieve, with_defaults
+from dynreg.replay.cut import windows
 from dynreg.replay.known import known_values
-from dynreg.replay.windows import Replayer, errors, windows
+from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.engines import rollout
 
 

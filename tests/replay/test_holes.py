@@ -8,9 +8,9 @@ import secret_servo
 
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import UsageError
+from dynreg.replay.cut import windows
 from dynreg.replay.holes import Hole, hit, holes, sentence
 from dynreg.replay.parts import parts
-from dynreg.replay.windows import windows
 from dynreg.sim.robot import Robot, load_robot
 
 

@@ -8,9 +8,10 @@ from timed_khepera import timed_folder, timed_log
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.evidence import begin_noise
+from dynreg.replay.cut import windows
 from dynreg.replay.timed import on_grid
 from dynreg.replay.velocity import pose_columns
-from dynreg.replay.windows import ANYWHERE, windows
+from dynreg.replay.windows import ANYWHERE
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot

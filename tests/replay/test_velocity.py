@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.replay.cut import windows
 from dynreg.replay.velocity import base_velocities
-from dynreg.replay.windows import windows
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run

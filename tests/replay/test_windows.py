@@ -9,7 +9,8 @@ from edited_log import edited
 
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError
-from dynreg.replay.windows import Replayer, errors, windows
+from dynreg.replay.cut import windows
+from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot

@@ -1,0 +1,103 @@
+"""A recording cut into windows of equal length, each from a measured state."""
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.errors import LogError
+from dynreg.replay.rows import Rows, rows_of
+from dynreg.replay.timed import held
+from dynreg.replay.velocity import SPAN, base_velocities, pose_columns
+from dynreg.replay.windows import Windows, scales, starts
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+BEFORE = 3.0  # s of commands before a window: longer than bases remember
+ENOUGH = 4  # poses that tell a velocity better than commands do
+Cut = tuple[int, int, int]  # episode, first row, one past the last row
+
+
+def windows(robot: Robot, recording: Recording) -> Windows:
+    """Cut a recording for replay, each window from a measured state; at most `replay.horizon` [s] long.
+
+    Of robots with control = "timed" on the grid of `timed.on_grid`, to which the windows' `rows` then belong.
+    Raises LogError where the recording lacks the commands to replay or has no rows.
+    """
+    rows = rows_of(robot, recording)
+    cuts = [cut for number in range(len(rows)) for cut in _cuts(robot, rows, number)]
+    if not cuts:
+        raise LogError(
+            "no episode has two measured rows in a row",
+            expected="commands and the states after them",
+            do="record longer",
+        )
+    actions, inputs, measured = _filled(robot, rows, cuts)
+    velocity, before = _come_from(robot, rows, cuts)
+    numbers, spans = np.array(cuts)[:, 0], np.array(cuts)[:, 1:]
+    run = Run(
+        actions,
+        inputs=inputs,
+        settings=rows.settings[numbers],
+        initial=starts(robot, actions, measured, before),
+        velocity=velocity,
+        before=before,
+        period=rows.period,
+        begin=np.array([rows.begin[n] + rows.time[n][first] - rows.time[n][0] for n, first, _ in cuts]),
+    )
+    spread, weight = scales(robot, measured)
+    return Windows(run, measured, spread, weight, numbers, spans, run.period)
+
+
+def _cuts(robot: Robot, rows: Rows, number: int) -> list[Cut]:
+    """The windows of one episode in which there is motion to see."""
+    states, startable = rows.states[number], rows.startable[number]
+    horizon = robot.file.replay.horizon
+    length = len(states) if horizon is None else min(len(states), int(round(horizon / rows.period)) + 1)
+    weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
+    out = []
+    for begin in range(0, len(states) - length + 1, max(length - 1, 1)):
+        stop = begin + length
+        first = begin + np.flatnonzero(startable[begin:stop])
+        if len(first) and np.isfinite(states[first[0] + 1 : stop, weighted]).any():
+            out.append((number, int(first[0]), stop))
+    return out
+
+
+def _filled(robot: Robot, rows: Rows, cuts: list[Cut]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Commands (W, T, A) and inputs (W, T, I), held from row to row, and measured states (W, T+1, S).
+
+    A shorter window's last commands go on to the end; its states are NaN there.
+    """
+    steps = max(stop - start for _, start, stop in cuts) - 1
+    actions = np.empty((len(cuts), steps, len(robot.actions)))
+    inputs = np.empty((len(cuts), steps, len(robot.inputs)))
+    measured = np.full((len(cuts), steps + 1, len(robot.channels)), np.nan)
+    for w, (number, start, stop) in enumerate(cuts):
+        last = np.minimum(np.arange(steps), stop - start - 2)
+        actions[w] = held(rows.actions[number][start:stop], np.zeros(len(robot.actions)))[last]
+        inputs[w] = held(rows.inputs[number][start:stop], robot.input_defaults)[last]
+        measured[w, : stop - start] = rows.states[number][start:stop]
+    return actions, inputs, measured
+
+
+def _come_from(robot: Robot, rows: Rows, cuts: list[Cut]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Velocities (W, 2) of a planar base at the first row of each window, and what it was told before (W, L, A).
+
+    From the poses around that row, those before it included. NaN where they are too rare: there commands say more. So
+    they do where control is timed and another command begins, for poses may stand there alone; and such an episode
+    starts from standstill, unless several poses show otherwise.
+    """
+    if pose_columns(robot) is None:
+        return None, None
+    told = [held(actions, np.zeros(len(robot.actions))) for actions in rows.actions]
+    timed, reach = robot.file.robot.control == "timed", max(round(SPAN / rows.period), 1)
+    velocity = np.empty((len(cuts), 2))
+    before = np.zeros((len(cuts), max(round(BEFORE / rows.period), 1), len(robot.actions)))
+    for w, (number, start, _) in enumerate(cuts):
+        states, near = rows.states[number], told[number][max(start - reach, 0) : start + reach]
+        velocity[w] = base_velocities(robot, states, np.array([start]), rows.period)[0]
+        some = told[number][max(start - before.shape[1], 0) : start]
+        before[w, before.shape[1] - len(some) :] = some
+        few = np.isfinite(states[start : start + reach + 1]).all(axis=1).sum() < ENOUGH
+        if timed and ((near != near[0]).any() or (start < reach and few)):
+            velocity[w] = np.nan
+    return velocity, before if np.isnan(velocity).any() else None
