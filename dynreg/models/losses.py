@@ -1,7 +1,5 @@
 """Predictions and losses of many models, as plain functions."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy import ndarray
 
@@ -53,30 +51,10 @@ def losses(stack: MlpStack, inputs: ndarray, targets: ndarray, *, threads: int |
     )
 
 
-def cross_losses(
-    stack: MlpStack, inputs: ndarray, targets: ndarray, *, threads: int | None = None
-) -> ndarray:
-    """(M, B) loss of every model on every one of B sets (B, N, D), (B, N, S)."""
-    return LossBank(stack, inputs, targets, threads=threads).all()
-
-
-def pair_losses(
-    stack: MlpStack,
-    model_ids: Sequence[int] | ndarray,
-    inputs: ndarray,
-    targets: ndarray,
-    set_ids: Sequence[int] | ndarray,
-    *,
-    threads: int | None = None,
-) -> ndarray:
-    """(Q,) loss of model `model_ids[q]` on set `set_ids[q]`. To ask more than once, keep a `LossBank`."""
-    return LossBank(stack, inputs, targets, threads=threads).pairs(model_ids, set_ids)
-
-
 def _check_sets(sets: int, models: int) -> None:
     if sets not in (1, models):
         raise UsageError(
             f"{sets} sets of rows for {models} models",
             expected=f"1 or {models}",
-            do="use cross_losses for all pairs",
+            do="ask a LossBank for all pairs",
         )

@@ -5,7 +5,7 @@ import torch
 from dynreg.errors import UsageError
 from dynreg.models.bank import LossBank, pack
 from dynreg.models.forward import TILE
-from dynreg.models.losses import cross_losses, losses, pair_losses, predict
+from dynreg.models.losses import losses, predict
 from dynreg.models.mlp import MlpStack, initial, stack_of
 from dynreg.rng import stream
 
@@ -56,11 +56,11 @@ def test_predict_is_the_plain_network(stack, rows):
 
 
 def test_all_pairs_and_chosen_pairs_are_those_of_the_oracle(stack, sets, oracle):
-    np.testing.assert_allclose(cross_losses(stack, *sets), oracle, rtol=1e-5)
+    bank = LossBank(stack, *sets)
+    np.testing.assert_allclose(bank.all(), oracle, rtol=1e-5)
     rng = stream(0, "ids")
     models, chosen = rng.integers(MODELS, size=50), rng.integers(SETS, size=50)
-    found = pair_losses(stack, models, *sets, chosen)
-    np.testing.assert_allclose(found, oracle[models, chosen], rtol=1e-5)
+    np.testing.assert_allclose(bank.pairs(models, chosen), oracle[models, chosen], rtol=1e-5)
     np.testing.assert_allclose(losses(stack, sets[0][0], sets[1][0]), oracle[:, 0], rtol=1e-5)
     np.testing.assert_allclose(losses(stack[:SETS], *sets), np.diag(oracle), rtol=1e-5)
 
