@@ -20,8 +20,8 @@ import numpy as np
 
 import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.distance.population import Training
 from dynreg.errors import DynregError
-from dynreg.neighbours.population import Training
 from dynreg.registry import Registry, verify
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
@@ -36,9 +36,10 @@ PRELOADED = [
     "torch",
     "scipy.stats",
     "sklearn.linear_model",
-    "dynreg.neighbours.link",
-    "dynreg.neighbours.populate",
-    "dynreg.neighbours.query",
+    "dynreg.verbs.populations",
+    "dynreg.verbs.populate",
+    "dynreg.verbs.neighbours",
+    "dynreg.verbs.query",
     "dynreg.sim.engines.joint_engine",
 ]
 

@@ -34,13 +34,14 @@ from dynreg.gait.methods import usual_accept
 from dynreg.gait.seek import AGAIN, SearchSettings, seek
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
-from dynreg.neighbours.link import load_population
-from dynreg.neighbours.query import Settings, query
 from dynreg.results.trials import rate
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.real import Budget, Spent
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.populations import load_population
+from dynreg.verbs.query import QuerySettings, query
+from dynreg.verbs.subjects import Recorded
 
 TUNE, REPORT = 61, 20261205
 RESULTS = Path(__file__).parent / "results"
@@ -137,7 +138,8 @@ def _queried(job: Job, walker: Walker) -> dict:
     log, spent = excited(walker)
     with dynreg.open(job.registry, create=False) as reg:
         population = load_population(reg.registry, job.population, states=False)
-        answer = query(reg.registry, population, log, Settings(k=K, threads=1))
+        asked = Recorded(reg.registry, walker.robot, log, walker.name)
+        answer = query(asked, QuerySettings(k=K, threads=1), population=population)
     from_dict = walker.robot.space.from_dict
     return {
         "spent": asdict(spent),

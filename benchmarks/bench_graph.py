@@ -18,12 +18,11 @@ from index_measure import METHODS, Measured, by_graph, by_landmarks, measure_gra
 from landmarks import build_landmarks, refine, search_landmarks
 
 import dynreg
+from dynreg.distance.population import cross_loss
 from dynreg.index import build
-from dynreg.models.mlp import MlpStack, stack_of
-from dynreg.neighbours.link import load_population
-from dynreg.neighbours.populate import make_entries
-from dynreg.neighbours.population import cross_loss
-from dynreg.registry import PopulationArrays
+from dynreg.models.mlp import stack_of
+from dynreg.neighbours.entries import make_entries
+from dynreg.verbs.populations import load_population
 
 HERE = Path(__file__).parent
 
@@ -57,25 +56,13 @@ def distances(reg, population: str, count: int) -> np.ndarray:
     """(count, count) cross-losses between quadrupeds, those beyond the registered ones made on the way."""
     held = load_population(reg.registry, population, states=True)
     entries, stack = held.entries, held.stack
-    states, train_loss = [entries.states[:count]], [entries.train_loss[:count]]
-    for first in range(len(entries), count, 100):
-        more = make_entries(held.shared, np.arange(first, min(first + 100, count)), 0)
+    states = [entries.states[:count]]
+    for first in range(len(held), count, 100):
+        more = make_entries(held.shared, np.arange(first, min(first + 100, count)))
         states.append(more.states)
-        train_loss.append(more.train_loss)
-        stack = stack_of([stack, MlpStack.from_arrays(dict(more.weights))])
+        stack = stack_of([stack, more.stack])
         print(f"  {min(first + 100, count)} simulated and trained", flush=True)
-    every = PopulationArrays(
-        ids=tuple(str(i) for i in range(count)),
-        numbers=np.arange(count),
-        parameters=entries.parameters,
-        values=np.zeros((count, 0)),
-        states=np.concatenate(states),
-        weights=None,
-        own_loss=np.zeros(count),
-        train_loss=np.concatenate(train_loss),
-        extra={},
-    )
-    return cross_loss(held.shared, every, stack[np.arange(count)]).matrix()
+    return cross_loss(held.shared, np.concatenate(states), stack[np.arange(count)]).matrix()
 
 
 def main() -> None:

@@ -15,14 +15,16 @@ import numpy as np
 from hidden import Hidden, hidden_robots, unseen_commands
 
 import dynreg
-from dynreg.neighbours.link import load_population
-from dynreg.neighbours.query import Settings, query
+from dynreg.distance.asked import Asked
 from dynreg.neighbours.retrieve import retrieve
 from dynreg.replay.known import known_values
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.run import Run
+from dynreg.verbs.populations import load_graph, load_population
+from dynreg.verbs.query import QuerySettings, query
+from dynreg.verbs.subjects import Recorded
 
 TUNE, REPORT = 777, 20261123
 RESULTS = Path(__file__).parent / "results"
@@ -40,14 +42,18 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
     random = stream(hidden.seed, "random", hidden.number).permutation(len(population))[:25]
     chosen["random"] = population.entries.values[random]
     chosen["itself"] = hidden.values[None, : len(robot.space)]
-    known = known_values(robot, log)
+    known, graph = known_values(robot, log), load_graph(registry, population.id, population.entries.ids)
     for distance in RETRIEVED:
         if distance == "trajectory" and kind == "own":
             continue
-        found = retrieve(registry, population, log, distance=distance, known=known)
-        chosen[distance] = population.entries.values[found.order[:5]]
+        found = retrieve(Asked(population, log, known, graph=graph), distance)
+        chosen[distance] = population.entries.values[found.ranked.order[:5]]
     began = time.perf_counter()
-    answer = query(registry, population, log, Settings(hold_out="0", budget=budget))
+    answer = query(
+        Recorded(registry, robot, log, log.id[:12]),
+        QuerySettings(hold_out="0", budget=budget),
+        population=population,
+    )
     seconds = time.perf_counter() - began
     order = {e: i for i, e in enumerate(population.entries.ids)}
     chosen["replayed"] = population.entries.values[[order[n.entry] for n in answer.neighbours]]

@@ -1,13 +1,10 @@
 """The Python door to a registry: `dynreg.open(path)` and what can be asked of it."""
 
 import os
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from dynreg import results
 from dynreg.registry import Registry
@@ -15,7 +12,7 @@ from dynreg.verbs.subjects import loaded_robot, population_for, read_log, record
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
-    from dynreg.neighbours.population import Population, Training
+    from dynreg.distance.population import Population, Training
     from dynreg.sim.robot import Robot
 
 DEFAULT = "dynreg-registry"
@@ -76,48 +73,14 @@ class Session:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> results.PopulationSummary:
-        """Simulate, train, register and link n randomized simulators of a robot; see `neighbours.populate`.
+        """Simulate, train, register and link n randomized simulators of a robot; see `verbs.populate`.
 
         ranges : one of the robot's [populations]. link : build the graph and the embedding.
         """
-        from dynreg.neighbours.link import link as link_entries
-        from dynreg.neighbours.populate import populate
+        from dynreg.verbs.populate import PopulateSettings, populate
 
-        began = time.perf_counter()
-        report = progress or (lambda *_: None)
-        identity, added, timing = populate(
-            self.registry,
-            loaded_robot(robot, ranges),
-            n,
-            seed=seed,
-            training=training,
-            shard_size=shard_size,
-            threads=threads,
-            progress=progress,
-        )
-        linked, evaluations, linking = 0, 0, time.perf_counter()
-        if link:
-            report("link", 0, 1)
-            held = self.registry.index(identity, "graph") is not None and not added
-            if not held:
-                linked, evaluations = link_entries(self.registry, identity, threads=threads)
-            report("link", 1, 1)
-        record = self.registry.population(identity)
-        own = self.registry.load(identity, ()).own_loss
-        return results.PopulationSummary(
-            population=identity,
-            robot=record.name,
-            entries=len(own),
-            planned=record.size,
-            added=added,
-            seconds=time.perf_counter() - began,
-            simulate_seconds=timing.simulate,
-            train_seconds=timing.train + timing.base,
-            link_seconds=time.perf_counter() - linking,
-            own_loss_median=float(np.median(own)) if len(own) else None,
-            linked=linked,
-            evaluations=evaluations,
-        )
+        settings = _settings(PopulateSettings, locals())
+        return populate(self.registry, loaded_robot(robot), n, settings, training=training, progress=progress)
 
     def ingest(
         self,
@@ -161,20 +124,19 @@ class Session:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> results.Neighbours:
-        """The simulators nearest to a recording, re-ranked by replay, and a synthesised one; see `neighbours.query`.
+        """The simulators nearest to a recording, re-ranked by replay, and a synthesised one; see `verbs.query`.
 
         recording : a recording's id, name or `@last`, or the path of a log (then `robot` is needed).
-        distance : "auto", or one of `neighbours.retrieve.DISTANCES`, told there. hold_out : the test part, such as
+        distance : "auto", or one of `distance.table.DISTANCES`. hold_out : the test part, such as
         "kp=400", episode names or a share; a fifth by default. The result is stored; `fits` is False and `alarm` says
         why where nothing in the family is close.
         """
-        from dynreg.neighbours.query import Settings, query
+        from dynreg.verbs.query import QuerySettings, query
 
         asked = recorded(self.registry, recording, robot, log_map, ingest=True)
-        states = distance == "trajectory" or distance.startswith("cross_loss")
-        ready = self._population(population, asked.recording.id, states=states)
-        settings = _settings(Settings, locals())
-        found = query(self.registry, ready, asked.recording, settings, name=asked.name, progress=progress)
+        settings = _settings(QuerySettings, locals())
+        ready = self._population(population, asked.recording.id, states=settings.states)
+        found = query(asked, settings, progress, population=ready)
         self.registry.put_result("neighbours", asked.recording.id, found.to_dict())
         return found
 
@@ -483,7 +445,7 @@ class Session:
 
     def _population(self, ref: str | None, recording: str, *, states: bool) -> "Population":
         """The population to ask about a recording; the last one stays loaded."""
-        from dynreg.neighbours.link import load_population
+        from dynreg.verbs.populations import load_population
 
         key = population_for(self.registry, recording, ref)
         held = self._populations.get(key)

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.neighbours.population import Training
+from dynreg.distance.population import Training
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation

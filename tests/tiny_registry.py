@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from dynreg import session
-from dynreg.neighbours.population import Training
+from dynreg.distance.population import Training
 
 QUICK = Training(epochs=1, base_configurations=4, base_epochs=1)
 COLUMNS = ("time", "arm/position", "arm/velocity", "arm/target", "supply", "kp", "episode")

@@ -7,16 +7,6 @@ from dynreg.adapt.methods import METHODS
 
 KINDS = ("population", "recording", "simulator", "result", "robot")
 MODELS = ("kinematic", "dynamic", "table", "network", "mlp")
-DISTANCES = (
-    "auto",
-    "one_sided",
-    "embedding",
-    "cross_loss",
-    "cross_loss_train",
-    "cross_loss_printed",
-    "trajectory",
-    "replay",
-)
 
 
 def robot_names(incomplete: str) -> list[str]:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dynreg.cli.call import Call, at_least, can_write, one_of, verb
-from dynreg.cli.completion import DISTANCES
 from dynreg.cli.options import AnyRecording, HoldOut, MapOfLog, Page, Population, RobotOfLog, Threads
+from dynreg.distance.table import NAMES as DISTANCES
 from dynreg.errors import NoMatchError
 
 if TYPE_CHECKING:

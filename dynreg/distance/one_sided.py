@@ -2,11 +2,33 @@
 
 import numpy as np
 
+from dynreg.distance.asked import Asked, Ranked, in_order
+from dynreg.distance.rows import Rows, thin
+from dynreg.errors import LogError
 from dynreg.models.losses import predict
 from dynreg.models.mlp import MlpStack
 from dynreg.models.normaliser import Normaliser
 
 BATCH = 50  # models at once
+QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
+AHEAD = 2  # steps long each
+
+
+def rank(asked: Asked, entries: np.ndarray | None = None) -> Ranked:
+    """Entries (M',), else all that are allowed, by this distance; raises LogError where there is nothing to judge."""
+    population, entries = asked.population, asked.allowed if entries is None else entries
+    inputs, targets = _sequences(asked.rows)
+    judged = thin(len(inputs), QUERY_ROWS, population.shared.seed, "query")
+    if not len(judged):
+        raise LogError(
+            "no usable rows",
+            expected="rows in which all is measured, and in the next as well",
+            do="record longer, or query with --distance replay",
+        )
+    stack = population.stack if len(entries) == len(population) else population.stack[entries]
+    shared = population.shared
+    scores = one_sided(stack, shared.base, inputs[judged], targets[judged], shared.normaliser)
+    return in_order(entries, scores, len(entries))
 
 
 def one_sided(
@@ -50,3 +72,14 @@ def _miss(stack: MlpStack, inputs: np.ndarray, targets: np.ndarray, normaliser: 
         rows[..., :channels] = inputs[:, 0, :channels] + moved
         total = total + predict(stack, rows.astype(np.float32))
     return total - targets.sum(axis=1)
+
+
+def _sequences(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in a row: inputs (N, H, D) and targets (N, H, S), H = `AHEAD`, or 1 where the log is too short for it."""
+    starts = np.arange(len(rows.inputs) - AHEAD + 1)
+    for step in range(AHEAD - 1):
+        starts = starts[rows.follows[starts + step]]
+    if not len(starts):
+        return rows.inputs[:, None], rows.targets[:, None]
+    at = starts[:, None] + np.arange(AHEAD)
+    return rows.inputs[at], rows.targets[at]

@@ -2,7 +2,20 @@
 
 import numpy as np
 
+from dynreg.distance.asked import Asked, Ranked, in_order
 from dynreg.errors import UsageError
+
+
+def rank(asked: Asked) -> Ranked:
+    """Entries by this distance; needs their states. Raises as `trajectory`."""
+    recording, robot, states = asked.recording, asked.robot, asked.population.entries.states
+    some = [episode.values for episode in recording.episodes]
+    rows = min(len(values) for values in some)
+    measured = np.stack([values[:rows, recording.columns(robot.channels)] for values in some])
+    commands = np.stack([values[: rows - 1, recording.columns(robot.actions)] for values in some])
+    spread = states.reshape(-1, states.shape[-1]).std(axis=0) + 1e-9
+    every = trajectory(states, asked.population.shared.run.actions, measured, commands, spread)
+    return in_order(asked.allowed, every[asked.allowed], len(every))
 
 
 def trajectory(

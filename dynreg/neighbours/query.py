@@ -1,115 +1,109 @@
-"""Query: from a recording to the simulator that predicts it best. Retrieve, replay and re-rank, synthesise."""
+"""Query: of simulators that replay a recording, the one that predicts it best: replay, synthesise, judge."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.distance.asked import Asked
+from dynreg.distance.population import Population
 from dynreg.errors import UsageError
-from dynreg.neighbours.judge import alarm, channel_errors, traces
-from dynreg.neighbours.population import Population
-from dynreg.neighbours.retrieve import Retrieved, retrieve
+from dynreg.index import Graph
+from dynreg.neighbours.judge import channel_errors, misfit
+from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.synthesise import (
     Evidence,
+    Interval,
     effective_samples,
     empty_evidence,
     estimates,
     refine,
-    replay_into,
 )
-from dynreg.registry import Registry
-from dynreg.replay.cut import windows
+from dynreg.replay.data import Data, data
 from dynreg.replay.jitter import CANDIDATES, jitter
-from dynreg.replay.judged import gain
-from dynreg.replay.known import known_values
-from dynreg.replay.parts import Parts, names, parts, seen
+from dynreg.replay.parts import seen
 from dynreg.replay.timed import on_grid
-from dynreg.replay.windows import Replayer, Windows, errors
-from dynreg.results import Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised
-from dynreg.sim.config import SimConfig
+from dynreg.replay.windows import Replayer, errors
+from dynreg.sim.robot import Robot
 
 REPLAYED = 0.6  # share of the budget that replays candidates; the rest synthesises
 Progress = Callable[[str, int, int], None]
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """One simulator that was replayed: where it came from and its unit parameters (P,)."""
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A recording that is to be replayed in simulators of a population; report : of a stage, so much done of all."""
 
-    kind: str
-    entry: int | None
-    unit: np.ndarray
+    population: Population
+    data: Data
+    replayer: Replayer
+    report: Progress
+
+    @property
+    def robot(self) -> Robot:
+        """The population's robot."""
+        return self.population.shared.robot
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """(P,) whether a parameter is known."""
+        return ~np.isnan(self.data.known)
+
+    def with_known(self, unit: np.ndarray) -> np.ndarray:
+        """Unit parameters (..., P) with those that are known in their places."""
+        return np.where(self.fixed, self.robot.space.to_unit(self.data.start), unit)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What a query may be told; see `Session.query`. budget : replays, `usual_budget` where None."""
-
-    k: int = 5
-    distance: str = "auto"
-    replay: bool = True
-    synthesise: bool = True
-    hold_out: str | None = None
-    budget: int | None = None
-    threads: int = 0
-
-
-def query(
-    registry: Registry,
-    population: Population,
-    recording: Recording,
-    settings: Settings,
-    *,
-    name: str = "",
-    progress: Progress | None = None,
-) -> Neighbours:
-    """The answer for one recording.
-
-    The test part is replayed once, after everything is chosen, in the nominal, the k nearest, the best replayed
-    and the synthesised simulator. Raises UsageError where k or the budget cannot be met, LogError where the
-    recording cannot be replayed.
-    """
-    began = time.perf_counter()
-    report = progress or (lambda *_: None)
-    if settings.budget is None:
-        settings = replace(settings, budget=usual_budget(len(population.shared.robot.space), settings.k))
-    _check(settings, population)
+def case_of(
+    population: Population, recording: Recording, *, hold_out: str | None, threads: int, report: Progress
+) -> Case:
+    """A recording cut and parted; raises as `data` does."""
     robot = population.shared.robot
-    cut = windows(robot, recording)
-    split = parts(recording, cut, settings.hold_out)
-    cut = cut.scaled_by(robot, split.chosen)  # what is held out must not set the scale either
-    replayer = Replayer(robot, cut, settings.threads)
-    known = known_values(robot, recording)
-    report("retrieve", 0, 1)
+    cut = data(robot, recording, hold_out)
+    return Case(population, cut, Replayer(robot, cut.windows, threads), report)
+
+
+def asked_of(case: Case, graph: Graph | None, at_least: int) -> Asked:
+    """What a distance is asked: of the recording, the rows that are not held out."""
+    cut, chosen = case.data, case.data.parts.chosen
 
     def replayed(unit: np.ndarray) -> np.ndarray:
-        values = np.where(np.isnan(known), robot.space.from_unit(unit), known)
-        found = errors(replayer.residuals(values, split.chosen)).mean(axis=1)
-        report("retrieve", replayer.rollouts, len(population))
+        values = np.where(case.fixed, cut.known, case.robot.space.from_unit(unit))
+        found = errors(case.replayer.residuals(values, chosen)).mean(axis=1)
+        case.report("retrieve", case.replayer.rollouts, len(case.population))
         return found
 
-    found = retrieve(
-        registry,
-        population,
-        seen(on_grid(robot, recording), cut, split.chosen),
-        distance=settings.distance,
-        known=known,
-        guess=settings.synthesise,
-        at_least=settings.k,
-        replayed=replayed,
-        threads=settings.threads,
-    )
-    report("retrieve", 1, 1)
-    if not settings.replay and not settings.synthesise:
-        return _unjudged(
-            population, recording, name, found, split, cut, settings, time.perf_counter() - began
-        )
-    search = _Search(population, found, known, split, replayer, settings, report)
-    search.run()
-    search.tell_noise(settings.threads)
-    return _result(registry, population, recording, name, search, time.perf_counter() - began)
+    rows = seen(on_grid(case.robot, cut.recording), cut.windows, chosen)
+    return Asked(case.population, rows, cut.known, at_least, replayed, graph, case.replayer.threads)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a query spends: the k nearest are replayed in any case, others where `replay`; `budget` replays in all.
+
+    synthesise : whether a simulator is made of them. Raises UsageError where the budget does not suffice.
+    """
+
+    k: int
+    budget: int
+    replay: bool = True
+    synthesise: bool = True
+
+    def __post_init__(self) -> None:
+        if self.budget < self.k + 2:
+            raise UsageError(
+                f"a budget of {self.budget} replays",
+                expected=f"at least {self.k + 2} for k = {self.k}",
+                do="raise --budget or lower -k",
+            )
+
+    def entries(self, taken: int) -> int:
+        """How many entries are replayed where so many other candidates are."""
+        if not self.replay:
+            return self.k
+        room = round(REPLAYED * self.budget) if self.synthesise else self.budget
+        return max(self.k, room - taken)
 
 
 def usual_budget(parameters: int, k: int) -> int:
@@ -117,291 +111,117 @@ def usual_budget(parameters: int, k: int) -> int:
     return max(18 + 2 * parameters, k + 12)
 
 
-class _Search:
-    """Replay and synthesis of one query: fills the evidence and remembers where each candidate came from."""
+@dataclass(frozen=True)
+class Candidate:
+    """One simulator that was replayed: "nominal", "neighbour" (which entry) or "synthesised"."""
 
-    def __init__(
-        self,
-        population: Population,
-        found: Retrieved,
-        known: np.ndarray,
-        split: Parts,
-        replayer: Replayer,
-        settings: Settings,
-        report: Progress,
-    ):
-        self.population, self.found, self.split = population, found, split
-        self.replayer, self.settings, self.report = replayer, settings, report
-        space = population.shared.robot.space
-        self.fixed = ~np.isnan(known)
-        self.known = space.to_unit(np.where(self.fixed, known, space.nominal))
-        self.evidence: Evidence = empty_evidence(space, ~self.fixed)
-        self.candidates: list[Candidate] = []
-        self.noisy = 0  # simulations that told the motor noise
-
-    def run(self) -> None:
-        """Nominal, guess and nearest first; then rounds of synthesis with what is left of the budget."""
-        chosen = self.split.chosen
-        replay = replay_into(self.evidence, self.replayer, chosen, self.split.fit[chosen])
-        space = self.population.shared.robot.space
-        first = [Candidate("nominal", None, self._with_known(space.to_unit(space.nominal)))]
-        if self.settings.synthesise and self.found.guess is not None:
-            first.append(Candidate("synthesised", None, self._with_known(self.found.guess)))
-        for entry in self.found.order[: self._replayed(len(first))]:
-            first.append(Candidate("neighbour", int(entry), self._with_known(self.population.unit[entry])))
-        self.candidates = first
-        self.report("replay", 0, self.settings.budget)
-        replay(np.array([c.unit for c in first]))
-        self.report("replay", len(first), self.settings.budget)
-        self.first = len(first)
-        left = self.settings.budget - len(first)
-        if self.settings.synthesise and left > 0 and self.evidence.free.any() and len(first) > 3:
-            refine(self.evidence, replay, left, self.population.shared.seed)
-        self.candidates += [Candidate("synthesised", None, u) for u in self.evidence.unit[self.first :]]
-        self.report("replay", self.settings.budget, self.settings.budget)
-
-    def tell_noise(self, threads: int) -> None:
-        """Give the best synthesised candidate the motor noise that the log tells: replays have none, and cannot."""
-        made, space = self.best("synthesised"), self.population.shared.robot.space
-        if made is None:
-            return
-        values = space.from_unit(self.evidence.unit[made])
-        noisy = jitter(
-            self.population.shared.robot,
-            self.replayer.windows,
-            values,
-            None,
-            self.split.chosen,
-            threads=threads,
-        )
-        if noisy is values:
-            return
-        unit = self._with_known(space.to_unit(noisy))
-        self.evidence.unit[made] = unit
-        self.candidates[made] = replace(self.candidates[made], unit=unit)
-        self.noisy = CANDIDATES
-
-    def best(self, *kinds: str) -> int | None:
-        """The candidate of these kinds with the lowest error on fit and select."""
-        ids = [i for i, c in enumerate(self.candidates) if c.kind in kinds]
-        return min(ids, key=lambda i: (self.evidence.score[i], i)) if ids else None
-
-    def _replayed(self, taken: int) -> int:
-        k = self.settings.k
-        if not self.settings.replay:
-            return k
-        room = round(REPLAYED * self.settings.budget) if self.settings.synthesise else self.settings.budget
-        return max(k, room - taken)
-
-    def _with_known(self, unit: np.ndarray) -> np.ndarray:
-        return np.where(self.fixed, self.known, unit)
+    kind: str
+    entry: int | None = None
 
 
-def _result(
-    registry: Registry,
-    population: Population,
-    recording: Recording,
-    name: str,
-    search: _Search,
-    seconds: float,
-) -> Neighbours:
-    robot, evidence, split = population.shared.robot, search.evidence, search.split
-    space = robot.space
-    nominal, nearest = 0, [i for i, c in enumerate(search.candidates) if c.kind == "neighbour"]
-    k_nearest = nearest[: search.settings.k]
-    best = search.best("neighbour")
-    made = search.best("synthesised")
-    answer = search.best("nominal", "neighbour", "synthesised")
-    test = _test_errors(
-        search, sorted({nominal, *k_nearest, best, answer} | ({made} if made is not None else set()))
-    )
-    ids = {
-        i: _simulator_id(registry, population, search.candidates[i], space)
-        for i in {nominal, best, answer, made} - {None}
-    }
-    rank = sorted(nearest, key=lambda i: evidence.score[i]) if search.settings.replay else nearest
-    stages = _stages(search, test, ids, nominal, k_nearest, best, made, answer)
-    judged = np.flatnonzero(split.test) if split.test.any() else split.chosen
-    pair = search.replayer.states(space.from_unit(evidence.unit[[nominal, answer]]), judged)
-    misfit, alarmed, notes = alarm(search, answer)
-    kind = search.candidates[answer].kind
-    answer_values = space.from_unit(evidence.unit[answer])
-    effective = effective_samples(evidence.residuals[answer])
-    synthesised = None
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The best of what was replayed, and how it does on what was held out. Simulators are numbers of `candidates`.
+
+    candidates : all that were replayed, the nominal first; evidence : their parameters and errors. begun : how many of
+    them before the synthesis. nearest : the k nearest entries. best : of the entries; made : of the synthesised, None
+    where there is none; answer : of all. intervals : of the parameters of `made`.
+    tests : (W_test,) errors by simulator. judged : (W',) windows that judge, the test part where there is one, in which
+    nominal and answer have states (2, W', T+1, S) and errors by channel (2, S). misfit : see `judge.misfit`.
+    rollouts : simulators run to choose.
+    """
+
+    candidates: tuple[Candidate, ...]
+    evidence: Evidence
+    begun: int
+    nearest: tuple[int, ...]
+    best: int
+    made: int | None
+    answer: int
+    intervals: dict[str, Interval]
+    tests: dict[int, np.ndarray]
+    judged: np.ndarray
+    states: np.ndarray
+    channels: np.ndarray
+    misfit: float
+    rollouts: int
+
+
+def choose(case: Case, found: Retrieved, effort: Effort) -> Chosen:
+    """Replay what was found, synthesise, choose; then replay the test part once, in all that is told of."""
+    candidates, evidence, begun = _replayed(case, found, effort)
+    score = evidence.score
+
+    def best_of(*kinds: str) -> int | None:
+        ids = [i for i, c in enumerate(candidates) if c.kind in kinds]
+        return min(ids, key=lambda i: (score[i], i)) if ids else None
+
+    made, noisy = best_of("synthesised"), False
     if made is not None:
-        synthesised = Synthesised(
-            simulator=ids[made],
-            replay_error=float(evidence.score[made]),
-            parameters=estimates(evidence, evidence.unit[made], effective),
-        )
-    return Neighbours(
-        robot=robot.name,
-        population=population.record.id,
-        recording=recording.id,
-        recording_name=name or recording.id[:12],
-        distance=search.found.distance_name,
-        k=search.settings.k,
-        neighbours=tuple(
-            _neighbour(population, search.found, search.candidates[i].entry, float(evidence.score[i]))
-            for i in rank[: search.settings.k]
-        ),
-        synthesised=synthesised,
-        answer=ids[answer],
-        answer_kind=kind,
-        answer_parameters=space.as_dict(answer_values),
-        nominal=Nominal(replay_error=float(evidence.score[nominal]), parameters=space.as_dict(space.nominal)),
-        stages=stages,
-        gain=gain(test[nominal], test[answer]) if split.test.any() else None,
-        parts={
-            part: names(recording, search.replayer.windows, getattr(split, part))
-            for part in ("fit", "select", "test")
-        },
-        channels=channel_errors(robot, search.replayer.windows, pair, judged),
-        traces=traces(robot, recording, search.replayer.windows, pair, judged),
-        fits=alarmed is None,
-        misfit=misfit,
-        alarm=alarmed,
-        notes=notes + _bound_notes(synthesised),
-        cost=Cost(
-            evaluations=search.found.evaluations,
-            rollouts=search.found.replays + len(evidence.unit) + search.noisy,
-            test_rollouts=len(test),
-            seconds=seconds,
-        ),
-    )
-
-
-def _unjudged(
-    population: Population,
-    recording: Recording,
-    name: str,
-    found: Retrieved,
-    split: Parts,
-    cut: Windows,
-    settings: Settings,
-    seconds: float,
-) -> Neighbours:
-    """The k nearest alone: how well they predict is known only where replay ranked them."""
-    space = population.shared.robot.space
-    error = dict(zip(found.order.tolist(), found.distance.tolist(), strict=True)) if found.replays else {}
-    near = [_neighbour(population, found, int(i), error.get(int(i))) for i in found.order[: settings.k]]
-    return Neighbours(
-        robot=population.shared.robot.name,
-        population=population.record.id,
-        recording=recording.id,
-        recording_name=name or recording.id[:12],
-        distance=found.distance_name,
-        k=settings.k,
-        neighbours=tuple(near),
-        synthesised=None,
-        answer=near[0].entry,
-        answer_kind="neighbour",
-        answer_parameters=near[0].parameters,
-        nominal=Nominal(replay_error=None, parameters=space.as_dict(space.nominal)),
-        stages=(),
-        gain=None,
-        parts={part: names(recording, cut, getattr(split, part)) for part in ("fit", "select", "test")},
-        channels=(),
-        traces=(),
-        fits=True,
-        misfit=None,
-        alarm=None,
-        notes=("nothing was held against the nominal simulator: whether the nearest one fits is not known",),
-        cost=Cost(evaluations=found.evaluations, rollouts=found.replays, seconds=seconds),
-    )
-
-
-def _test_errors(search: _Search, ids: list[int]) -> dict[int, np.ndarray]:
-    """{candidate: (W_test,) errors}: the only time that the test part is read."""
-    chosen = np.flatnonzero(search.split.test)
-    if not len(chosen):
-        return {i: np.zeros(0) for i in ids}
-    values = search.evidence.space.from_unit(search.evidence.unit[ids])
-    found = errors(search.replayer.residuals(values, chosen))
-    return dict(zip(ids, found, strict=True))
-
-
-def _stages(
-    search: _Search,
-    test: dict[int, np.ndarray],
-    ids: dict[int, str],
-    nominal: int,
-    nearest: list[int],
-    best: int,
-    made: int | None,
-    answer: int,
-) -> tuple[Stage, ...]:
-    evidence = search.evidence
-    has_select = bool(search.split.select.any())
-
-    def stage(label: str, members: list[int], spent: int) -> Stage:
-        tested = [test[i].mean() for i in members if test[i].size]
-        return Stage(
-            stage=label,
-            simulator=ids.get(members[0]) if len(members) == 1 else None,
-            fit=float(evidence.fit[members].mean()),
-            select=float(evidence.select[members].mean()) if has_select else None,
-            test=float(np.mean(tested)) if tested else None,
-            simulations=spent,
-        )
-
-    first = search.first
-    out = [stage("nominal", [nominal], 1), stage("nearest", nearest, len(nearest))]
-    if search.settings.replay:
-        out.append(stage("replayed", [best], first))
+        evidence, noisy = _with_noise(case, evidence, made)
+    nearest = tuple(i for i, c in enumerate(candidates) if c.kind == "neighbour")[: effort.k]
+    best, answer = best_of("neighbour"), best_of("nominal", "neighbour", "synthesised")
+    told = sorted({0, *nearest, best, answer, made} - {None})
+    values = case.robot.space.from_unit(evidence.unit)
+    test = np.flatnonzero(case.data.parts.test)
+    tests = errors(case.replayer.residuals(values[told], test)) if len(test) else np.zeros((len(told), 0))
+    judged = test if len(test) else case.data.parts.chosen
+    states = case.replayer.states(values[[0, answer]], judged)
+    intervals = {}
     if made is not None:
-        out.append(stage("synthesised", [made], len(evidence.unit)))
-    return (*out, stage("answer", [answer], len(evidence.unit)))
-
-
-def _simulator_id(registry: Registry, population: Population, candidate: Candidate, space) -> str:
-    if candidate.entry is not None:
-        return population.entries.ids[candidate.entry]
-    values = space.as_dict(space.from_unit(candidate.unit))
-    lineage = {"population": population.record.id, "made_by": "query", "kind": candidate.kind}
-    config = SimConfig(population.record.robot_hash, population.shared.robot.name, values)
-    return registry.put_simulator(config.as_dict() | {"lineage": lineage})
-
-
-def _neighbour(population: Population, found: Retrieved, entry: int, error: float | None) -> Neighbour:
-    entries = population.entries
-    at = int(np.flatnonzero(found.order == entry)[0])
-    return Neighbour(
-        entry=entries.ids[entry],
-        name=f"{population.shared.robot.name}-{int(entries.numbers[entry])}",
-        index=int(entries.numbers[entry]),
-        distance=_finite(found.distance[at]),
-        replay_error=error,
-        parameters=population.shared.robot.space.as_dict(entries.values[entry]),
+        intervals = estimates(evidence, evidence.unit[made], effective_samples(evidence.residuals[answer]))
+    return Chosen(
+        candidates=candidates,
+        evidence=evidence,
+        begun=begun,
+        nearest=nearest,
+        best=best,
+        made=made,
+        answer=answer,
+        intervals=intervals,
+        tests=dict(zip(told, tests, strict=True)),
+        judged=judged,
+        states=states,
+        channels=channel_errors(case.data.windows, states, judged),
+        misfit=misfit(evidence.residuals[:begun], float(evidence.fit[answer])),
+        rollouts=found.ranked.replays + len(evidence.unit) + CANDIDATES * noisy,
     )
 
 
-def _finite(distance: float) -> float | None:
-    return float(distance) if np.isfinite(distance) else None
+def _replayed(case: Case, found: Retrieved, effort: Effort) -> tuple[tuple[Candidate, ...], Evidence, int]:
+    """Nominal, guess and nearest first (how many); then rounds of synthesis with what is left of the budget."""
+    space, chosen = case.robot.space, case.data.parts.chosen
+    first, unit = [Candidate("nominal")], [space.to_unit(space.nominal)]
+    if effort.synthesise and found.guess is not None:
+        first.append(Candidate("synthesised"))
+        unit.append(found.guess)
+    entries = found.ranked.order[: effort.entries(len(first))]
+    first += [Candidate("neighbour", int(entry)) for entry in entries]
+    units = case.with_known(np.array([*unit, *case.population.unit[entries]]))
+    replay = lambda some: case.replayer.residuals(space.from_unit(some), chosen)  # noqa: E731
+    case.report("replay", 0, effort.budget)
+    evidence = empty_evidence(space, ~case.fixed, case.data.parts.fit[chosen]).grown(units, replay(units))
+    case.report("replay", len(first), effort.budget)
+    left = effort.budget - len(first)
+    if effort.synthesise and left > 0 and evidence.free.any() and len(first) > 3:
+        evidence = refine(evidence, replay, left, case.population.shared.seed)
+    case.report("replay", effort.budget, effort.budget)
+    made = [Candidate("synthesised")] * (len(evidence.unit) - len(first))
+    return (*first, *made), evidence, len(first)
 
 
-def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
-    if synthesised is None:
-        return ()
-    at = [name for name, e in synthesised.parameters.items() if e.at_bound]
-    if not at:
-        return ()
-    return (
-        f"{', '.join(at)} {'lies' if len(at) == 1 else 'lie'} at the edge of the population's range: "
-        "widen it, or look for a missing cause",
+def _with_noise(case: Case, evidence: Evidence, made: int) -> tuple[Evidence, bool]:
+    """A synthesised simulator with the motor noise that the log tells, and whether it tells it.
+
+    Replays have none, and cannot.
+    """
+    space, replayer = case.robot.space, case.replayer
+    values = space.from_unit(evidence.unit[made])
+    noisy = jitter(
+        case.robot, case.data.windows, values, None, case.data.parts.chosen, threads=replayer.threads
     )
-
-
-def _check(settings: Settings, population: Population) -> None:
-    if not 1 <= settings.k <= len(population):
-        raise UsageError(
-            f"k = {settings.k}",
-            expected=f"1 to {len(population)}, the simulators of the population",
-            do="ask for fewer neighbours, or populate more simulators",
-        )
-    if settings.budget < settings.k + 2:
-        raise UsageError(
-            f"a budget of {settings.budget} replays",
-            expected=f"at least {settings.k + 2} for k = {settings.k}",
-            do="raise --budget or lower -k",
-        )
+    if noisy is values:
+        return evidence, False
+    unit = evidence.unit.copy()
+    unit[made] = case.with_known(space.to_unit(noisy))
+    return replace(evidence, unit=unit), True

@@ -8,12 +8,11 @@ contacts make single derivatives meaningless.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynreg.replay.windows import Replayer, errors
-from dynreg.results import Estimate
+from dynreg.replay.windows import errors
 from dynreg.rng import stream
 from dynreg.sim.space import ParameterSpace
 
@@ -23,62 +22,63 @@ PRIOR = 12.0  # 1 / variance of a uniform prior on [0, 1]
 FEATURES = 2000  # residual samples kept for the linear model
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Evidence:
-    """Replays of one recording: unit parameters (n, P), residuals (n, W, T, S'), errors on fit and select.
+    """Replays of one recording: unit parameters (n, P), residuals (n, W, T, S'), errors (n,) on fit and select.
 
-    `free` marks the parameters that may change (those that are known of the robot may not); `share` is the share
-    of the windows that are to fit.
+    free : (P,) parameters that may change (those that are known of the robot may not). to_fit : (W',) which of the
+    replayed windows are to fit; the residuals of these alone are kept.
     """
 
     space: ParameterSpace
     free: np.ndarray
+    to_fit: np.ndarray
     unit: np.ndarray
     residuals: np.ndarray
     fit: np.ndarray
     select: np.ndarray
-    share: float = 1.0
 
-    def add(self, unit: np.ndarray, residuals: np.ndarray, fit_windows: np.ndarray) -> None:
-        """Append replays; residuals over all replayed windows, of which `fit_windows` (W,) bool are to fit."""
-        e = errors(residuals)
-        self.unit = np.concatenate([self.unit, unit])
-        self.residuals = np.concatenate([self.residuals, residuals[:, fit_windows].astype(np.float32)])
-        self.fit = np.concatenate([self.fit, e[:, fit_windows].mean(axis=1)])
-        self.share = float(fit_windows.mean())
-        rest = e[:, ~fit_windows]
-        self.select = np.concatenate([self.select, rest.mean(axis=1) if rest.shape[1] else e.mean(axis=1)])
+    def grown(self, unit: np.ndarray, residuals: np.ndarray) -> "Evidence":
+        """With the replays of unit parameters (m, P), residuals (m, W', T, S') over all replayed windows."""
+        error, rest = errors(residuals), ~self.to_fit
+        mine = residuals[:, self.to_fit].astype(np.float32)
+        return replace(
+            self,
+            unit=np.concatenate([self.unit, unit]),
+            residuals=np.concatenate([self.residuals, mine]) if len(self.unit) else mine,
+            fit=np.concatenate([self.fit, error[:, self.to_fit].mean(axis=1)]),
+            select=np.concatenate([self.select, (error[:, rest] if rest.any() else error).mean(axis=1)]),
+        )
 
     @property
     def score(self) -> np.ndarray:
         """(n,) mean error over the windows of fit and select: what ranks replays."""
-        return self.share * self.fit + (1.0 - self.share) * self.select
+        share = float(self.to_fit.mean())
+        return share * self.fit + (1.0 - share) * self.select
 
 
-def empty_evidence(space: ParameterSpace, free: np.ndarray) -> Evidence:
+def empty_evidence(space: ParameterSpace, free: np.ndarray, to_fit: np.ndarray) -> Evidence:
     """Evidence without replays."""
     nothing = np.zeros(0)
-    return Evidence(space, free, np.zeros((0, len(space))), np.zeros((0, 0, 0, 0)), nothing, nothing)
+    return Evidence(space, free, to_fit, np.zeros((0, len(space))), np.zeros((0, 0, 0, 0)), nothing, nothing)
 
 
 def refine(
-    evidence: Evidence,
-    replay: Callable[[np.ndarray], None],
-    budget: int,
-    seed: int,
-) -> None:
-    """Rounds of proposals until `budget` replays are spent.
+    evidence: Evidence, replay: Callable[[np.ndarray], np.ndarray], budget: int, seed: int
+) -> Evidence:
+    """The evidence after rounds of proposals in which `budget` replays were spent.
 
-    replay : replays unit parameters (n, P) and adds them to the evidence.
+    replay : residuals (n, W', T, S') of unit parameters (n, P).
     """
     reach = REACH
     while budget > 0:
         best = evidence.score.min()
         proposals = propose(evidence, reach, seed)[:budget]
-        replay(proposals)
+        evidence = evidence.grown(proposals, replay(proposals))
         budget -= len(proposals)
         if evidence.score.min() > 0.98 * best:
             reach *= 0.7
+    return evidence
 
 
 def propose(evidence: Evidence, reach: float, seed: int) -> np.ndarray:
@@ -154,7 +154,17 @@ def linearise(evidence: Evidence) -> Local:
     return Local(evidence.unit[best], jacobian, residual, weight, (influence * missed) @ influence.T)
 
 
-def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[str, Estimate]:
+@dataclass(frozen=True)
+class Interval:
+    """A parameter's value and 90 % interval, in its unit. at_bound : it lies on the edge of its range."""
+
+    value: float
+    low: float
+    high: float
+    at_bound: bool
+
+
+def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[str, Interval]:
     """90 % intervals of each parameter around `unit` (P,): Laplace approximation of the local linear model.
 
     effective : independent samples in the residuals (duration over autocorrelation time). A parameter that the
@@ -169,28 +179,17 @@ def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[st
     # least absolute residuals with Gaussian noise of s: covariance (pi / 2) s^2 (J^T J)^-1, s = sqrt(pi / 2) size
     share = effective / (len(local.residual) * np.mean(local.weight))
     information = np.maximum(curvature, 0.0) * share / (0.5 * np.pi * size) ** 2
-    free = np.flatnonzero(evidence.free)
+    free, space = np.flatnonzero(evidence.free), evidence.space
     sigma = np.zeros(len(unit))
     sigma[free] = np.sqrt((directions**2 / (information + PRIOR)).sum(axis=1))
-    value = evidence.space.from_unit(unit)
-    low = evidence.space.from_unit(unit - 1.645 * sigma)
-    high = evidence.space.from_unit(unit + 1.645 * sigma)
+    low, value, high = (space.from_unit(unit + z * sigma) for z in (-1.645, 0.0, 1.645))
     # a flat parameter's Laplace interval is its prior's: show it as the whole range
     flat = sigma > 0.25
-    bounds = evidence.space.bounds
-    low, high = np.where(flat, bounds[:, 0], low), np.where(flat, bounds[:, 1], high)
+    low, high = np.where(flat, space.bounds[:, 0], low), np.where(flat, space.bounds[:, 1], high)
     edge = ((unit < 0.005) | (unit > 0.995)) & evidence.free
     return {
-        p.name: Estimate(
-            value=float(value[i]),
-            low=float(low[i]),
-            high=float(high[i]),
-            unit=p.unit,
-            nominal=p.nominal,
-            at_bound=bool(edge[i]),
-            limits=(p.low, p.high),
-        )
-        for i, p in enumerate(evidence.space.parameters)
+        name: Interval(float(value[i]), float(low[i]), float(high[i]), bool(edge[i]))
+        for i, name in enumerate(space.names)
     }
 
 
@@ -213,18 +212,3 @@ def effective_samples(residuals: np.ndarray) -> float:
 def _normal_equations(local: Local) -> tuple[np.ndarray, np.ndarray]:
     weighted = local.jacobian * local.weight[:, None]
     return local.jacobian.T @ weighted, weighted.T @ local.residual
-
-
-def replay_into(
-    evidence: Evidence, replayer: Replayer, chosen: np.ndarray, fit_windows: np.ndarray
-) -> Callable[[np.ndarray], None]:
-    """A `replay` for `refine`: simulates unit parameters in the chosen windows and adds them."""
-
-    def replay(unit: np.ndarray) -> None:
-        values = evidence.space.from_unit(unit)
-        residuals = replayer.residuals(values, chosen)
-        if not len(evidence.unit):
-            evidence.residuals = np.zeros((0, int(fit_windows.sum()), *residuals.shape[2:]), dtype=np.float32)
-        evidence.add(unit, residuals, fit_windows)
-
-    return replay

@@ -197,11 +197,9 @@ def test_doctor_finds_the_packaged_map_of_a_bench_log(dynreg, data_dir: Path) ->
 
 def test_the_choices_offered_are_those_of_the_layers_below() -> None:
     from dynreg.cli import completion
-    from dynreg.neighbours.retrieve import DISTANCES
     from dynreg.sim.robot import packaged_robots
     from dynreg.verbs.list import KINDS
 
-    assert completion.DISTANCES == ("auto", *DISTANCES)
     assert completion.KINDS == KINDS
     assert completion.robot_names("") == sorted(packaged_robots())
 

@@ -7,13 +7,15 @@ import pytest
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
+from dynreg.distance.population import Training
 from dynreg.errors import UsageError
-from dynreg.neighbours import populate as module
-from dynreg.neighbours.link import robot_of
-from dynreg.neighbours.populate import make_entries, populate
-from dynreg.neighbours.population import Training, population_id, shared_from
+from dynreg.neighbours import entries as module
+from dynreg.neighbours.entries import make_entries, population_id
 from dynreg.registry import Registry, verify
 from dynreg.sim.robot import load_robot
+from dynreg.verbs import populations
+from dynreg.verbs.populate import PopulateSettings, populate
+from dynreg.verbs.populations import shard, shared_of
 
 POPULATION = population_id(load_robot("servo_pendulum"), 0, TRAINING)
 
@@ -21,7 +23,7 @@ POPULATION = population_id(load_robot("servo_pendulum"), 0, TRAINING)
 @pytest.fixture(scope="module")
 def shared(servos):
     record = servos.registry.population(POPULATION)
-    return shared_from(robot_of(servos.registry, record), record)
+    return shared_of(servos.registry, record)
 
 
 @pytest.fixture
@@ -30,8 +32,9 @@ def registry(tmp_path):
         yield opened
 
 
-def fill(registry: Registry, n: int = ENTRIES, **settings) -> int:
-    return populate(registry, load_robot("servo_pendulum"), n, training=TRAINING, **settings)[1]
+def fill(registry: Registry, n: int = ENTRIES, progress=None, **settings) -> int:
+    robot, asked = load_robot("servo_pendulum"), PopulateSettings(link=False, **settings)
+    return populate(registry, robot, n, asked, training=TRAINING, progress=progress).added
 
 
 def ids(registry: Registry) -> tuple[str, ...]:
@@ -49,7 +52,7 @@ def test_shards_threads_and_growth_leave_the_entries_as_they_are(registry, servo
 @pytest.mark.parametrize("numbers", [[0], [3, 4, 5], range(17, 24)])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_an_entry_does_not_depend_on_those_simulated_and_trained_with_it(shared, servos, numbers, threads):
-    data = make_entries(shared, np.array(numbers), threads)
+    data = shard(make_entries(shared, np.array(numbers), threads))
     expected = [ids(servos.registry)[i] for i in numbers]
     assert list(data.entry_ids(POPULATION)) == expected
 
@@ -94,12 +97,11 @@ def test_a_populate_waits_for_what_another_one_has_claimed(registry, monkeypatch
         fill_in.append(registry.count(POPULATION))
         claim.__exit__(None, None, None)
 
-    monkeypatch.setattr(module.time, "sleep", other_dies)
-    robot = load_robot("servo_pendulum")
+    monkeypatch.setattr(populations.time, "sleep", other_dies)
     record = registry.population(POPULATION)
     registry.put_population(type(record)(**(vars(record) | {"size": 12})))
     assert claim.__enter__()
-    assert populate(registry, robot, 12, training=TRAINING)[1] == 8
+    assert fill(registry, 12) == 8
     assert registry.count(POPULATION) == 12
     assert fill_in == [8], "it did the rest first, and waited once"
 
@@ -138,7 +140,7 @@ def test_a_simulation_that_diverges_keeps_its_place_and_moves_no_other(shared, s
         return done
 
     monkeypatch.setattr(module, "rollout", diverging)
-    data = make_entries(shared, np.arange(3), 1)
+    data = shard(make_entries(shared, np.arange(3), 1))
     assert np.isfinite(data.states).all() and np.isfinite(data.own_loss).all()
     np.testing.assert_array_equal(data.extra["diverged"], [0, 1, 0])
     np.testing.assert_array_equal(data.states[1, 3, 20:], np.tile(data.states[1, 3, 19], (31, 1)))

@@ -12,11 +12,13 @@ from secret_servo import ENTRIES, TRAINING
 from dynreg import session
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError, UsageError
-from dynreg.neighbours.link import load_population
-from dynreg.neighbours.query import Settings, query, usual_budget
+from dynreg.neighbours.query import usual_budget
 from dynreg.replay.windows import Replayer
 from dynreg.results import Neighbours
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.populations import load_population
+from dynreg.verbs.query import QuerySettings, query
+from dynreg.verbs.subjects import Recorded
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +224,7 @@ def test_too_few_rows_are_refused(servos):
     "asked_for, words",
     [
         ({"k": 25}, "k = 25"),
-        ({"k": 0}, "k = 0"),
+        ({"k": 0}, "k 0"),
         ({"budget": 6}, "a budget of 6 replays"),
         ({"distance": "cosine"}, "distance 'cosine'"),
         ({"hold_out": "kp=1"}, "hold-out 'kp=1' fits no episode"),
@@ -243,15 +245,16 @@ def test_of_a_long_run_only_the_chosen_windows_are_seen(servos):
     robot = replace(robot, file=robot.file.model_copy(update={"replay": horizon}))
     population = replace(population, shared=replace(population.shared, robot=robot))
     recording = secret_servo.record(secret_servo.values_of(55), 55, episodes=1, steps=200)
-    settings = Settings(budget=10, synthesise=False)
-    first = query(servos.registry, population, recording, settings)
+    settings = QuerySettings(budget=10, synthesise=False)
+    ask = lambda log: query(Recorded(servos.registry, robot, log, "long"), settings, population=population)  # noqa: E731
+    first = ask(recording)
     (run,) = recording.episodes
     values = run.values.copy()
     for name in first.parts["test"]:
         window = int(name.removeprefix("run0[").removesuffix("]"))
         values[20 * window + 1 : 20 * window + 20, :2] *= -1
     changed = Recording(recording.channels, (Episode(run.name, run.time, values, run.settings),))
-    second = query(servos.registry, population, changed, settings)
+    second = ask(changed)
     assert len(first.parts["test"]) == 2 and second.parts == first.parts
     assert [n.distance for n in second.neighbours] == [n.distance for n in first.neighbours]
     assert second.stages[-1].test > first.stages[-1].test

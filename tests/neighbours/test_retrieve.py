@@ -12,14 +12,16 @@ from secret_servo import ENTRIES
 
 from dynreg import session
 from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.distance.asked import Asked, with_defaults
+from dynreg.distance.table import DISTANCES
 from dynreg.errors import LogError, UsageError
-from dynreg.neighbours import link
-from dynreg.neighbours.link import load_graph, load_population
-from dynreg.neighbours.retrieve import DISTANCES, retrieve, with_defaults
+from dynreg.neighbours.retrieve import Retrieved, retrieve
 from dynreg.replay.cut import windows
 from dynreg.replay.known import known_values
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.engines import rollout
+from dynreg.verbs import populations
+from dynreg.verbs.populations import load_graph, load_population
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +55,22 @@ def replay_of(population, recording: Recording) -> Callable[[np.ndarray], np.nda
     return lambda unit: errors(replayer.residuals(robot.space.from_unit(unit), every)).mean(axis=1)
 
 
+@pytest.fixture(scope="module")
+def found_in(servos, population) -> Callable[..., Retrieved]:
+    """Retrieves from the population for a recording."""
+    graph = load_graph(servos.registry, population.id)
+
+    def found(recording: Recording, distance: str = "auto", *, guess: bool = True, **asked) -> Retrieved:
+        return retrieve(Asked(population, recording, graph=graph, **asked), distance, guess=guess)
+
+    return found
+
+
 @pytest.mark.parametrize("distance", DISTANCES)
 @pytest.mark.parametrize("entry", [4, 17])
-def test_an_entry_s_own_run_finds_the_entry(servos, population, distance, entry):
+def test_an_entry_s_own_run_finds_the_entry(found_in, population, distance, entry):
     recording = ran_the_bank(population, entry, 0.001)
-    found = retrieve(
-        servos.registry, population, recording, distance=distance, replayed=replay_of(population, recording)
-    )
+    found = found_in(recording, distance, replayed=replay_of(population, recording)).ranked
     at = int(np.flatnonzero(found.order == entry)[0])
     # the printed algorithm returns what its greedy walks met; the training losses are the weaker reading
     assert at == 0 if distance in ("one_sided", "embedding", "trajectory", "replay") else at < 5
@@ -69,35 +80,33 @@ def test_an_entry_s_own_run_finds_the_entry(servos, population, distance, entry)
 
 
 @pytest.mark.parametrize("distance", [d for d in DISTANCES if d != "trajectory"])
-def test_near_entries_move_like_the_robot(servos, population, distance):
+def test_near_entries_move_like_the_robot(found_in, population, distance):
     """Over secret servos: the five nearest, on commands that the recording did not show."""
     shares = []
     for seed in (70, 71, 72):
         values = secret_servo.values_of(seed)
         recording = secret_servo.record(values, seed)
         replayed = replay_of(population, recording)
-        found = retrieve(
-            servos.registry, population, recording, distance=distance, guess=False, replayed=replayed
-        )
+        found = found_in(recording, distance, guess=False, replayed=replayed).ranked
         states = rollout(population.shared.robot, values[None], population.shared.run).states[0]
         apart = np.abs(population.entries.states - states)[..., 0].mean(axis=(1, 2))
         shares.append(apart[found.order[:5]].mean() / apart.mean())
     assert np.mean(shares) < 0.9
 
 
-def test_trajectory_needs_the_population_s_own_commands(servos, population):
+def test_trajectory_needs_the_population_s_own_commands(found_in, population):
     recording = secret_servo.record(population.shared.robot.space.nominal, 1)
     with pytest.raises(UsageError, match="commands that the population did not"):
-        retrieve(servos.registry, population, recording, distance="trajectory")
+        found_in(recording, "trajectory")
 
 
 @pytest.mark.parametrize("rows", [2, 10, 20, 22])
-def test_a_short_log_is_refused(servos, population, rows):
+def test_a_short_log_is_refused(found_in, population, rows):
     recording = ran_the_bank(population, 4, 0.001)
     (first, *_) = recording.episodes
     short = replace(recording, episodes=(replace(first, time=first.time[:rows], values=first.values[:rows]),))
     with pytest.raises(LogError, match="usable rows.*record longer"):
-        retrieve(servos.registry, population, short, replayed=replay_of(population, short))
+        found_in(short, replayed=replay_of(population, short))
 
 
 def now_and_then(episode: Episode, population) -> Episode:
@@ -108,26 +117,27 @@ def now_and_then(episode: Episode, population) -> Episode:
     return replace(episode, values=values)
 
 
-def test_rows_without_successors_are_ranked_by_replay(servos, population):
+def test_rows_without_successors_are_ranked_by_replay(found_in, population):
     """States measured now and then: one-step errors have nothing to judge, and are tried only where asked for."""
     recording = ran_the_bank(population, 4, 0.001)
     recording = replace(recording, episodes=tuple(now_and_then(e, population) for e in recording.episodes))
     replayed = replay_of(population, recording)
-    found = retrieve(servos.registry, population, recording, replayed=replayed)
-    assert found.distance_name == "replay" and found.order[0] == 4 and found.guess is None
-    assert found.distance == pytest.approx(replayed(population.unit[found.order]))
+    found = found_in(recording, replayed=replayed)
+    ranked = found.ranked
+    assert found.distance_name == "replay" and ranked.order[0] == 4 and found.guess is None
+    assert ranked.distance == pytest.approx(replayed(population.unit[ranked.order]))
     for given in ({}, {"distance": "one_sided", "replayed": replayed}):
         with pytest.raises(LogError, match="and in the next as well.*--distance replay"):
-            retrieve(servos.registry, population, recording, **given)
+            found_in(recording, **given)
     with pytest.raises(UsageError, match="replay"):
-        retrieve(servos.registry, population, recording, distance="replay")
+        found_in(recording, "replay")
 
 
-def test_entries_far_from_what_is_known_are_left_out(servos, population, robot):
+def test_entries_far_from_what_is_known_are_left_out(found_in, population, robot):
     known = np.full(len(robot.space), np.nan)
     known[0] = robot.space.bounds[0, 1]
     recording = ran_the_bank(population, 4)
-    found = retrieve(servos.registry, population, recording, known=known)
+    found = found_in(recording, known=known).ranked
     left = np.setdiff1d(np.arange(ENTRIES), found.order)
     assert len(found.order) == 20 and population.unit[left, 0].max() <= population.unit[found.order, 0].min()
 
@@ -155,13 +165,13 @@ def test_defaults_stand_where_inputs_and_settings_are_missing(robot, population)
 
 
 def test_the_graph_holds_all_entries_until_the_population_grows(servos, population):
-    graph = load_graph(servos.registry, population.record.id)
+    graph = load_graph(servos.registry, population.id)
     assert len(graph) == ENTRIES
 
 
 def test_an_embedding_that_the_index_lacks_is_computed_again(servos, population, monkeypatch):
     monkeypatch.setattr(type(servos.registry), "index", lambda self, *given: None)
-    again = load_population(servos.registry, population.record.id)
+    again = load_population(servos.registry, population.id)
     np.testing.assert_allclose(again.vectors, population.vectors, rtol=1e-6, atol=1e-8)
 
 
@@ -173,10 +183,10 @@ def test_what_was_linked_while_others_added_entries_is_not_kept(registry_folder,
         def grow_first(*given):
             monkeypatch.undo()
             opened.populate("servo_pendulum", 10, training=tiny_registry.QUICK)
-            return link.fit_embedding(*given)
+            return populations.fit_embedding(*given)
 
-        monkeypatch.setattr(link, "fit_embedding", grow_first)
-        assert link.link(opened.registry, identity)[0] == len(before) == 8
+        monkeypatch.setattr(populations, "fit_embedding", grow_first)
+        assert populations.link(opened.registry, identity)[0] == len(before) == 8
         assert len(opened.registry.index(identity, "embedding")["vectors"]) == 10
         assert len(load_population(opened.registry, identity).vectors) == 10
         assert len(load_graph(opened.registry, identity)) == 10

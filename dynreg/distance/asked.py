@@ -1,0 +1,132 @@
+"""What a distance is asked: a recording, and the population whose entries it ranks."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.transitions import Transitions, transitions
+from dynreg.distance.population import Population
+from dynreg.distance.rows import Rows, thin
+from dynreg.errors import LogError
+from dynreg.index import Graph
+from dynreg.models.mlp import MlpStack
+from dynreg.sim.robot import Robot
+
+MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
+FEWEST = 20  # rows that a model is trained from, at least
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """Entries in order of distance: numbers `order` (M',), nearest first, and `distance` (M',), NaN where unknown.
+
+    evaluations : distances evaluated. replays : of them, simulators that were replayed.
+    """
+
+    order: np.ndarray
+    distance: np.ndarray
+    evaluations: int
+    replays: int = 0
+
+
+def in_order(entries: np.ndarray, distance: np.ndarray, evaluations: int, replays: int = 0) -> Ranked:
+    """Entries (M',) sorted by their distance (M',); of equals the one that comes first."""
+    order = np.argsort(distance, kind="stable")
+    return Ranked(entries[order], distance[order], evaluations, replays)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A recording, all of which is read, and the population in which its nearest entries are sought.
+
+    known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out, down
+    to `at_least`. replayed : (n,) replay errors of unit parameters (n, P); None where nothing can be replayed.
+    graph : over the entries; None where they are not linked.
+    """
+
+    population: Population
+    recording: Recording
+    known: np.ndarray | None = None
+    at_least: int = 1
+    replayed: Callable[[np.ndarray], np.ndarray] | None = None
+    graph: Graph | None = None
+    threads: int = 0
+
+    @property
+    def robot(self) -> Robot:
+        """The population's robot."""
+        return self.population.shared.robot
+
+    @property
+    def timed(self) -> bool:
+        """Whether the robot's commands carry their own duration: models of one time step say nothing of them."""
+        return self.robot.file.robot.control == "timed"
+
+    @cached_property
+    def allowed(self) -> np.ndarray:
+        """(M',) entries within a fifth of the range of what is known, or the nearest fifth where that leaves few."""
+        if self.known is None or np.isnan(self.known).all():
+            return np.arange(len(self.population))
+        space, unit = self.robot.space, self.population.unit
+        at = np.flatnonzero(~np.isnan(self.known))
+        target = space.to_unit(np.where(np.isnan(self.known), space.nominal, self.known))[at]
+        apart = np.abs(unit[:, at] - target).max(axis=1)
+        near, fewest = np.flatnonzero(apart <= 0.2), max(20, len(unit) // 5, self.at_least)
+        return near if len(near) >= fewest else np.sort(np.argsort(apart, kind="stable")[:fewest])
+
+    @cached_property
+    def transitions(self) -> Transitions:
+        """Rows of the recording; optional inputs that it lacks take the robot's defaults."""
+        robot = self.robot
+        filled = with_defaults(robot, self.recording)
+        return transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
+
+    @property
+    def sparse(self) -> bool:
+        """Whether the log is long enough and all states were hardly ever measured in two rows in a row."""
+        rows = sum(len(e.time) for e in self.recording.episodes)
+        return len(self.transitions) < FEWEST and rows >= 2 * FEWEST
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The recording's rows as the population's models expect them."""
+        return self.population.shared.recording_rows(self.transitions)
+
+    @cached_property
+    def model(self) -> MlpStack:
+        """(1) the recording's own model, trained as the entries' were; raises LogError where rows are too few."""
+        shared = self.population.shared
+        inputs, targets = self.rows.train
+        some = thin(len(inputs), MODEL_ROWS, shared.seed, "own model")
+        if len(some) < FEWEST:
+            raise LogError(
+                f"{len(some)} usable rows",
+                expected=f"at least {FEWEST} rows in which all is measured, and in the next as well",
+                do="record longer, or query with --distance replay",
+            )
+        rows = inputs[None, some], targets[None, some]
+        return shared.training.entries(shared.base, *rows, shared.seed, self.threads)
+
+    @cached_property
+    def vector(self) -> np.ndarray:
+        """(D',) embedding of the recording's own model."""
+        return self.population.embedding.vectors(self.model)[0]
+
+
+def with_defaults(robot: Robot, recording: Recording) -> Recording:
+    """The recording with the robot's default inputs and settings where it has none, or NaN."""
+    missing = [i for i, name in enumerate(robot.inputs) if name not in recording.names]
+    channels = recording.channels + tuple(Channel(robot.inputs[i], "1") for i in missing)
+    nominal = {s.name: s.nominal for s in robot.file.settings}
+    defaults = robot.input_defaults
+    episodes = []
+    for e in recording.episodes:
+        values = np.concatenate([e.values, np.tile(defaults[missing], (len(e.time), 1))], axis=1)
+        for i, name in enumerate(robot.inputs):
+            column = [c.name for c in channels].index(name)
+            values[:, column] = np.where(np.isnan(values[:, column]), defaults[i], values[:, column])
+        episodes.append(Episode(e.name, e.time, values, nominal | dict(e.settings)))
+    return Recording(channels, tuple(episodes), recording.measured, recording.provenance)

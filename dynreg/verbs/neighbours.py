@@ -1,0 +1,234 @@
+"""The answer of a query as a document, its simulators registered."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynreg.neighbours.judge import TOO_FAR
+from dynreg.neighbours.query import Case, Chosen, Effort
+from dynreg.neighbours.retrieve import Retrieved
+from dynreg.replay.judged import gain, traced
+from dynreg.results import ChannelError, Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
+from dynreg.sim.config import SimConfig
+from dynreg.verbs.estimates import estimate
+from dynreg.verbs.subjects import Recorded
+
+TRACES = 6  # channels shown in a report
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a query was about, and what it retrieved. began : when, by the clock."""
+
+    asked: Recorded
+    case: Case
+    found: Retrieved
+    effort: Effort
+    began: float
+
+    def document(self, **judged: Any) -> Neighbours:
+        """The document: what was asked, and what is judged of it."""
+        case = self.case
+        return Neighbours(
+            robot=case.robot.name,
+            population=case.population.id,
+            recording=self.asked.recording.id,
+            recording_name=self.asked.name,
+            distance=self.found.distance_name,
+            k=self.effort.k,
+            parts=case.data.named,
+            **judged,
+        )
+
+    def cost(self, rollouts: int, test_rollouts: int = 0) -> Cost:
+        """What it cost until now."""
+        return Cost(
+            evaluations=self.found.ranked.evaluations,
+            rollouts=rollouts,
+            test_rollouts=test_rollouts,
+            seconds=time.perf_counter() - self.began,
+        )
+
+    def nominal(self, error: float | None) -> Nominal:
+        """The robot folder's own values."""
+        space = self.case.robot.space
+        return Nominal(replay_error=error, parameters=space.as_dict(space.nominal))
+
+    def neighbour(self, entry: int, error: float | None) -> Neighbour:
+        """An entry (its number) with its replay error, where it was replayed."""
+        entries, ranked, robot = self.case.population.entries, self.found.ranked, self.case.robot
+        distance = float(ranked.distance[np.flatnonzero(ranked.order == entry)[0]])
+        number = int(entries.numbers[entry])
+        return Neighbour(
+            entry=entries.ids[entry],
+            name=f"{robot.name}-{number}",
+            index=number,
+            distance=distance if np.isfinite(distance) else None,
+            replay_error=error,
+            parameters=robot.space.as_dict(entries.values[entry]),
+        )
+
+
+def unjudged(subject: Subject) -> Neighbours:
+    """The k nearest alone: how well they predict is known only where replay ranked them."""
+    ranked, k = subject.found.ranked, subject.effort.k
+    errors = ranked.distance[:k].tolist() if ranked.replays else [None] * k
+    near = [subject.neighbour(int(i), e) for i, e in zip(ranked.order[:k], errors, strict=True)]
+    return subject.document(
+        neighbours=tuple(near),
+        synthesised=None,
+        answer=near[0].entry,
+        answer_kind="neighbour",
+        answer_parameters=near[0].parameters,
+        nominal=subject.nominal(None),
+        stages=(),
+        gain=None,
+        channels=(),
+        traces=(),
+        fits=True,
+        misfit=None,
+        alarm=None,
+        notes=("nothing was held against the nominal simulator: whether the nearest one fits is not known",),
+        cost=subject.cost(ranked.replays),
+    )
+
+
+def judged(subject: Subject, chosen: Chosen) -> Neighbours:
+    """The answer that replays chose, and how it does on what was held out."""
+    case, evidence, answer = subject.case, chosen.evidence, chosen.answer
+    score, space = evidence.score, case.robot.space
+    told = {0, chosen.best, answer, chosen.made} - {None}
+    simulators = {i: _simulator(subject, chosen, i) for i in told}
+    nearest = [i for i, c in enumerate(chosen.candidates) if c.kind == "neighbour"]
+    ranks = sorted(nearest, key=lambda i: score[i]) if subject.effort.replay else nearest
+    synthesised = None if chosen.made is None else _synthesised(case, chosen, simulators[chosen.made])
+    alarm, notes = _alarm(chosen.misfit)
+    return subject.document(
+        neighbours=tuple(
+            subject.neighbour(chosen.candidates[i].entry, float(score[i])) for i in ranks[: subject.effort.k]
+        ),
+        synthesised=synthesised,
+        answer=simulators[answer],
+        answer_kind=chosen.candidates[answer].kind,
+        answer_parameters=space.as_dict(space.from_unit(evidence.unit[answer])),
+        nominal=subject.nominal(float(score[0])),
+        stages=_stages(subject, chosen, simulators),
+        gain=gain(chosen.tests[0], chosen.tests[answer]) if case.data.parts.test.any() else None,
+        channels=_channels(case, chosen),
+        traces=_traces(case, chosen),
+        fits=alarm is None,
+        misfit=chosen.misfit,
+        alarm=alarm,
+        notes=notes + _bound_notes(synthesised),
+        cost=subject.cost(chosen.rollouts, len(chosen.tests)),
+    )
+
+
+def _simulator(subject: Subject, chosen: Chosen, number: int) -> str:
+    """The id of a candidate: an entry's own, or that under which it is registered."""
+    candidate, population, space = (
+        chosen.candidates[number],
+        subject.case.population,
+        subject.case.robot.space,
+    )
+    if candidate.entry is not None:
+        return population.entries.ids[candidate.entry]
+    values = space.as_dict(space.from_unit(chosen.evidence.unit[number]))
+    lineage = {"population": population.id, "made_by": "query", "kind": candidate.kind}
+    config = SimConfig(subject.case.robot.hash, subject.case.robot.name, values)
+    return subject.asked.registry.put_simulator(config.as_dict() | {"lineage": lineage})
+
+
+def _synthesised(case: Case, chosen: Chosen, simulator: str) -> Synthesised:
+    parameters = {}
+    for p in case.robot.space.parameters:
+        found = chosen.intervals[p.name]
+        parameters[p.name] = estimate(p, found.value, found.low, found.high, at_bound=found.at_bound)
+    error = float(chosen.evidence.score[chosen.made])
+    return Synthesised(simulator=simulator, replay_error=error, parameters=parameters)
+
+
+def _stages(subject: Subject, chosen: Chosen, simulators: dict[int, str]) -> tuple[Stage, ...]:
+    evidence, has_select = chosen.evidence, bool(subject.case.data.parts.select.any())
+
+    def stage(label: str, members: Sequence[int], spent: int) -> Stage:
+        members = list(members)
+        tested = [chosen.tests[i].mean() for i in members if chosen.tests[i].size]
+        return Stage(
+            stage=label,
+            simulator=simulators.get(members[0]) if len(members) == 1 else None,
+            fit=float(evidence.fit[members].mean()),
+            select=float(evidence.select[members].mean()) if has_select else None,
+            test=float(np.mean(tested)) if tested else None,
+            simulations=spent,
+        )
+
+    out = [stage("nominal", [0], 1), stage("nearest", chosen.nearest, len(chosen.nearest))]
+    if subject.effort.replay:
+        out.append(stage("replayed", [chosen.best], chosen.begun))
+    if chosen.made is not None:
+        out.append(stage("synthesised", [chosen.made], len(evidence.unit)))
+    return (*out, stage("answer", [chosen.answer], len(evidence.unit)))
+
+
+def _channels(case: Case, chosen: Chosen) -> tuple[ChannelError, ...]:
+    """Every measured channel, nominal and answer, worst share first."""
+    spread = case.data.windows.spread
+    found = [
+        ChannelError(channel=c.name, unit=c.unit, nominal=before, answer=after, spread=float(spread[s]))
+        for s, (c, (before, after)) in enumerate(
+            zip(case.robot.file.channels, chosen.channels.T.tolist(), strict=True)
+        )
+        if not np.isnan(chosen.channels[:, s]).all()
+    ]
+    return tuple(sorted(found, key=lambda c: -c.answer / c.spread))
+
+
+def _traces(case: Case, chosen: Chosen) -> tuple[Trace, ...]:
+    """What a report draws of nominal and answer: the channels with the largest nominal error."""
+    return tuple(
+        Trace(
+            episode=one.episode,
+            channel=one.channel,
+            unit=one.unit,
+            time=one.time,
+            measured=one.measured,
+            nominal=one.simulated[0],
+            answer=one.simulated[1],
+        )
+        for one in traced(
+            case.robot,
+            case.data.recording,
+            case.data.windows,
+            chosen.states,
+            chosen.judged,
+            worst=0,
+            channels=TRACES,
+        )
+    )
+
+
+def _alarm(misfit: float) -> tuple[str | None, tuple[str, ...]]:
+    """The alarm's sentence, None where the family holds something close, and notes."""
+    note = f"the answer's error is {misfit:.2g} times what separates neighbouring simulators under these commands"
+    if misfit <= TOO_FAR:
+        return None, (note,)
+    sentence = (
+        f"no simulator in this family is close to the robot: the best one's error is {misfit:.2g} times what "
+        f"separates neighbours (alarm above {TOO_FAR:g}); something is missing from the model, or its "
+        f"ranges are too narrow: widen them, or extend the model where the listed channels err most"
+    )
+    return sentence, (note,)
+
+
+def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
+    at = [name for name, e in synthesised.parameters.items() if e.at_bound] if synthesised else []
+    if not at:
+        return ()
+    return (
+        f"{', '.join(at)} {'lies' if len(at) == 1 else 'lie'} at the edge of the population's range: "
+        "widen it, or look for a missing cause",
+    )

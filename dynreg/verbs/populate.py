@@ -1,0 +1,87 @@
+"""Populate: simulate, train, register and link the entries of a population, shard by shard."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dynreg.errors import UsageError
+from dynreg.results import PopulationSummary
+from dynreg.verbs.settings import Settings, option, seed, threads
+
+if TYPE_CHECKING:
+    from dynreg.distance.population import Training
+    from dynreg.registry import Registry
+    from dynreg.sim.robot import Robot
+
+
+@dataclass(frozen=True)
+class PopulateSettings(Settings):
+    """What `populate` can be told."""
+
+    seed: int = seed()
+    ranges: str | None = option(None, "Named ranges of robot.toml.")
+    shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
+    link: bool = option(True, "Build the search graph as well.")
+    threads: int = threads()
+
+
+def populate(
+    registry: "Registry",
+    robot: "Robot",
+    n: int,
+    settings: PopulateSettings,
+    *,
+    training: "Training | None" = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> PopulationSummary:
+    """Bring a population to n entries, and link them; entries that are there already stay as they are.
+
+    Entry i is row i of the Sobol sequence of the robot's ranges, simulated through the shared bank with motor
+    noise of its own, and a model warm-started from the base: its bytes depend on the robot, the seed and i
+    alone. A killed populate resumes; several at once share the work, and each returns when all of it is done.
+
+    Raises UsageError where n is below 1.
+    """
+    from dynreg.distance.population import Training
+    from dynreg.neighbours.entries import Stopwatch
+    from dynreg.sim.robot import with_population
+    from dynreg.verbs.populations import begin, fill, link
+
+    if n < 1:
+        raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
+    report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
+    robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
+    identity, shared = begin(registry, robot, n, settings, training or Training(), watch, report)
+    added = fill(
+        registry,
+        identity,
+        shared,
+        settings.threads,
+        watch,
+        lambda there: report("simulators", min(there, n), n),
+    )
+    linked, evaluations = 0, 0
+    if settings.link:
+        report("link", 0, 1)
+        if added or registry.index(identity, "graph") is None:
+            with watch.of("link"):
+                linked, evaluations = link(registry, identity, threads=settings.threads)
+        report("link", 1, 1)
+    own = registry.load(identity, ()).own_loss
+    return PopulationSummary(
+        population=identity,
+        robot=robot.name,
+        entries=len(own),
+        planned=registry.population(identity).size,
+        added=added,
+        seconds=time.perf_counter() - began,
+        simulate_seconds=watch.seconds["simulate"],
+        train_seconds=watch.seconds["train"] + watch.seconds["base"],
+        link_seconds=watch.seconds["link"],
+        own_loss_median=float(np.median(own)) if len(own) else None,
+        linked=linked,
+        evaluations=evaluations,
+    )

@@ -1,0 +1,149 @@
+"""Populations of a registry: begun, filled, linked, and held ready for queries."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynreg.data.recording import Channel
+from dynreg.distance.embedding import Embedding, fit_embedding
+from dynreg.distance.population import Entries, Population, Shared, Training, cross_loss
+from dynreg.index import Counted, Graph, build
+from dynreg.models.mlp import MlpStack
+from dynreg.neighbours.entries import (
+    Made,
+    Stopwatch,
+    make_entries,
+    make_shared,
+    population_id,
+    population_spec,
+    shared_arrays,
+    shared_from,
+)
+from dynreg.registry import PopulationRecord, Registry, ShardData
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.populate import PopulateSettings
+
+WAIT = 0.1  # seconds between looks at what other processes have left
+
+
+def begin(
+    registry: Registry,
+    robot: Robot,
+    n: int,
+    settings: PopulateSettings,
+    training: Training,
+    watch: Stopwatch,
+    report: Callable[[str, int, int], None],
+) -> tuple[str, Shared]:
+    """The id of a population of n or more, and what its entries share: as the registry holds it, else made."""
+    identity = population_id(robot, settings.seed, training)
+    registry.put_robot(robot.folder, robot.hash, robot.name)
+    known = {record.id: record for record in registry.populations()}.get(identity)
+    if known is not None:
+        if n > known.size:
+            registry.put_population(replace(known, size=n))
+        return identity, shared_from(robot, known.spec, known.arrays)
+    report("base model", 0, 1)
+    with watch.of("base"):
+        shared = make_shared(robot, settings.seed, training, settings.threads)
+    report("base model", 1, 1)
+    record = PopulationRecord(
+        id=identity,
+        robot_hash=robot.hash,
+        name=robot.name,
+        channels=tuple(Channel(c.name, c.unit) for c in robot.file.channels),
+        parameters=robot.space.names,
+        size=n,
+        seed=settings.seed,
+        spec=population_spec(robot, settings.seed, training),
+        arrays=shared_arrays(shared),
+        shard_size=settings.shard_size,
+    )
+    registry.put_population(record)
+    return identity, shared
+
+
+def fill(
+    registry: Registry,
+    identity: str,
+    shared: Shared,
+    threads: int,
+    watch: Stopwatch,
+    report: Callable[[int], None],
+) -> int:
+    """Make and store the entries that are missing, and wait for those that other processes make: how many it added.
+
+    A claim of another process ends with it. report : called with how many entries are there.
+    """
+    total = 0
+    while spans := registry.missing_spans(identity):
+        added = 0
+        for first, stop in spans:
+            with registry.claim(identity, first) as mine:
+                if not mine:
+                    continue
+                data = shard(make_entries(shared, np.arange(first, stop), threads, watch))
+                with watch.of("store"):
+                    added += len(registry.put_shard(identity, first, data))
+            report(registry.count(identity))
+        if not added:
+            time.sleep(WAIT)
+            report(registry.count(identity))
+        total += added
+    return total
+
+
+def shard(made: Made) -> ShardData:
+    """Entries as the registry stores them."""
+    extra, weights = {"fallen": made.fallen, "diverged": made.diverged}, made.stack.as_arrays()
+    return ShardData(made.values, made.states, weights, made.own_loss, made.train_loss, extra)
+
+
+def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int, int]:
+    """Build the graph over cross-losses and the embedding of all entries, and keep them in the registry's index.
+
+    Returns the number of linked entries and of distance evaluations. Both can always be rebuilt.
+    """
+    shared = shared_of(registry, registry.population(population))
+    entries = registry.load(population)
+    stack = MlpStack.from_arrays(entries.weights)
+    distance = Counted(cross_loss(shared, entries.states, stack, threads=threads))
+    graph = build(distance, len(entries), seed=shared.seed)
+    registry.put_index(population, "graph", graph.to_arrays(), entries.ids)
+    embedding = fit_embedding(stack, shared.base, shared.probes)
+    arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}
+    registry.put_index(population, "embedding", arrays, entries.ids)
+    return len(entries), distance.evaluations
+
+
+def load_population(registry: Registry, ref: str, *, states: bool = False) -> Population:
+    """A population held ready for queries; its embedding is rebuilt where the index lacks it."""
+    record = registry.population(ref)
+    shared = shared_of(registry, record)
+    held = registry.load(ref, ("states", "weights") if states else ("weights",))
+    stack = MlpStack.from_arrays(held.weights)
+    arrays = registry.index(ref, "embedding", held.ids)  # not one for entries that others added meanwhile
+    if arrays is None:
+        embedding = fit_embedding(stack, shared.base, shared.probes)
+        vectors = embedding.vectors(stack)
+    else:
+        vectors = arrays["vectors"]
+        embedding = Embedding(*(arrays[k] for k in ("probes", "base", "mean", "components")))
+    entries = Entries(held.ids, held.numbers, held.values, held.states, held.train_loss)
+    return Population(record.id, shared, entries, stack, embedding, np.asarray(vectors, dtype=float))
+
+
+def load_graph(registry: Registry, ref: str, entries: Sequence[str] | None = None) -> Graph | None:
+    """The graph over a population's entries (those it holds now); None where it was not linked with these."""
+    arrays = registry.index(ref, "graph", entries)
+    return None if arrays is None else Graph.from_arrays(arrays)
+
+
+def shared_of(registry: Registry, record: PopulationRecord) -> Shared:
+    """What a population's entries share, its robot from the registry's own copy, with the population's ranges."""
+    robot = load_robot(registry.robot_folder(record.robot_hash))
+    ranges = {name: (low, high) for name, (low, high, _) in record.spec["ranges"].items()}
+    robot = replace(robot, space=robot.space.with_ranges(ranges))
+    return shared_from(robot, record.spec, record.arrays)

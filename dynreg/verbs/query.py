@@ -1,0 +1,91 @@
+"""Query: from a recording to the simulator that predicts it best. Retrieve, replay and re-rank, synthesise."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dynreg.distance.table import AUTO, NAMES, needs
+from dynreg.errors import UsageError
+from dynreg.results import Neighbours
+from dynreg.verbs.settings import Settings, option, threads
+
+if TYPE_CHECKING:
+    from dynreg.distance.population import Population
+    from dynreg.verbs.subjects import Recorded
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class QuerySettings(Settings):
+    """What `query` can be told."""
+
+    k: int = option(5, "How many neighbours.", flag="-k", least=1, shared=True)
+    distance: str = option(AUTO, "How near is told.", choices=NAMES, shared=True)
+    population: str | None = option(
+        None, "Which population.", usual="the only one of the robot", complete="stored_names"
+    )
+    replay: bool = option(True, "Replay the commands in the best and re-rank.")
+    synthesise: bool = option(True, "Make a simulator from the neighbours.")
+    hold_out: str | None = option(
+        None, "The test part, such as kp=400, episode names or a share.", usual="a fifth of the episodes"
+    )
+    budget: int | None = option(
+        None,
+        "Simulations that the query may run, beyond those of --distance replay.",
+        usual="18 and two for each parameter",
+        least=1,
+        shared=True,
+    )
+    threads: int = threads()
+
+    @property
+    def states(self) -> bool:
+        """Whether its population must be loaded with the entries' states."""
+        return needs(self.distance, "states")
+
+
+def query(
+    asked: "Recorded",
+    settings: QuerySettings,
+    progress: Progress | None = None,
+    *,
+    population: "Population | None" = None,
+) -> Neighbours:
+    """The answer for one recording; `population` is the one that the settings name where it is loaded already.
+
+    The test part is replayed once, after everything is chosen, in the nominal, the k nearest, the best replayed
+    and the synthesised simulator. Raises UsageError where k or the budget cannot be met, LogError where the
+    recording cannot be replayed.
+    """
+    from dynreg.neighbours.query import Effort, asked_of, case_of, choose, usual_budget
+    from dynreg.neighbours.retrieve import retrieve
+    from dynreg.verbs.neighbours import Subject, judged, unjudged
+    from dynreg.verbs.populations import load_graph, load_population
+    from dynreg.verbs.subjects import population_for
+
+    began, k, recording = time.perf_counter(), settings.k, asked.recording
+    if population is None:
+        ref, _ = population_for(asked.registry, recording.id, settings.population)
+        population = load_population(asked.registry, ref, states=settings.states)
+    if k > len(population):
+        raise UsageError(
+            f"k = {k}",
+            expected=f"1 to {len(population)}, the simulators of the population",
+            do="ask for fewer neighbours, or populate more simulators",
+        )
+    budget = settings.budget or usual_budget(len(population.shared.robot.space), k)
+    effort = Effort(k, budget, settings.replay, settings.synthesise)
+    report = progress or (lambda *_: None)
+    case = case_of(population, recording, hold_out=settings.hold_out, threads=settings.threads, report=report)
+    graph = None
+    if needs(settings.distance, "graph"):
+        graph = load_graph(asked.registry, population.id, population.entries.ids)
+    report("retrieve", 0, 1)
+    found = retrieve(asked_of(case, graph, k), settings.distance, guess=settings.synthesise)
+    report("retrieve", 1, 1)
+    subject = Subject(asked, case, found, effort, began)
+    if not settings.replay and not settings.synthesise:
+        return unjudged(subject)
+    return judged(subject, choose(case, found, effort))
