@@ -22,6 +22,7 @@ from dynreg.registry.files import (
     unreadable,
     write_file,
 )
+from dynreg.registry.rows import row_of
 
 MARKER = "dynreg.json"
 VERSION = 1
@@ -45,8 +46,7 @@ class Directory:
         """Enter a staged file into the catalogue, inside the caller's transaction."""
         if not (self.path / file.path).exists():  # a repair took it for an orphan in the meantime
             write_file(self.path / file.path, data)
-        known = connection.execute(select(tables.files).where(tables.files.c.path == file.path)).first()
-        if known is None:
+        if row_of(connection, tables.files, file.path) is None:
             connection.execute(
                 insert(tables.files).values(path=file.path, sha256=file.sha256, size=file.size)
             )

@@ -5,16 +5,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Row, Table, delete, insert, select, update
+from sqlalchemy import Connection, delete, insert, select, update
 
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, decode_arrays, encode_arrays, strict_json
 from dynreg.registry.hashes import entries_hash, ids_hash, result_id
-from dynreg.registry.populations import require_population
 from dynreg.registry.recordings import next_ordinal
 from dynreg.registry.records import ResultRecord
+from dynreg.registry.rows import require, row_of
 
 _KIND = re.compile(r"[a-z][a-z_]*")
 _KEY = re.compile(r"[A-Za-z0-9_.]+")
@@ -27,14 +27,16 @@ def put_simulator(directory: Directory, config: dict[str, Any]) -> str:
     table = tables.simulators
     with directory.catalog.write() as connection:
         directory.register(connection, file, data)
-        if connection.execute(select(table).where(table.c.id == file.sha256)).first() is None:
+        if row_of(connection, table, file.sha256) is None:
             connection.execute(insert(table).values(id=file.sha256, path=file.path))
     return file.sha256
 
 
 def get_simulator(directory: Directory, simulator_id: str) -> dict[str, Any]:
     """A stored configuration; NoMatchError when unknown, CorruptError when its file is damaged."""
-    return directory.read_json(_require(directory, tables.simulators, simulator_id, "simulator").path)
+    with directory.catalog.read() as connection:
+        row = require(connection, tables.simulators, simulator_id, "simulator")
+    return directory.read_json(row.path)
 
 
 def put_result(directory: Directory, kind: str, recording_id: str, document: dict[str, Any]) -> str:
@@ -54,7 +56,7 @@ def put_result(directory: Directory, kind: str, recording_id: str, document: dic
     with directory.catalog.write() as connection:
         directory.register(connection, file, data)
         ordinal = next_ordinal(connection, table)
-        if connection.execute(select(table).where(table.c.id == identity)).first() is None:
+        if row_of(connection, table, identity) is None:
             row = {"id": identity, "kind": kind, "recording_id": recording_id, "path": file.path}
             connection.execute(insert(table).values(**row, ordinal=ordinal))
         else:
@@ -64,7 +66,8 @@ def put_result(directory: Directory, kind: str, recording_id: str, document: dic
 
 def get_result(directory: Directory, identity: str) -> ResultRecord:
     """A stored result; NoMatchError when unknown, CorruptError when its file is damaged."""
-    row = _require(directory, tables.results, identity, "result")
+    with directory.catalog.read() as connection:
+        row = require(connection, tables.results, identity, "result")
     return ResultRecord(row.id, row.kind, row.recording_id, directory.read_json(row.path))
 
 
@@ -107,7 +110,7 @@ def put_index(
             f"an index named {key!r}", expected="letters, digits, '_' and '.'", do="rename it"
         )
     with directory.catalog.read() as connection:
-        require_population(connection, population_id)
+        require(connection, tables.populations, population_id, "population")
         present = entries_hash(connection, population_id)
     fingerprint = present if entries is None else ids_hash(entries)
     if fingerprint != present:
@@ -139,13 +142,13 @@ def get_index(
     """
     table = tables.indexes
     with directory.catalog.read() as connection:
-        require_population(connection, population_id)
+        require(connection, tables.populations, population_id, "population")
         query = select(table).where(table.c.population_id == population_id, table.c.key == key)
         row = connection.execute(query).first()
         wanted = entries_hash(connection, population_id) if entries is None else ids_hash(entries)
         if row is None or row.entries_hash != wanted:
             return None
-        stored = connection.execute(select(tables.files).where(tables.files.c.path == row.path)).first()
+        stored = row_of(connection, tables.files, row.path)
     if stored is None or not directory.holds(StoredFile(stored.path, stored.sha256, stored.size)):
         return None
     try:
@@ -167,16 +170,8 @@ def drop_index(connection: Connection, population_id: str, key: str) -> str | No
 
 def remove_unregistered(directory: Directory, connection: Connection, path: str) -> None:
     """Remove a file unless the catalogue (meanwhile) knows it; inside a write transaction."""
-    if connection.execute(select(tables.files).where(tables.files.c.path == path)).first() is None:
+    if row_of(connection, tables.files, path) is None:
         directory.locate(path).unlink(missing_ok=True)
-
-
-def _require(directory: Directory, table: Table, identity: str, noun: str) -> Row:
-    with directory.catalog.read() as connection:
-        row = connection.execute(select(table).where(table.c.id == identity)).first()
-    if row is None:
-        raise NoMatchError(f"no {noun} {identity!r}", expected=f"the id of a {noun}", do="see `dynreg list`")
-    return row
 
 
 def _encode(folder: str, stem: str, document: dict[str, Any]) -> tuple[StoredFile, bytes]:

@@ -11,8 +11,9 @@ import dynreg.registry.tables as tables
 from dynreg.errors import RegistryError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import canonical_json, content_name
-from dynreg.registry.populations import gaps_between, get_population, held_spans, require_population
+from dynreg.registry.populations import gaps_between, get_population, held_spans
 from dynreg.registry.records import PopulationRecord, ShardData
+from dynreg.registry.rows import require
 from dynreg.registry.shards import encode_rest, encode_states
 
 
@@ -114,7 +115,7 @@ def _check_fits(record: PopulationRecord, start: int, data: ShardData) -> None:
 def _check_layout(connection: Connection, population_id: str, data: ShardData) -> str:
     """The layout of the population's entries, which must be that of `data`."""
     layout = canonical_json(data.layout)
-    known = require_population(connection, population_id).layout
+    known = require(connection, tables.populations, population_id, "population").layout
     if known not in (None, layout):
         raise RegistryError(
             f"a shard of shapes {layout} in population {population_id[:12]}",

@@ -12,6 +12,7 @@ from dynreg.registry.directory import Directory
 from dynreg.registry.files import decode_arrays
 from dynreg.registry.populations import get_population
 from dynreg.registry.records import EntryRecord, PopulationArrays, ShardData
+from dynreg.registry.rows import require
 from dynreg.registry.shards import read_shard, read_states, read_states_header, strip
 
 COLUMNS = ("states", "weights")
@@ -58,11 +59,7 @@ def load_population(
 def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
     """One entry, read alone; NoMatchError when unknown, CorruptError when its shard is damaged."""
     with directory.catalog.read() as connection:
-        entry = connection.execute(select(tables.entries).where(tables.entries.c.id == entry_id)).first()
-        if entry is None:
-            raise NoMatchError(
-                f"no entry {entry_id!r}", expected="the id of an entry", do="see `dynreg list`"
-            )
+        entry = require(connection, tables.entries, entry_id, "entry")
         holds = [s for s in _shards(connection, entry.population_id) if s.start <= entry.number < s.stop]
     _check_whole(entry.population_id, holds, np.array([entry.number]), alone=True)
     position = entry.number - holds[0].start

@@ -8,7 +8,7 @@ from sqlalchemy import Connection, Row, insert, select, update
 
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
-from dynreg.errors import NoMatchError, RegistryError
+from dynreg.errors import RegistryError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
     LOCKS,
@@ -20,6 +20,7 @@ from dynreg.registry.files import (
 )
 from dynreg.registry.records import PopulationRecord
 from dynreg.registry.robots import require_robot
+from dynreg.registry.rows import require, row_of
 
 Span = tuple[int, int]  # numbers of entries: first, and one past the last
 
@@ -50,7 +51,7 @@ def put_population(directory: Directory, record: PopulationRecord) -> None:
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
     """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged."""
     with directory.catalog.read() as connection:
-        row = require_population(connection, population_id)
+        row = require(connection, tables.populations, population_id, "population")
     header, arrays = decode_arrays(directory.locate(row.path))
     return record_of(header, arrays, row.size)
 
@@ -123,28 +124,10 @@ def gaps_between(held: Sequence[Span], start: int, stop: int) -> list[Span]:
     return gaps
 
 
-def require_population(connection: Connection, population_id: str) -> Row:
-    """The catalogue's row of a population; NoMatchError when there is none."""
-    row = _row(connection, population_id)
-    if row is None:
-        raise NoMatchError(
-            f"no population {population_id!r}",
-            expected="the id of a population of this registry",
-            do="see `dynreg list`",
-        )
-    return row
-
-
-def _row(connection: Connection, population_id: str) -> Row | None:
-    return connection.execute(
-        select(tables.populations).where(tables.populations.c.id == population_id)
-    ).first()
-
-
 def _check_same(connection: Connection, record: PopulationRecord, path: str) -> Row | None:
     """The row of this population, None where it is new."""
     require_robot(connection, record.robot_hash)
-    known = _row(connection, record.id)
+    known = row_of(connection, tables.populations, record.id)
     if known is not None and known.path != path:
         raise RegistryError(
             f"population {record.id[:12]} ({known.name!r}) is registered with other settings or arrays",

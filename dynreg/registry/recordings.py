@@ -1,18 +1,20 @@
 """Recordings: what a robot did, stored under the hash of its numbers and under names."""
 
+import re
 from pathlib import Path
 
 from sqlalchemy import Connection, Row, Table, delete, func, insert, select, update
 
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
-from dynreg.errors import NoMatchError, RegistryError
+from dynreg.errors import RegistryError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, temporary_name, unreadable
 from dynreg.registry.records import RecordingInfo
 from dynreg.registry.robots import require_robot
+from dynreg.registry.rows import require, row_of
 
-_IS_HASH = 64
+_IS_HASH = re.compile(r"[0-9a-f]{64}")
 
 
 def put_recording(
@@ -44,8 +46,11 @@ def put_recording(
         if not _is_sound(directory, known):
             directory.register(connection, file, data)
             _set_path(connection, recording_id, robot_hash, file.path)
-        _touch(connection, recording_id)
-        _name(connection, name, recording_id)
+        table, ordinal = tables.recordings, next_ordinal(connection, tables.recordings)
+        connection.execute(update(table).where(table.c.id == recording_id).values(ordinal=ordinal))
+        if name is not None and row_of(connection, tables.recording_names, name) is None:
+            row = {"name": name, "recording_id": recording_id}
+            connection.execute(insert(tables.recording_names).values(**row))
     return recording_id
 
 
@@ -54,12 +59,7 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
     from dynreg.data.table import read_parquet
 
     with directory.catalog.read() as connection:
-        known = _known(connection, recording_id)
-    if known is None:
-        raise NoMatchError(
-            f"no recording {recording_id!r}", expected="the id of a recording", do="see `dynreg list`"
-        )
-    path = directory.locate(known.path)
+        path = directory.locate(require(connection, tables.recordings, recording_id, "recording").path)
     try:
         recording = read_parquet(path)
     except Exception as error:  # whatever a damaged file makes the reader raise
@@ -132,18 +132,6 @@ def _set_path(connection: Connection, recording_id: str, robot_hash: str, path: 
         connection.execute(delete(tables.files).where(tables.files.c.path == old))
 
 
-def _touch(connection: Connection, recording_id: str) -> None:
-    table = tables.recordings
-    ordinal = next_ordinal(connection, table)
-    connection.execute(update(table).where(table.c.id == recording_id).values(ordinal=ordinal))
-
-
-def _name(connection: Connection, name: str | None, recording_id: str) -> None:
-    table = tables.recording_names
-    if name is not None and connection.execute(select(table).where(table.c.name == name)).first() is None:
-        connection.execute(insert(table).values(name=name, recording_id=recording_id))
-
-
 def _check_free(connection: Connection, name: str | None, recording_id: str) -> None:
     table = tables.recording_names
     holder = connection.execute(select(table.c.recording_id).where(table.c.name == name)).scalar()
@@ -158,19 +146,10 @@ def _check_free(connection: Connection, name: str | None, recording_id: str) -> 
 def _check_name(name: str | None) -> None:
     if name is None:
         return
-    if (
-        not name
-        or name != name.strip()
-        or name.startswith("@")
-        or not name.isprintable()
-        or _reads_as_hash(name)
-    ):
+    plain = name and name == name.strip() and name.isprintable()
+    if not plain or name.startswith("@") or _IS_HASH.fullmatch(name):
         raise RegistryError(
             f"{name!r} cannot be a recording's name",
             expected="printable text that does not begin with '@' and is no 64-digit hash",
             do="give another --name",
         )
-
-
-def _reads_as_hash(name: str) -> bool:
-    return len(name) == _IS_HASH and set(name) <= set("0123456789abcdef")

@@ -6,12 +6,13 @@ import re
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import Connection, Row, insert, update
 
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import ROBOTS, canonical_json, sha256_of, write_file
+from dynreg.registry.rows import require, row_of
 
 MAPS = "maps"  # log maps, which a robot's hash leaves out
 _HASH = re.compile(r"[0-9a-f]{8,128}")
@@ -28,10 +29,10 @@ def put_robot(directory: Directory, folder: Path, robot_hash: str, name: str) ->
     contents = _read_folder(folder, robot_hash)
     manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
     with directory.catalog.read() as connection:
-        _check_same(_row(connection, robot_hash), manifest, folder)
+        _check_same(row_of(connection, tables.robots, robot_hash), manifest, folder)
     _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if _hashed(n)}, manifest)
     with directory.catalog.write() as connection:
-        known = _row(connection, robot_hash)
+        known = row_of(connection, tables.robots, robot_hash)
         _check_same(known, manifest, folder)
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
         row = {"name": name, "manifest": canonical_json(manifest)}
@@ -64,18 +65,7 @@ def robot_folder(directory: Directory, robot_hash: str) -> Path:
 
 def require_robot(connection: Connection, robot_hash: str) -> Row:
     """The catalogue's row of a robot; NoMatchError when there is none."""
-    row = _row(connection, robot_hash)
-    if row is None:
-        raise NoMatchError(
-            f"no robot {robot_hash!r}",
-            expected="the hash of a robot of this registry",
-            do="register its folder first",
-        )
-    return row
-
-
-def _row(connection: Connection, robot_hash: str) -> Row | None:
-    return connection.execute(select(tables.robots).where(tables.robots.c.hash == robot_hash)).first()
+    return require(connection, tables.robots, robot_hash, "robot", "register its folder first")
 
 
 def _check_same(known: Row | None, manifest: Mapping[str, str], folder: Path) -> None:
