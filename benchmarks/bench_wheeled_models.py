@@ -114,7 +114,7 @@ def work(plan: Plan, name: str, path: Path) -> str:
     found = compared(rest[1], {kind: model.predict(rest[0]) for kind, model in models.items()})
     kept = {field: getattr(networks, field).tolist() for field in NETWORK}
     row = {"robot": name, "truth": truth.tolist(), "found": fitted.parameters.tolist(), "networks": kept}
-    Journal(path, {"plan": asdict(plan)}).add(row | {"core": seconds, "errors": found.to_dict()})
+    Journal(path, {"plan": asdict(plan)}).add(row | {"core": seconds, "errors": asdict(found)})
     return f"{name}: unicycle fitted in {seconds[0]:.0f} core s, networks in {seconds[1]:.0f}"
 
 

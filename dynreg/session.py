@@ -225,18 +225,16 @@ class Session:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> results.Comparison:
-        """Models and simulators on the last commands of a wheeled robot's recording; see `compare.compare.Settings`.
+        """Models and simulators on the last commands of a wheeled robot's recording; see `verbs.compare`.
 
-        simulators : ids of simulators, entries or results that recommend one, "nominal", or "diagnosis", "query" and
-        "calibration", the newest of this recording. The result is stored.
+        simulators : ids of simulators, entries or results that recommend one, or a word of `verbs.simulators.NAMES`.
+        The result is stored.
         """
-        from dynreg.compare.compare import Settings, compare
+        from dynreg.verbs.compare import CompareSettings, compare
 
-        settings = _settings(Settings, locals())
+        settings = _settings(CompareSettings, locals())
         asked = recorded(self.registry, recording, robot, log_map, ingest=False)
-        found = compare(
-            self.registry, asked.robot, asked.recording, settings, name=asked.name, progress=progress
-        )
+        found = compare(asked, settings, progress)
         asked.register()
         self.registry.put_result("comparison", asked.recording.id, found.to_dict())
         return found

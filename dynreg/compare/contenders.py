@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from dynreg.compare.mlp import train_mlp
 from dynreg.models.threads import available_threads
-from dynreg.results.comparison import Contender
 from dynreg.timed.cellwise import fit_cellwise
 from dynreg.timed.commands import Commands
 from dynreg.timed.fit import fit_unicycle
@@ -31,11 +30,16 @@ class Predicts(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A model that was made here, the commands of the recording, and the seconds that making it took."""
+    """A model that was made here, the commands of the recording, and the seconds that making it took.
+
+    kind : what the model is. parameters : what was fitted, by name.
+    """
 
     model: Model
     told: Told
-    seconds: float
+    seconds: float = 0.0
+    kind: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def moved(self, which: np.ndarray, share: float = 1.0) -> np.ndarray:
         """(m, 3) displacements of some commands (indexes) after a share of their time."""
@@ -44,24 +48,35 @@ class Made:
 
 
 @dataclass(frozen=True)
-class Making:
-    """What models are made from: the commands of a recording, those to fit and to validate (slices), and how.
+class Plan:
+    """Which models are made, and how.
 
-    starts : of the networks. generations : of the genetic algorithm. threads : 0 for all cores.
+    models : names of `MODELS`. longest : seconds after which a command counts as another. starts : of the networks.
+    generations : of the genetic algorithm that fits the unicycle. seed : of every draw. threads : 0 for all cores;
+    changes no number but the networks' last bits, which differ from run to run (`timed.networks.train`).
     """
 
-    told: Told
-    fit: slice
-    validation: slice
-    seed: int
+    models: tuple[str, ...]
+    longest: float
     starts: int
     generations: int
-    threads: int
+    seed: int
+    threads: int = 0
 
     @property
     def cores(self) -> int:
         """That work side by side."""
         return self.threads or available_threads()
+
+
+@dataclass(frozen=True)
+class Making:
+    """What models are made from: the commands of a recording, those to fit and to validate (slices), and how."""
+
+    told: Told
+    fit: slice
+    validation: slice
+    plan: Plan
 
     @property
     def known(self) -> tuple[Commands, np.ndarray]:
@@ -84,9 +99,9 @@ def _dynamic(making: Making, report: Callable[[int, int], None]) -> tuple[Model,
         *making.known,
         making.unseen,
         track,
-        generations=making.generations,
-        seed=making.seed,
-        threads=making.cores,
+        generations=making.plan.generations,
+        seed=making.plan.seed,
+        threads=making.plan.cores,
         progress=report,
     ).parameters
     return Unicycle(found, track), {"track": track, **dict(zip(NAMES, map(float, found), strict=True))}
@@ -101,16 +116,16 @@ def _network(making: Making, report: Callable[[int, int], None]) -> tuple[Model,
     found = train(
         *making.known,
         making.unseen,
-        starts=making.starts,
-        seed=making.seed,
-        workers=making.cores,
+        starts=making.plan.starts,
+        seed=making.plan.seed,
+        workers=making.plan.cores,
         progress=report,
     )
     return found, {}
 
 
 def _mlp(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dict[str, float]]:
-    return train_mlp(*making.known, making.unseen, seed=making.seed, threads=making.threads), {}
+    return train_mlp(*making.known, making.unseen, seed=making.plan.seed, threads=making.plan.threads), {}
 
 
 @dataclass(frozen=True)
@@ -131,10 +146,9 @@ MODELS: Mapping[str, Recipe] = {
 }
 
 
-def made(name: str, making: Making, progress: Progress | None) -> tuple[Contender, Made]:
+def made(name: str, making: Making, progress: Progress | None = None) -> Made:
     """A model by its name, one of `MODELS`."""
     began = time.perf_counter()
     report = partial(progress, name) if progress else lambda *_: None
     model, parameters = MODELS[name].make(making, report)
-    made = Made(model, making.told, time.perf_counter() - began)
-    return Contender(name=name, kind=MODELS[name].kind, parameters=parameters), made
+    return Made(model, making.told, time.perf_counter() - began, MODELS[name].kind, parameters)

@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.compare.contenders import Made, Predicts
 from dynreg.compare.simulated import Replayed
-from dynreg.results.comparison import Pace
 from dynreg.timed.models import Kinematic
 from dynreg.wheeled import Told
 
@@ -16,9 +16,24 @@ TIMES = 3  # of which the quickest counts
 MICRO = 1e6
 
 
+@dataclass(frozen=True)
+class Pace:
+    """Wall time for a command [us], one by one and all at once, and how many times the closed form's that is.
+
+    one_by_one : None of a simulator, which is timed on its replay. fit : seconds that making the model took.
+    """
+
+    model: str
+    one_by_one: float | None
+    at_once: float
+    one_by_one_ratio: float | None
+    at_once_ratio: float
+    fit: float
+
+
 def paces(told: Told, contenders: Mapping[str, Predicts], which: np.ndarray) -> tuple[Pace, ...]:
     """Wall times of predictions of some commands (indexes); these numbers alone differ from run to run."""
-    alone, together = pace(Made(Kinematic(told.track), told, 0.0), which)
+    alone, together = pace(Made(Kinematic(told.track), told), which)
     out = []
     for name, contender in contenders.items():
         one, at_once = pace(contender, which)

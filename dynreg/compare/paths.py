@@ -1,14 +1,14 @@
 """Commands in a row: where predictions end that begin at a measured pose, and what a figure shows of them."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.compare.contenders import Predicts
 from dynreg.data.recording import Recording
-from dynreg.results.comparison import DrivenPath, Paths, Way
 from dynreg.timed.commands import chained, pose_after
-from dynreg.timed.compare import spread
+from dynreg.timed.compare import Spread, spread
 from dynreg.wheeled import Told
 
 COMMANDS = 10  # in a row: the length of the paper's navigation task
@@ -16,6 +16,37 @@ SHOWN = 4  # runs that are drawn
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of each command's time, at which a drawn path has a point
 CM = 100.0
 SAME = 1e-6  # s between the end of one command and the begin of the next
+
+
+@dataclass(frozen=True)
+class Paths:
+    """How far apart measured and predicted positions are after `commands` commands in a row, over `runs` such runs."""
+
+    runs: int
+    commands: int
+    models: Mapping[str, Spread]
+
+
+@dataclass(frozen=True)
+class Way:
+    """Points of a path on the ground [m]; None where a model says no number, or where the place was not measured."""
+
+    x: tuple[float | None, ...]
+    y: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """One run of commands: the measured way and each model's, at the same times.
+
+    begin, seconds : on the episode's clock, and how long it lasted.
+    """
+
+    episode: str
+    begin: float
+    seconds: float
+    measured: Way
+    models: Mapping[str, Way]
 
 
 def runs(told: Told, first: int) -> np.ndarray:

@@ -10,7 +10,13 @@ from pydantic import BaseModel, ConfigDict
 class Result(BaseModel):
     """Base of all results: frozen, strict about its fields, shown as a table in notebooks."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="null", populate_by_name=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        ser_json_inf_nan="null",
+        populate_by_name=True,
+        from_attributes=True,  # parts may be given as the plain values that were found, with the same fields
+    )
 
     @classmethod
     def schema_name(cls) -> str:

@@ -1,16 +1,77 @@
 """Models of displacements compared: errors by axis, analysis of variance, Tukey's test and a paired one."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from dynreg.errors import SimulationError, UsageError
-from dynreg.results.comparison import Errors, Pair, Spread, Variance
 from dynreg.timed.commands import AXES
 
 UNITS = ("cm", "cm", "deg")
 FACTORS = np.array([100.0, 100.0, np.degrees(1.0)])  # from m and rad
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of absolute errors in `unit`."""
+
+    mean: float
+    min: float
+    max: float
+    sd: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two models on one axis: mean error of the first less that of the second, with its 95 % interval (Tukey).
+
+    tukey : p-value for all pairs and independent samples. paired : of Wilcoxon's signed ranks, by Holm.
+    """
+
+    axis: str
+    first: str
+    second: str
+    difference: float
+    low: float
+    high: float
+    unit: str
+    tukey: float
+    paired: float
+
+
+@dataclass(frozen=True)
+class Variance:
+    """One-way analysis of variance of the absolute errors on one axis; f is None where it is infinite."""
+
+    axis: str
+    f: float | None
+    between: int
+    within: int
+    p: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors {model: {axis: spread}}, the mean absolute displacement of each axis, and the tests."""
+
+    commands: int
+    models: Mapping[str, Mapping[str, Spread]]
+    displacements: Mapping[str, float]
+    variance: tuple[Variance, ...]
+    pairs: tuple[Pair, ...]
+
+    @property
+    def best(self) -> str:
+        """The model with the least error as a share of the displacements, over all axes."""
+        size = self.displacements
+        share = {
+            name: sum(spread.mean / size[axis] for axis, spread in axes.items() if size[axis] > 0)
+            for name, axes in self.models.items()
+        }
+        return min(share, key=share.__getitem__)
 
 
 def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:

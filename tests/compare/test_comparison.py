@@ -8,12 +8,13 @@ import pytest
 from driven_robot import commands, config, logged
 
 import dynreg
-from dynreg.compare.compare import Settings, parts
+from dynreg.compare.compare import parts
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, NoMatchError, RobotError, UsageError
 from dynreg.results import Comparison
 from dynreg.session import Session
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.compare import CompareSettings
 
 QUICK = {"starts": 1, "generations": 4, "threads": 1}
 LAGS = {"speed_lag": 0.15, "yaw_lag": 0.18, "yaw_drag": 1.04}  # of the hidden robot
@@ -144,22 +145,22 @@ def test_a_simulator_is_told_of_where_it_may_have_seen_commands_to_test(
     assert "fitted" not in notes(other)
     document = {"extended_simulator": None, "calibrated_simulator": simulator, "parts": parts}
     store.put_result("diagnosis", identity, document)
-    assert "fitted" not in notes("diagnosis") and "fitted" not in notes(simulator)
+    assert "fitted" not in notes("diagnosed") and "fitted" not in notes(simulator)
     store.put_result("diagnosis", identity, document | {"parts": parts | {"select": ["run_1[2]"]}})
-    for ref in ("diagnosis", simulator):
+    for ref in ("diagnosed", simulator):
         assert "episodes of this recording that hold 38 of the 38 commands to test" in notes(ref)
 
 
 def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log: Recording) -> None:
     for asked, says in (
-        ({"models": ["magic"]}, "model 'magic'"),
+        ({"models": ["magic"]}, "models 'magic'"),
         ({"models": ["kinematic", "kinematic"]}, "1 to compare"),
         ({"models": []}, "0 to compare"),
-        ({"longest": 0.0}, "longest = 0 s"),
-        ({"starts": 0}, "starts = 0"),
+        ({"longest": 0.0}, "longest 0; expected a number above 0"),
+        ({"starts": 0}, "starts 0"),
     ):
         with pytest.raises(UsageError, match=says):
-            Settings(**asked)
+            CompareSettings(**asked)
     with pytest.raises(NoMatchError, match="is called 'nowhere'"):
         registry.compare("monday", simulators=["nowhere"])
     short = Recording(log.channels, log.episodes[1:])

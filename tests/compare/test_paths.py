@@ -73,7 +73,7 @@ def test_places_are_not_made_up_over_gaps(robot: Robot, log: Recording) -> None:
     values = first.values.copy()
     values[rows[0] + 1 : rows[1], x] = np.nan  # commands 3 to 5 but for their ends
     holed = Recording(log.channels, (Episode("run", first.time, values),))
-    kinematic = {"kinematic": Made(Kinematic(found.track), found, 0.0)}
+    kinematic = {"kinematic": Made(Kinematic(found.track), found)}
     (path, _) = driven(found, holed, POSE, kinematic, runs(found, 0))
     unknown = [i for i, place in enumerate(path.measured.x) if place is None]
     assert unknown == list(range(13, 24)) and None not in path.measured.y
@@ -106,7 +106,7 @@ def test_a_drawn_path_lies_on_the_measured_one_where_the_model_is_right(robot: R
     log = Recording(log.channels, (Episode("run", log.episodes[0].time, values),))
     found = told(robot, log)
     assert np.allclose(found.moved, kinematic(row.commands, base.track))
-    (path,) = driven(found, log, POSE, {"kinematic": Made(Kinematic(base.track), found, 0.0)}, runs(found, 0))
+    (path,) = driven(found, log, POSE, {"kinematic": Made(Kinematic(base.track), found)}, runs(found, 0))
     way = path.models["kinematic"]
     assert len(way.x) == len(path.measured.x) == 1 + 4 * COMMANDS
     assert way.x == pytest.approx(path.measured.x, abs=2e-4) and way.y == pytest.approx(

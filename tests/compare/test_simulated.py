@@ -10,9 +10,8 @@ from driven_robot import commands, config, logged
 
 import dynreg
 from dynreg.compare.simulated import evenly, replayed
-from dynreg.compare.simulators import simulator, simulators
 from dynreg.data.recording import Episode, Recording
-from dynreg.errors import NoMatchError, RobotError, SimulationError
+from dynreg.errors import RobotError, SimulationError
 from dynreg.session import Session
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.wheeled import told
@@ -131,53 +130,3 @@ def test_a_simulator_that_diverges_is_named(robot: Robot) -> None:
     log = logged(robot, config(robot), [commands(robot, 20, 1)])
     with pytest.raises(SimulationError, match="simulator 'wild' diverges"):
         replayed(robot, config(robot, {"track": float("nan")}), "wild", log, told(robot, log))
-
-
-def test_simulators_are_found_by_their_ids_and_by_results_that_recommend_one(
-    registry: Session, robot: Robot
-) -> None:
-    store = registry.registry
-    store.put_robot(robot.folder, robot.hash, robot.name)
-    truth = config(robot, {"yaw_lag": 0.15}, DELAYED)
-    identity = store.put_simulator(truth.as_dict() | {"lineage": {"made_by": "diagnose", "kind": "extended"}})
-    log = logged(robot, config(robot), [commands(robot, 20, 1)])
-    registry.ingest(log, "diffdrive", name="monday")
-    store.put_result("diagnosis", log.id, {"extended_simulator": None, "calibrated_simulator": identity})
-    told_by = store.latest("diagnosis", log.id).id
-    for ref in (identity, identity[:10], told_by, "diagnosis"):
-        found = simulator(store, robot, ref, log.id)
-        assert found.config == truth and found.shown.simulator == identity
-        assert found.shown.name == f"extended {identity[:8]}" and found.shown.effects == DELAYED
-    assert simulator(store, robot, "nominal", log.id).config == config(robot)
-    once = simulators(store, robot, ["nominal", identity, told_by, "nominal"], log.id)
-    assert [one.shown.name for one in once] == ["nominal", f"extended {identity[:8]}"]
-    store.put_result("gait", log.id, {"robot": "diffdrive"})
-    with pytest.raises(NoMatchError, match="of kind 'gait' and recommends no simulator"):
-        simulator(store, robot, store.latest("gait", log.id).id, log.id)
-    with pytest.raises(NoMatchError, match="monday"):
-        simulator(store, robot, "monday", log.id)
-    with pytest.raises(NoMatchError):
-        simulator(store, robot, "calibration", log.id)
-
-
-def test_an_entry_of_a_population_is_found(registry_folder: Path, robot: Robot) -> None:
-    with dynreg.open(registry_folder) as session:
-        store = session.registry
-        (population,) = store.populations()
-        entry = store.load(population.id, ()).ids[1]
-        found = simulator(store, robot, entry, "")
-        assert found.shown.name == "servo_pendulum-1" and found.robot.name == "servo_pendulum"
-        assert found.config.values == store.load_entry(entry).values
-
-
-def test_entries_of_two_populations_with_the_same_name_keep_apart(
-    registry_folder: Path, robot: Robot, monkeypatch
-) -> None:
-    with dynreg.open(registry_folder) as session:
-        store = session.registry
-        (population,) = store.populations()
-        first, second = store.load(population.id, ()).ids[:2]
-        entry = store.load_entry
-        monkeypatch.setattr(store, "load_entry", lambda ref: replace(entry(ref), number=7))
-        names = [one.shown.name for one in simulators(store, robot, [first, second], "")]
-        assert len({*names}) == 2 and all(name.startswith("servo_pendulum-7 ") for name in names)

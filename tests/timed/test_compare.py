@@ -40,7 +40,7 @@ def test_tukeys_test_gives_the_published_p_values(axis: str) -> None:
 def test_errors_are_told_in_centimetres_and_degrees() -> None:
     moved = np.array([[0.01, -0.02, 0.1], [0.03, 0.04, -0.3], [0.0, 0.0, 0.2]])
     off = np.array([0.01, -0.02, np.radians(5.0)]) * [[0.5], [1.0], [1.5]]
-    found = compared(moved, {"right": moved, "off": moved + off})
+    found = Errors.model_validate(compared(moved, {"right": moved, "off": moved + off}))
     assert found.commands == 3
     assert [found.models["off"][axis].mean for axis in AXES] == pytest.approx([1.0, 2.0, 5.0])
     assert [found.models["off"][axis].unit for axis in AXES] == ["cm", "cm", "deg"]
@@ -68,7 +68,7 @@ def test_axes_without_scatter_have_honest_numbers() -> None:
     """A recording in which nothing turned: every model is right, or off by the same on every command."""
     moved = np.array([[0.01, -0.02, 0.0], [0.03, 0.04, 0.0], [0.0, 0.0, 0.0]])
     off = np.array([[0.01, 0.0, 0.5], [0.02, 0.0, 0.5], [0.05, 0.0, 0.5]])
-    found = compared(moved, {"right": moved, "same": moved.copy(), "off": moved + off})
+    found = Errors.model_validate(compared(moved, {"right": moved, "same": moved.copy(), "off": moved + off}))
     whole = {v.axis: v for v in found.variance}
     assert (whole["dy"].f, whole["dy"].p) == (0.0, 1.0)
     assert (whole["dtheta"].f, whole["dtheta"].p) == (None, 0.0) and 0 < whole["dx"].p < 1
