@@ -19,7 +19,7 @@ from landmarks import build_landmarks, refine, search_landmarks
 
 import dynreg
 from dynreg.distance.population import cross_loss
-from dynreg.index import build
+from dynreg.index import GraphSettings, build
 from dynreg.models.mlp import stack_of
 from dynreg.neighbours.entries import make_entries
 from dynreg.verbs.populations import load_population
@@ -31,7 +31,7 @@ def by_taught(
     nodes, to, queries: int, n: int, k: int, seed: int, *, m: int = 128, rerank: int = 170
 ) -> Measured:
     """Landmarks whose regressions learn from the links of the degree-capped graph too: no query pays for them."""
-    graph = build(nodes, n, seed=seed)
+    graph = build(nodes, n, GraphSettings(seed=seed))
     landmarks = build_landmarks(nodes, n, seed=seed, m=m)
     a = np.concatenate([np.full(len(ids), i) for i, ids in enumerate(graph.neighbours)])
     b = np.concatenate(graph.neighbours)

@@ -18,11 +18,11 @@ import numpy as np
 from index_entries import SyntheticEntries
 from index_measure import METHODS, Row, by_graph, fit_growth, hubness, measure_graph, nearest_lists
 
-from dynreg.index import MatrixDistance, build
+from dynreg.index import NO_CAP, GraphSettings, MatrixDistance, build
 
 BENCHED = {
     **METHODS,
-    "graph, no cap": partial(by_graph, degree_cap=None),
+    "graph, no cap": partial(by_graph, degree_cap=NO_CAP),
     "graph, ef 20": partial(by_graph, ef=20),
     "graph, ef 100": partial(by_graph, ef=100),
 }
@@ -78,7 +78,7 @@ def growths(rows: Sequence[Row]) -> Iterable[tuple[str, object]]:
 def hubs(matrix: np.ndarray, k: int) -> dict[str, dict[str, float]]:
     """Of the true neighbours, and of the links of graphs with and without a cap on degree."""
     distance, n = MatrixDistance(matrix), len(matrix)
-    capped, free = (build(distance, n, degree_cap=cap).neighbours for cap in (20, None))
+    capped, free = (build(distance, n, GraphSettings(degree_cap=cap)).neighbours for cap in (20, NO_CAP))
     lists = {f"{k} nearest": nearest_lists(distance, n, k), "links, cap 20": capped, "links, no cap": free}
     return {name: asdict(hubness(neighbours, n)) for name, neighbours in lists.items()}
 
@@ -89,7 +89,7 @@ def overhead(matrix: np.ndarray) -> dict[str, float]:
     seconds = {}
     for batch in (1, 32):
         started = perf_counter()
-        build(MatrixDistance(matrix), n, batch=batch)
+        build(MatrixDistance(matrix), n, GraphSettings(batch=batch))
         seconds[f"{n} insertions, batch {batch} [s]"] = perf_counter() - started
     return seconds
 

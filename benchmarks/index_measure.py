@@ -9,7 +9,18 @@ from landmarks import Landmarks, build_landmarks, search_landmarks
 
 from dynreg.arrays import Distances, Ids
 from dynreg.errors import UsageError
-from dynreg.index import Distance, Found, Graph, MatrixDistance, ToMany, build, search_many, search_printed
+from dynreg.index import (
+    NO_CAP,
+    Distance,
+    Found,
+    Graph,
+    GraphSettings,
+    MatrixDistance,
+    ToMany,
+    build,
+    search_many,
+    search_printed,
+)
 from dynreg.rng import stream
 
 Measured = tuple[list[Found], float]
@@ -154,7 +165,8 @@ def measure_graph(
 
 def build_as_printed(distance: Distance, n: int, *, seed: int = 0, k: int = 5, restarts: int = 4) -> Graph:
     """The graph of paper D: one node at a time, k links to what Algorithm 1 finds, no cap on degree."""
-    return build(distance, n, seed=seed, f=k, degree_cap=None, batch=1, starts=restarts, printed=True)
+    settings = GraphSettings(seed, f=k, degree_cap=NO_CAP, batch=1, starts=restarts, printed=True)
+    return build(distance, n, settings)
 
 
 def by_printed(
@@ -179,10 +191,10 @@ def by_graph(
     *,
     f: int = 10,
     ef: int = 30,
-    degree_cap: int | None = 20,
+    degree_cap: int = 20,
 ) -> Measured:
     """Best-first search on a graph with a cap on degree."""
-    graph = build(nodes, n, seed=seed, f=f, ef=ef, degree_cap=degree_cap)
+    graph = build(nodes, n, GraphSettings(seed, f, ef, degree_cap))
     return search_many(graph, to, queries, k, seed=seed, ef=ef), graph.evaluations / n
 
 

@@ -10,6 +10,7 @@ from dynreg.index.distance import Distance as Distance
 from dynreg.index.distance import MatrixDistance as MatrixDistance
 from dynreg.index.distance import To as To
 from dynreg.index.distance import ToMany as ToMany
+from dynreg.index.graph import NO_CAP as NO_CAP
 from dynreg.index.graph import Graph as Graph
 from dynreg.index.graph import GraphSettings as GraphSettings
 from dynreg.index.graph import insert as insert

@@ -5,34 +5,24 @@ import numpy as np
 from dynreg.arrays import Ids
 from dynreg.errors import UsageError
 from dynreg.index.distance import Distance
-from dynreg.index.graph import NO_CAP, Graph, GraphSettings, Links, freeze, link, thaw
+from dynreg.index.graph import Graph, GraphSettings, Links, freeze, link, thaw
 from dynreg.index.searches import Found, best_first, draw_starts, lockstep, printed
 from dynreg.rng import stream
 
+STANDARD = GraphSettings()
 
-def build(
-    distance: Distance,
-    n: int,
-    *,
-    seed: int = 0,
-    f: int = 10,
-    ef: int = 30,
-    degree_cap: int | None = 20,
-    batch: int = 32,
-    starts: int = 8,
-    printed: bool = False,
-) -> Graph:
-    """A graph over nodes 0 .. n-1, inserted in order of id. `GraphSettings` explains the settings.
+
+def build(distance: Distance, n: int, settings: GraphSettings = STANDARD) -> Graph:
+    """A graph over nodes 0 .. n-1, inserted in order of id.
 
     The same settings and distances give the same graph, and the graph of the first n nodes grows by `extend`
     into the very graph that building all of them at once gives.
 
     Raises
     ------
-    UsageError : more nodes than the distance has, settings that cannot work, a distance that is NaN.
+    UsageError : more nodes than the distance has, a distance that is NaN.
     """
-    cap = NO_CAP if degree_cap is None else degree_cap
-    return extend(Graph(GraphSettings(seed, f, ef, cap, batch, starts, printed)), distance, n)
+    return extend(Graph(settings), distance, n)
 
 
 def extend(graph: Graph, distance: Distance, n: int) -> Graph:

@@ -9,7 +9,7 @@ import numpy as np
 from dynreg.data.recording import Channel
 from dynreg.distance.embedding import Embedding, fit_embedding
 from dynreg.distance.population import Entries, Population, Shared, Training, cross_loss
-from dynreg.index import Counted, Graph, build
+from dynreg.index import Counted, Graph, GraphSettings, build
 from dynreg.models.mlp import MlpStack
 from dynreg.neighbours.entries import (
     Made,
@@ -110,7 +110,7 @@ def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int,
     entries = registry.load(population)
     stack = MlpStack.from_arrays(entries.weights)
     distance = Counted(cross_loss(shared, entries.states, stack, threads=threads))
-    graph = build(distance, len(entries), seed=shared.seed)
+    graph = build(distance, len(entries), GraphSettings(seed=shared.seed))
     registry.put_index(population, "graph", graph.to_arrays(), entries.ids)
     embedding = fit_embedding(stack, shared.base, shared.probes)
     arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}

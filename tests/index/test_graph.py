@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from dynreg.errors import CorruptError, UsageError
-from dynreg.index import Graph, GraphSettings, MatrixDistance, build, extend, insert
+from dynreg.index import NO_CAP, Graph, GraphSettings, MatrixDistance, build, extend, insert
 
 
 def strong_parts(graph):
@@ -43,20 +43,26 @@ def test_pruning_cuts_nothing_off(n, f, room, batch, seed, shape):
     matrix = {"noise": rng.random((n, n)), "star": np.ones((n, n)), "equal": np.ones((n, n))}[shape]
     if shape == "star":
         matrix[:, 0] = 0.1
-    graph = build(MatrixDistance(matrix), n, f=f, ef=f, degree_cap=f + room, batch=batch, starts=1)
+    graph = build(
+        MatrixDistance(matrix), n, GraphSettings(f=f, ef=f, degree_cap=f + room, batch=batch, starts=1)
+    )
     assert strong_parts(graph) == 1
     assert graph.degree.max() <= f + room
     assert graph.degree.min() >= 1
 
 
 def test_the_cap_is_respected_and_needed(nodes):
-    capped, free = build(nodes, len(nodes)), build(nodes, len(nodes), degree_cap=None)
+    capped, free = build(nodes, len(nodes)), build(nodes, len(nodes), GraphSettings(degree_cap=NO_CAP))
     assert capped.degree.max() <= 20 < 2 * 20 < free.degree.max()
     assert strong_parts(capped) == strong_parts(free) == 1
 
 
 def test_links_are_mutual_without_a_cap_and_lengths_are_the_distances(nodes, tables):
-    for graph in (build(nodes, 200, degree_cap=None), build_as_printed(nodes, 200), build(nodes, 200)):
+    for graph in (
+        build(nodes, 200, GraphSettings(degree_cap=NO_CAP)),
+        build_as_printed(nodes, 200),
+        build(nodes, 200),
+    ):
         links = {(i, int(j)) for i in range(200) for j in graph.edges(i)}
         assert all(i != j for i, j in links)
         if graph.settings.degree_cap < 0:
@@ -69,7 +75,7 @@ def test_links_are_mutual_without_a_cap_and_lengths_are_the_distances(nodes, tab
 
 
 def test_building_repeats_itself_and_the_seed_matters(nodes):
-    one, same, other = (build(nodes, 200, seed=seed, f=3, ef=3) for seed in (4, 4, 5))
+    one, same, other = (build(nodes, 200, GraphSettings(seed=seed, f=3, ef=3)) for seed in (4, 4, 5))
     assert_same(one, same)
     assert any(not np.array_equal(a, b) for a, b in zip(one.neighbours, other.neighbours, strict=True))
 
@@ -77,29 +83,29 @@ def test_building_repeats_itself_and_the_seed_matters(nodes):
 @settings(deadline=None, max_examples=10)
 @given(st.lists(st.integers(0, 120), max_size=3), st.integers(1, 40), st.booleans())
 def test_extending_is_building(nodes, stops, batch, stored):
-    grown = build(nodes, 0, batch=batch)
+    grown = build(nodes, 0, GraphSettings(batch=batch))
     for stop in sorted(stops):
         grown = extend(grown, nodes, stop)
         grown = Graph.from_arrays(grown.to_arrays()) if stored else grown
-    assert_same(extend(grown, nodes, 120), build(nodes, 120, batch=batch))
+    assert_same(extend(grown, nodes, 120), build(nodes, 120, GraphSettings(batch=batch)))
 
 
 @pytest.mark.parametrize("batch", [1, 32])
 def test_building_counts_what_it_asks(spy, batch):
-    graph = build(spy, 200, batch=batch)
+    graph = build(spy, 200, GraphSettings(batch=batch))
     asked = np.concatenate(spy.asked, axis=1)
     assert graph.evaluations == spy.count == np.unique(asked, axis=1).shape[1]
     assert np.all(asked[0] > asked[1])  # a new node against older ones
 
 
 def test_a_generation_shares_its_calls(spy):
-    build(spy, 320, batch=32)
+    build(spy, 320)
     assert spy.count / len(spy.asked) > 64
 
 
 @pytest.mark.parametrize("n", [0, 1, 31, 64, 100])
 def test_arrays_round_trip_through_npz(nodes, n, tmp_path):
-    graph = build(nodes, n, seed=7)
+    graph = build(nodes, n, GraphSettings(seed=7))
     np.savez(tmp_path / "graph.npz", **graph.to_arrays())
     with np.load(tmp_path / "graph.npz", allow_pickle=False) as stored:
         assert_same(Graph.from_arrays(stored), graph)
@@ -121,7 +127,7 @@ def test_a_stored_link_to_no_node_is_corrupt(nodes):
 
 
 def test_insert_links_both_ways_and_leaves_the_old_graph_alone(nodes):
-    graph = build(nodes, 64, f=3, degree_cap=20)
+    graph = build(nodes, 64, GraphSettings(f=3))
     before = graph.degree.copy()
     grown = insert(graph, np.array([5, 9, 2, 7]), np.array([2.0, 1.0, 3.0, 9.0]))
     assert grown.edges(64).tolist() == [9, 5, 2]
