@@ -28,8 +28,8 @@ from dynreg.results import Diagnosis
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
+from dynreg.timed.wheels import pose_names
 from dynreg.verbs.subjects import robot_of
-from dynreg.wheeled import pose_names
 
 MEASURED, NOMINAL, CALIBRATED, EXTENDED = "#a4a7aa", "#d9822b", "#7b3fb5", "#0b63ce"
 LOOKS = {

@@ -19,7 +19,8 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import Robot
 from dynreg.timed.commands import AXES
 from dynreg.timed.compare import Errors, compared
-from dynreg.wheeled import Told, pose_names, told
+from dynreg.timed.told import Told, told
+from dynreg.timed.wheels import pose_names
 
 CUT = (1000, 1230, 1460)  # ends of the parts to fit, to validate and to test, as published
 LEAST = 10  # commands of the last two parts

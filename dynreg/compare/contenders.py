@@ -15,8 +15,8 @@ from dynreg.timed.commands import Commands
 from dynreg.timed.fit import fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
 from dynreg.timed.networks import WEIGHTS, train
+from dynreg.timed.told import Told
 from dynreg.timed.unicycle import NAMES
-from dynreg.wheeled import Told
 
 Progress = Callable[[str, int, int], None]
 

@@ -9,7 +9,7 @@ import numpy as np
 from dynreg.compare.contenders import Made, Predicts
 from dynreg.compare.simulated import Replayed
 from dynreg.timed.models import Kinematic
-from dynreg.wheeled import Told
+from dynreg.timed.told import Told
 
 ALONE = 50  # commands that are timed one by one
 TIMES = 3  # of which the quickest counts

@@ -9,7 +9,7 @@ from dynreg.compare.contenders import Predicts
 from dynreg.data.recording import Recording
 from dynreg.timed.commands import chained, pose_after
 from dynreg.timed.compare import Spread, spread
-from dynreg.wheeled import Told
+from dynreg.timed.told import Told
 
 COMMANDS = 10  # in a row: the length of the paper's navigation task
 SHOWN = 4  # runs that are drawn

@@ -18,7 +18,8 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 from dynreg.sim.spec import ReplayTable
 from dynreg.timed.commands import displacement
-from dynreg.wheeled import Told, pose_names
+from dynreg.timed.told import Told
+from dynreg.timed.wheels import pose_names
 
 START = 0.1  # s: as long as the quickest bases take to follow; a speed that is seen later is another one
 

@@ -5,7 +5,7 @@ import numpy as np
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.repeatability import Repeatability
 from dynreg.replay import judged as replayed
-from dynreg.results import Gain
+from dynreg.replay.judged import Gain
 from dynreg.results.diagnosis import RolloutError
 
 LOST = 10.0  # times the spread: what a diverged simulation counts as, and the most that an error can be

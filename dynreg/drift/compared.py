@@ -12,7 +12,7 @@ from dynreg.sim.robot import Robot
 from dynreg.timed.cells import Grid, Pieces, pieces
 from dynreg.timed.reference import Reference, fitted, on_the_way
 from dynreg.timed.table import Rules
-from dynreg.wheeled import Told, told
+from dynreg.timed.told import Told, told
 
 
 @dataclass(frozen=True)

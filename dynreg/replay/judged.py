@@ -7,7 +7,6 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.replay.windows import Windows
-from dynreg.results import Gain
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
@@ -25,6 +24,15 @@ class Traced:
     time: list[float]
     measured: list[float | None]
     simulated: tuple[list[float | None], ...]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A relative gain with its 90 % interval; None where there are too few windows for one."""
+
+    value: float
+    low: float | None
+    high: float | None
 
 
 def gain(before: np.ndarray, after: np.ndarray) -> Gain | None:

@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.data.recording import Episode, Recording
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.robot import Robot
-from dynreg.wheeled import unwrapped, wheels_of, within_one_turn
+from dynreg.timed.wheels import unwrapped, wheels_of, within_one_turn
 
 EVEN = 0.01  # of a step that a row may come early or late
 

@@ -13,7 +13,8 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.timed.kinematic import kinematic
 from dynreg.timed.models import Kinematic
-from dynreg.wheeled import POSE, Told, told
+from dynreg.timed.told import Told, told
+from dynreg.timed.wheels import POSE
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from dynreg.data.recording import Episode, Recording
 from dynreg.errors import RobotError, SimulationError
 from dynreg.session import Session
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.wheeled import told
+from dynreg.timed.told import told
 
 DELAYED = {"command_delay": {"delay": 0.06}}
 

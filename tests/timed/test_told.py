@@ -13,8 +13,9 @@ from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.timed.commands import Commands, chained, drawn
 from dynreg.timed.kinematic import kinematic
+from dynreg.timed.told import told
 from dynreg.timed.unicycle import PIONEER, unicycle
-from dynreg.wheeled import POSE, told
+from dynreg.timed.wheels import POSE
 
 
 @pytest.fixture(scope="module")
