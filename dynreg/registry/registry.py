@@ -11,6 +11,7 @@ from sqlalchemy import func, select
 import dynreg.registry.cache as cache
 import dynreg.registry.documents as documents
 import dynreg.registry.entries as entries
+import dynreg.registry.indexes as indexes
 import dynreg.registry.loading as loading
 import dynreg.registry.populations as populations
 import dynreg.registry.recordings as recordings
@@ -188,12 +189,12 @@ class Registry:
     def put_index(
         self, ref: str, key: str, arrays: Mapping[str, np.ndarray], entries: Sequence[str] | None = None
     ) -> bool:
-        """Keep an index's arrays, computed for these entries; see `documents.put_index`."""
-        return documents.put_index(self.directory, self._id(ref, "population"), key, dict(arrays), entries)
+        """Keep an index's arrays, computed for these entries; see `indexes.put_index`."""
+        return indexes.put_index(self.directory, self._id(ref, "population"), key, dict(arrays), entries)
 
     def index(self, ref: str, key: str, entries: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
         """An index's arrays; None where there are none for these entries (the population's present ones)."""
-        return documents.get_index(self.directory, self._id(ref, "population"), key, entries)
+        return indexes.get_index(self.directory, self._id(ref, "population"), key, entries)
 
     def cached(self, kind: str, key: Mapping[str, Any]) -> dict[str, Any] | None:
         """What `cache` kept under this key (plain JSON); None where there is nothing, or nothing that is whole."""

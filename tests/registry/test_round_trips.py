@@ -18,7 +18,7 @@ from registry_contents import (
 )
 
 from dynreg.errors import NoMatchError, RegistryError
-from dynreg.registry import Registry, ShardData, documents, verify
+from dynreg.registry import Registry, ShardData, indexes, verify
 
 
 def test_population_comes_back(registry):
@@ -207,14 +207,14 @@ def test_an_index_never_passes_for_one_of_other_entries(registry):
 
 def test_entries_that_come_while_an_index_is_written_make_it_stale(registry, monkeypatch):
     ids, names = registry.load("bench", ()).ids, sorted((registry.path / "index").iterdir())
-    encode = documents.encode_arrays
+    encode = indexes.encode_arrays
 
     def encode_and_grow(*given):
         registry.put_population(make_population(12))
         populate(registry)
         return encode(*given)
 
-    monkeypatch.setattr(documents, "encode_arrays", encode_and_grow)
+    monkeypatch.setattr(indexes, "encode_arrays", encode_and_grow)
     assert not registry.put_index("bench", "graph", {"links": np.zeros(10)}, ids)
     assert registry.index("bench", "graph") is None
     assert sorted((registry.path / "index").iterdir()) == names, "nothing is left behind"
