@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from dynreg.cli.told import parameters, told
 from dynreg.errors import UsageError
+from dynreg.verbs.settings import Settings
 
 if TYPE_CHECKING:
-    from dynreg.cli.settings import Settings
+    from dynreg.cli.settings import Settings as File
     from dynreg.results import Result
     from dynreg.session import Session
 
@@ -65,7 +67,7 @@ class Call:
     """One run of one verb."""
 
     shared: Shared
-    settings: "Settings"
+    settings: "File"
 
     @property
     def registry(self) -> Path:
@@ -121,14 +123,17 @@ class Call:
 def verb(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register `function(call, ...)` as a command, with the global options among its own.
 
-    Its docstring is the help: what it does, and an example.
+    Its docstring is the help: what it does, and an example. A parameter whose type is a verb's `Settings` stands for
+    an option for each of them.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(function)
         def run(ctx: typer.Context, **given: Any) -> None:
             late = Shared(**{option: given.pop(option) for option in _OPTIONS})
-            function(call_of(late.over(ctx.obj or Shared())), **given)
+            call = call_of(late.over(ctx.obj or Shared()))
+            settings = {name: told(kind, given, call.settings) for name, kind in _settings(function)}
+            function(call, **given, **settings)
 
         run.__signature__ = _signature(function)
         run.__annotations__ = {p.name: p.annotation for p in run.__signature__.parameters.values()}
@@ -170,7 +175,12 @@ def can_write(out: Path | None) -> None:
 
 
 def _signature(function: Callable[..., None]) -> inspect.Signature:
-    own = list(inspect.signature(function).parameters.values())[1:]  # without `call`
+    settings = dict(_settings(function))
+    own = [
+        option
+        for p in [*inspect.signature(function).parameters.values()][1:]  # without `call`
+        for option in (parameters(settings[p.name]) if p.name in settings else [p])
+    ]
     kind = inspect.Parameter.KEYWORD_ONLY
     shared = [
         inspect.Parameter(name, kind, default=getattr(Shared(), name), annotation=option)
@@ -178,6 +188,15 @@ def _signature(function: Callable[..., None]) -> inspect.Signature:
     ]
     context = inspect.Parameter("ctx", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
     return inspect.Signature([context, *(p.replace(kind=kind) for p in own), *shared])
+
+
+def _settings(function: Callable[..., None]) -> list[tuple[str, type[Settings]]]:
+    """The parameters of a verb that are its settings, with their kind."""
+    return [
+        (p.name, p.annotation)
+        for p in inspect.signature(function).parameters.values()
+        if isinstance(p.annotation, type) and issubclass(p.annotation, Settings)
+    ]
 
 
 def _values(shared: Shared) -> tuple[Any, ...]:

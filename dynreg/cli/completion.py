@@ -1,6 +1,7 @@
 """What a shell offers after TAB for robots, recordings and the other names in a registry."""
 
 import os
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from dynreg.adapt.methods import METHODS
@@ -26,6 +27,16 @@ def kinds(incomplete: str) -> list[str]:
 def methods(incomplete: str) -> list[str]:
     """Searches that a calibration can run."""
     return [method for method in METHODS if method.startswith(incomplete)]
+
+
+def one_of(choices: Collection[str]) -> Callable[[str], list[str]]:
+    """Offers these; behind a comma, the next one of a list."""
+
+    def offered(incomplete: str) -> list[str]:
+        end = incomplete.rfind(",") + 1
+        return [incomplete[:end] + name for name in choices if name.startswith(incomplete[end:])]
+
+    return offered
 
 
 def recording_names(incomplete: str) -> list[str]:

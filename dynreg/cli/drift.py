@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, can_write, verb
+from dynreg.cli.call import Call, can_write, verb
 from dynreg.cli.completion import recording_names
-from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog, Seed
-from dynreg.errors import UsageError
+from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog
+from dynreg.verbs.drift import DriftSettings
 
 
 def register(app: typer.Typer) -> None:
@@ -20,6 +20,7 @@ def register(app: typer.Typer) -> None:
 def drift(
     call: Call,
     recording: AnyRecording,
+    *,
     against: Annotated[
         str | None,
         typer.Option(
@@ -28,17 +29,7 @@ def drift(
             autocompletion=recording_names,
         ),
     ] = None,
-    sample: Annotated[float, typer.Option(help="Seconds of a piece of a command.")] = 0.5,
-    cells: Annotated[int, typer.Option(help="Cells of wheel speeds on each side.")] = 20,
-    level: Annotated[float, typer.Option(help="Level of the tests.")] = 0.05,
-    welch: Annotated[bool, typer.Option("--welch", help="Do not take variances for equal.")] = False,
-    fdr: Annotated[
-        bool, typer.Option("--fdr/--no-fdr", help="Keep the false-discovery rate over all tests.")
-    ] = True,
-    splits: Annotated[
-        int, typer.Option(help="Random halves of the earlier recording to measure false alarms by.")
-    ] = 200,
-    seed: Seed = None,
+    settings: DriftSettings,
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
     out: Annotated[
@@ -56,16 +47,6 @@ def drift(
     """
     can_write(report)
     can_write(out)
-    at_least("--cells", cells, 1)
-    at_least("--splits", splits, 0)
-    at_least("--seed", seed, 0)
-    for flag, value, good, expected in (
-        ("--sample", sample, 0 < sample < float("inf"), "seconds above 0"),
-        ("--cells", cells, cells <= 200, "1 to 200 cells on each side"),
-        ("--level", level, 0 < level < 1, "a level between 0 and 1, such as 0.05"),
-    ):
-        if not good:
-            raise UsageError(f"{flag} {value:g}", expected=expected, do="give another number")
     # both logs may be the first things in a registry
     fresh_logs = (
         robot is not None and against is not None and Path(recording).exists() and Path(against).exists()
@@ -74,13 +55,7 @@ def drift(
         result = session.drift(
             recording,
             against,
-            sample=sample,
-            cells=cells,
-            level=level,
-            welch=welch,
-            together=fdr,
-            splits=splits,
-            seed=call.pick("seed", seed, 0),
+            **vars(settings),
             out=out,
             robot=robot,
             log_map=log_map,

@@ -48,6 +48,12 @@ class Option:
         """The only values; empty where every value will do."""
         return self.choices() if callable(self.choices) else self.choices
 
+    @property
+    def sentence(self) -> str:
+        """What it is, with its choices."""
+        named = self.allowed and "ne of" not in self.help
+        return f"{self.help} One of {', '.join(self.allowed)}." if named else self.help
+
     def check(self, name: str, value: Any) -> None:
         """UsageError, in which the setting is called `name`, for a value that cannot be; None is left to defaults."""
         if value is None:
@@ -128,14 +134,11 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
         ]
         at = next((i for i, p in enumerate(own) if p.kind is p.KEYWORD_ONLY), len(own))
         method.__signature__ = signature.replace(parameters=[*own[:at], *settings, *own[at:]])
-        lines = [f"{one.name} : {_sentence(how)}" for one, how in options(kind)]
+        lines = [
+            f"{one.name} : {how.sentence}{f' None: {how.usual}.' if how.usual else ''}"
+            for one, how in options(kind)
+        ]
         method.__doc__ = "\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines])
         return method
 
     return wrap
-
-
-def _sentence(how: Option) -> str:
-    text = how.help
-    text += f" One of {', '.join(how.allowed)}." if how.allowed and "ne of" not in text else ""
-    return f"{text} None: {how.usual}." if how.usual else text

@@ -1,0 +1,117 @@
+"""A verb's settings as options of its command: flags, help, defaults and what a shell offers, from one definition."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, Field
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args, get_origin
+
+import typer
+
+from dynreg.cli import completion
+from dynreg.errors import UsageError
+from dynreg.verbs.settings import Option, Settings, options
+
+if TYPE_CHECKING:
+    from dynreg.cli.settings import Settings as File
+
+Kind = TypeVar("Kind", bound=Settings)
+
+
+def parameters(kind: type[Settings]) -> list[inspect.Parameter]:
+    """The options of a command, one for each setting that a command line can tell."""
+    return [
+        inspect.Parameter(
+            one.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=_default(one, how),
+            annotation=Annotated[
+                _type(one, how),
+                typer.Option(
+                    *_flags(one, how), help=_help(one, how), metavar=how.metavar, autocompletion=_offers(how)
+                ),
+            ],
+        )
+        for one, how in options(kind)
+        if how.flag is not None
+    ]
+
+
+def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
+    """The settings that were `given` (and are taken out of there), else in the settings file, else the usual ones.
+
+    Raises UsageError that names the flag.
+    """
+    said, flags = {}, {}
+    for one, how in options(kind):
+        value = given.pop(one.name, None)
+        if value is None and how.shared:
+            value = getattr(file, one.name)
+        if value is not None:
+            flags[one.name] = _flag(one, how)
+            said[one.name] = _names(flags[one.name], value, how) if _listed(one, how) else value
+    try:
+        return kind(**said)
+    except UsageError as error:
+        name, space, rest = error.problem.partition(" ")
+        raise UsageError(flags.get(name, name) + space + rest, expected=error.expected, do=error.do) from None
+
+
+def _flag(one: Field, how: Option) -> str:
+    """As an error names it."""
+    return (how.flag or f"--{one.name.replace('_', '-')}").split("/")[0]
+
+
+def _flags(one: Field, how: Option) -> tuple[str, ...]:
+    """What typer is told: for what is usually on, it adds the flag that turns it off."""
+    return () if not how.flag and one.default is True else (how.flag or _flag(one, how),)
+
+
+def _listed(one: Field, how: Option) -> bool:
+    """Whether its value is a list with commas."""
+    return not how.repeated and any(get_origin(t) is tuple for t in (one.type, *get_args(one.type)))
+
+
+def _type(one: Field, how: Option) -> Any:
+    kind = str if _listed(one, how) else list[str] if how.repeated else one.type
+    return kind | None if _default(one, how) is None else kind
+
+
+def _default(one: Field, how: Option) -> Any:
+    """Of the option; None where a settings file may tell it, or nothing stands for it."""
+    if one.default is MISSING:
+        return inspect.Parameter.empty
+    if how.shared or one.default == ():
+        return None
+    return ",".join(one.default) if isinstance(one.default, tuple) else one.default
+
+
+def _help(one: Field, how: Option) -> str:
+    """Its sentence, with what stands in for a value that is not given in brackets."""
+    usual = how.usual or ("" if one.default in (None, MISSING, ()) or not how.shared else f"{one.default}")
+    return f"{how.sentence.removesuffix('.')} [{usual}]." if usual else how.sentence
+
+
+def _offers(how: Option) -> Callable[[str], list[str]] | None:
+    if how.complete:
+        return getattr(completion, how.complete)
+    return completion.one_of(how.allowed) if how.allowed else None
+
+
+def _names(flag: str, given: str, how: Option) -> tuple[str, ...]:
+    """The names of a list with commas; one between brackets parts joints, not names.
+
+    >>> _names("--for", "payload, backlash[hip,knee]", Option("The two."))
+    ('payload', 'backlash[hip,knee]')
+    """
+    parts, depth = [""], 0
+    for letter in given:
+        depth += {"[": 1, "]": -1}.get(letter, 0)
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    names = tuple(part.strip() for part in parts if part.strip())
+    if not names:
+        what, see = ("effects", "effects") if how.complete == "effect_names" else ("names", "robots")
+        raise UsageError(f"{flag} {given!r}", expected=f"{what} such as a,b", do=f"see `dynreg {see}`")
+    return names
