@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, can_write, verb
-from dynreg.cli.completion import effect_names
-from dynreg.cli.options import RobotFolder, Seed
+from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.options import RobotFolder
 from dynreg.errors import UsageError
+from dynreg.verbs.excite import ExciteSettings
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
@@ -24,13 +24,8 @@ def register(app: typer.Typer) -> None:
 def excite(
     call: Call,
     robot: RobotFolder,
-    between: Annotated[
-        str,
-        typer.Option("--for", metavar="A,B", help="The two effects.", autocompletion=effect_names),
-    ],
+    settings: ExciteSettings,
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap.")],
-    seconds: Annotated[float, typer.Option(help="Length [s].")] = 10.0,
-    seed: Seed = None,
 ) -> None:
     """Write commands that tell two effects apart.
 
@@ -40,33 +35,12 @@ def excite(
     """
     from dynreg.session import Session
 
-    at_least("--seed", seed, 0)
-    pair = _pair(between)
     _check_file(out)
     with call.progress() as progress:
-        commands, experiment = Session.excite(
-            robot, pair, seconds=seconds, seed=call.pick("seed", seed, 0), progress=progress
-        )
+        commands, experiment = Session.excite(robot, **vars(settings), progress=progress)
     _write(commands, out)
     written = experiment.model_copy(update={"file": str(out)})
     call.emit(written, hint=f"play {out}, then dynreg diagnose LOG --robot {robot}")
-
-
-def _pair(between: str) -> tuple[str, ...]:
-    """The two effects; a comma between brackets is one of joints."""
-    parts, depth = [""], 0
-    for letter in between:
-        depth += {"[": 1, "]": -1}.get(letter, 0)
-        if letter == "," and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    found = tuple(part.strip() for part in parts)
-    if len(found) != 2 or not all(found) or found[0] == found[1]:
-        raise UsageError(
-            f"--for {between!r}", expected="two different effects, A,B", do="see `dynreg effects`"
-        )
-    return found
 
 
 def _check_file(out: Path) -> None:

@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 from dynreg.cli.call import Call, at_least, verb
-from dynreg.cli.completion import robot_names
-from dynreg.cli.options import Threads
+from dynreg.cli.options import RobotFolder
+from dynreg.verbs.populate import PopulateSettings
 
 
 def register(app: typer.Typer) -> None:
@@ -16,15 +16,9 @@ def register(app: typer.Typer) -> None:
 
 def populate(
     call: Call,
-    robot: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT", help="Packaged robot or robot folder.", autocompletion=robot_names),
-    ],
+    robot: RobotFolder,
     n: Annotated[int, typer.Option("-n", help="Simulators that the population shall hold.")],
-    seed: Annotated[int | None, typer.Option(help="Seed of all random draws [0].")] = None,
-    ranges: Annotated[str | None, typer.Option(help="Named ranges of robot.toml.")] = None,
-    link: Annotated[bool, typer.Option(help="Build the search graph as well.")] = True,
-    threads: Threads = None,
+    settings: PopulateSettings,
 ) -> None:
     """Fill the registry with N simulators of a robot.
 
@@ -36,17 +30,7 @@ def populate(
     from dynreg.sim.robot import load_robot
 
     at_least("-n", n, 1)
-    at_least("--seed", seed, 0)
-    at_least("--threads", threads, 0)
-    load_robot(robot, ranges)  # a mistake here makes no registry
+    load_robot(robot, settings.ranges)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
-        result = session.populate(
-            robot,
-            n,
-            seed=call.pick("seed", seed, 0),
-            ranges=ranges,
-            link=link,
-            threads=call.pick("threads", threads, 0),
-            progress=progress,
-        )
+        result = session.populate(robot, n, **vars(settings), progress=progress)
     call.emit(result, hint=f"dynreg ingest LOG --robot {robot}")

@@ -1,13 +1,13 @@
 """`dynreg query`: the simulators nearest to a recording."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from dynreg.cli.call import Call, at_least, can_write, one_of, verb
-from dynreg.cli.options import AnyRecording, HoldOut, MapOfLog, Page, Population, RobotOfLog, Threads
-from dynreg.distance.table import NAMES as DISTANCES
+from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog
 from dynreg.errors import NoMatchError
+from dynreg.verbs.query import QuerySettings
 
 if TYPE_CHECKING:
     from dynreg.results import Neighbours
@@ -21,19 +21,10 @@ def register(app: typer.Typer) -> None:
 def query(
     call: Call,
     recording: AnyRecording,
-    k: Annotated[int | None, typer.Option("-k", help="How many neighbours [5].")] = None,
-    distance: Annotated[str | None, typer.Option(help=f"One of {', '.join(DISTANCES)} [auto].")] = None,
-    population: Population = None,
-    replay: Annotated[bool, typer.Option(help="Replay the commands in the best and re-rank.")] = True,
-    synthesise: Annotated[bool, typer.Option(help="Make a simulator from the neighbours.")] = True,
-    hold_out: HoldOut = None,
-    budget: Annotated[
-        int | None,
-        typer.Option(help="Simulations that the query may run, beyond those of --distance replay."),
-    ] = None,
+    *,
+    settings: QuerySettings,
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
-    threads: Threads = None,
     report: Page = None,
 ) -> None:
     """Find the simulators nearest to a recording.
@@ -45,24 +36,12 @@ def query(
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
     """
     can_write(report)
-    at_least("-k", k, 1)
-    at_least("--budget", budget, 1)
-    at_least("--threads", threads, 0)
-    chosen = call.pick("distance", distance, "auto")
-    one_of("--distance", chosen, DISTANCES)
     with call.open() as session, call.progress() as progress:
         result = session.query(
             recording,
-            k=call.pick("k", k, 5),
-            distance=chosen,
-            population=population,
-            replay=replay,
-            synthesise=synthesise,
-            hold_out=hold_out,
-            budget=call.pick("budget", budget, None),
+            **vars(settings),
             robot=robot,
             log_map=log_map,
-            threads=call.pick("threads", threads, 0),
             progress=progress,
         )
     call.emit_and_write(result, report)

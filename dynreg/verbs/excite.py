@@ -1,7 +1,7 @@
 """Excite: commands for the experiment that tells two causes apart."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
@@ -20,7 +20,7 @@ class ExciteSettings(Settings):
     """What an experiment can be told. Raises UsageError where it is not between two effects."""
 
     between: tuple[str, ...] = option(
-        (), "The two effects.", flag="--for", metavar="A,B", complete="effect_names"
+        MISSING, "The two effects.", flag="--for", metavar="A,B", complete="effect_names"
     )
     seconds: float = option(10.0, "Length [s].")
     seed: int = seed()

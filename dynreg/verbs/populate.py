@@ -5,15 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dynreg.errors import UsageError
-from dynreg.results import PopulationSummary
 from dynreg.verbs.settings import Settings, option, seed, threads
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Training
     from dynreg.registry import Registry
+    from dynreg.results import PopulationSummary
     from dynreg.sim.robot import Robot
 
 
@@ -36,7 +34,7 @@ def populate(
     *,
     training: "Training | None" = None,
     progress: Callable[[str, int, int], None] | None = None,
-) -> PopulationSummary:
+) -> "PopulationSummary":
     """Bring a population to n entries, and link them; entries that are there already stay as they are.
 
     Entry i is row i of the Sobol sequence of the robot's ranges, simulated through the shared bank with motor
@@ -45,8 +43,11 @@ def populate(
 
     Raises UsageError where n is below 1.
     """
+    from numpy import median
+
     from dynreg.distance.population import Training
     from dynreg.neighbours.entries import Stopwatch
+    from dynreg.results import PopulationSummary
     from dynreg.sim.robot import with_population
     from dynreg.verbs.populations import begin, fill, link
 
@@ -81,7 +82,7 @@ def populate(
         simulate_seconds=watch.seconds["simulate"],
         train_seconds=watch.seconds["train"] + watch.seconds["base"],
         link_seconds=watch.seconds["link"],
-        own_loss_median=float(np.median(own)) if len(own) else None,
+        own_loss_median=float(median(own)) if len(own) else None,
         linked=linked,
         evaluations=evaluations,
     )

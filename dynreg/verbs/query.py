@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from dynreg.distance.table import AUTO, NAMES, needs
 from dynreg.errors import UsageError
-from dynreg.results import Neighbours
-from dynreg.verbs.settings import Settings, option, threads
+from dynreg.verbs.settings import Settings, hold_out, option, threads
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
+    from dynreg.results import Neighbours
     from dynreg.verbs.subjects import Recorded
 
 Progress = Callable[[str, int, int], None]
@@ -22,15 +22,13 @@ class QuerySettings(Settings):
     """What `query` can be told."""
 
     k: int = option(5, "How many neighbours.", flag="-k", least=1, shared=True)
-    distance: str = option(AUTO, "How near is told.", choices=NAMES, shared=True)
+    distance: str = option(AUTO, "How neighbours are found.", choices=NAMES, shared=True)
     population: str | None = option(
-        None, "Which population.", usual="the only one of the robot", complete="stored_names"
+        None, "Population to choose from.", usual="the only one", complete="stored_names"
     )
     replay: bool = option(True, "Replay the commands in the best and re-rank.")
     synthesise: bool = option(True, "Make a simulator from the neighbours.")
-    hold_out: str | None = option(
-        None, "The test part, such as kp=400, episode names or a share.", usual="a fifth of the episodes"
-    )
+    hold_out: str | None = hold_out()
     budget: int | None = option(
         None,
         "Simulations that the query may run, beyond those of --distance replay.",
@@ -52,7 +50,7 @@ def query(
     progress: Progress | None = None,
     *,
     population: "Population | None" = None,
-) -> Neighbours:
+) -> "Neighbours":
     """The answer for one recording; `population` is the one that the settings name where it is loaded already.
 
     The test part is replayed once, after everything is chosen, in the nominal, the k nearest, the best replayed

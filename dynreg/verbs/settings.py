@@ -91,6 +91,11 @@ def seed() -> Any:
     return option(0, "Seed.", least=0, shared=True)
 
 
+def hold_out() -> Any:
+    """The setting that every verb has which keeps a part of the recording to judge by; see `replay.parts`."""
+    return option(None, "Test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
+
+
 @dataclass(frozen=True)
 class Settings:
     """Base of what a verb can be told: frozen, and checked when it is made.

@@ -141,8 +141,8 @@ def test_excite_writes_commands_that_can_be_read_again(out: str, dynreg, session
     line = ("excite", "servo_pendulum", "--for", "payload,coulomb_friction", "--seconds", "4", "--seed", "2")
     ended = dynreg(*line, "-o", tmp_path / out, "--json")
     ((verb, given, named),) = session.asked
-    assert (verb, given) == ("excite", ("servo_pendulum", ("payload", "coulomb_friction")))
-    assert named == {"seconds": 4.0, "seed": 2, "progress": None}
+    assert (verb, given) == ("excite", ("servo_pendulum",))
+    assert named == {"between": ("payload", "coulomb_friction"), "seconds": 4.0, "seed": 2, "progress": None}
     assert json.loads(ended.out)["file"] == str(tmp_path / out)
     commands: Recording = session.answers["excite"][0]
     spec = RecordingSpec("servo", (ChannelSpec("arm/target", "rad", "action"),), (), 100.0)
@@ -152,7 +152,7 @@ def test_excite_writes_commands_that_can_be_read_again(out: str, dynreg, session
 
 def test_effects_of_one_joint_may_be_told_apart(dynreg, session) -> None:
     dynreg("excite", "servo_pendulum", "--for", "backlash[a,b],payload", "-o", "next.csv")
-    assert session.asked[0][1] == ("servo_pendulum", ("backlash[a,b]", "payload"))
+    assert session.asked[0][2]["between"] == ("backlash[a,b]", "payload")
 
 
 WRONG = [

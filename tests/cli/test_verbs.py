@@ -50,7 +50,8 @@ def test_populate_passes_its_options_on(dynreg, session) -> None:
     assert session.created
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("populate", ("quadruped", 8))
-    assert named == {"seed": 3, "ranges": "slow", "link": False, "threads": 2, "progress": None}
+    told = {"seed": 3, "ranges": "slow", "link": False, "threads": 2, "shard_size": 200}
+    assert named == told | {"progress": None}
 
 
 def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> None:
