@@ -15,10 +15,10 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from index_entries import SyntheticEntries
+from index_entries import MatrixDistance, SyntheticEntries
 from index_measure import METHODS, Row, by_graph, fit_growth, hubness, measure_graph, nearest_lists
 
-from dynreg.index import NO_CAP, GraphSettings, MatrixDistance, build
+from dynreg.index import NO_CAP, GraphSettings, build
 
 BENCHED = {
     **METHODS,

@@ -1,6 +1,6 @@
-"""A family of made-up entries whose distance misbehaves as the cross-loss does, to test and tune an index.
+"""Entries to test and tune an index on: distances known in full, and a made-up family with the cross-loss's bad habits.
 
-Entries have a position in parameter space and a noise of their own. A model's loss on another's data is
+Made-up entries have a position in parameter space and a noise of their own. A model's loss on another's data is
 that data's noise plus what the positions differ by; own losses differ tenfold, so that the entries with
 much noise seem near to everyone (hubs), d(a, a) = 1, and the triangle inequality does not hold.
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.arrays import Distances, Ids
+from dynreg.errors import UsageError
 from dynreg.rng import stream
 
 
@@ -61,3 +62,42 @@ class SyntheticEntries:
         rows, columns = ids[queries], ids[nodes]
         table = [self.between(int(row), columns) for row in rows]
         return np.array(table).reshape(len(rows), len(columns))
+
+
+class MatrixDistance:
+    """A distance that is already known in full.
+
+    Parameters
+    ----------
+    matrix : (n, n) or, for queries that are no nodes, (Q, n): entry [a, b] is the distance of a to b.
+
+    Raises
+    ------
+    UsageError : the matrix is not two-dimensional or holds NaN.
+    """
+
+    def __init__(self, matrix: np.ndarray):
+        matrix = np.asarray(matrix, dtype=np.float64)
+        if matrix.ndim != 2:
+            raise UsageError(
+                f"a distance matrix of shape {matrix.shape}",
+                expected="a table of shape (from, to)",
+                do="pass one row for each node or query",
+            )
+        if np.isnan(matrix).any():
+            row, column = np.argwhere(np.isnan(matrix))[0]
+            raise UsageError(
+                f"the distance from {row} to {column} is NaN",
+                expected="a number for every pair",
+                do="leave out the entries whose model diverged",
+            )
+        self.matrix = matrix
+
+    def __len__(self) -> int:
+        return self.matrix.shape[1]
+
+    def between(self, a: int, others: Ids) -> Distances:
+        return self.matrix[a, others]
+
+    def pairs(self, a: Ids, b: Ids) -> Distances:
+        return self.matrix[a, b]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from index_entries import MatrixDistance
 from landmarks import Landmarks, build_landmarks, search_landmarks
 
 from dynreg.arrays import Distances, Ids
@@ -15,7 +16,6 @@ from dynreg.index import (
     Found,
     Graph,
     GraphSettings,
-    MatrixDistance,
     ToMany,
     build,
     search_many,

@@ -7,7 +7,6 @@ from dynreg.index.construct import build as build
 from dynreg.index.construct import extend as extend
 from dynreg.index.distance import Counted as Counted
 from dynreg.index.distance import Distance as Distance
-from dynreg.index.distance import MatrixDistance as MatrixDistance
 from dynreg.index.distance import To as To
 from dynreg.index.distance import ToMany as ToMany
 from dynreg.index.graph import NO_CAP as NO_CAP

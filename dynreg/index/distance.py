@@ -6,7 +6,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from dynreg.arrays import Distances, Ids
-from dynreg.errors import UsageError
 
 To = Callable[[Ids], Distances]
 """A query that is no node yet: from ids (m,) to its distances to them (m,), in one batched call."""
@@ -31,45 +30,6 @@ class Distance(Protocol):
     def pairs(self, a: Ids, b: Ids) -> Distances:
         """Distances a[i] to b[i]: (m,), (m,) -> (m,)."""
         ...
-
-
-class MatrixDistance:
-    """A distance that is already known in full.
-
-    Parameters
-    ----------
-    matrix : (n, n) or, for queries that are no nodes, (Q, n): entry [a, b] is the distance of a to b.
-
-    Raises
-    ------
-    UsageError : the matrix is not two-dimensional or holds NaN.
-    """
-
-    def __init__(self, matrix: np.ndarray):
-        matrix = np.asarray(matrix, dtype=np.float64)
-        if matrix.ndim != 2:
-            raise UsageError(
-                f"a distance matrix of shape {matrix.shape}",
-                expected="a table of shape (from, to)",
-                do="pass one row for each node or query",
-            )
-        if np.isnan(matrix).any():
-            row, column = np.argwhere(np.isnan(matrix))[0]
-            raise UsageError(
-                f"the distance from {row} to {column} is NaN",
-                expected="a number for every pair",
-                do="leave out the entries whose model diverged",
-            )
-        self.matrix = matrix
-
-    def __len__(self) -> int:
-        return self.matrix.shape[1]
-
-    def between(self, a: int, others: Ids) -> Distances:
-        return self.matrix[a, others]
-
-    def pairs(self, a: Ids, b: Ids) -> Distances:
-        return self.matrix[a, b]
 
 
 class Counted:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError
 from dynreg.registry.files import ROBOTS, StoredFile
 from dynreg.registry.rebuild import Rows
 from dynreg.registry.scan import Found
@@ -47,18 +46,6 @@ class VerifyReport:
     def lost(self) -> tuple[Fault, ...]:
         """The faults that mean a loss of data."""
         return tuple(fault for fault in self.faults if fault.lost)
-
-    def raise_if_lost(self) -> None:
-        """CorruptError when data are lost."""
-        if self.lost:
-            first = self.lost[0]
-            raise CorruptError(
-                f"{len(self.lost)} losses, the first: {first.kind} {first.what}: {first.problem}",
-                expected="every stored file as it was registered",
-                do="populate or ingest again what was lost"
-                if first.mended
-                else "run `dynreg verify --repair`",
-            )
 
 
 def paths_in(held: Rows) -> set[str]:

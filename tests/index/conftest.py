@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
-from index_entries import SyntheticEntries
-
-from dynreg.index import MatrixDistance
+from index_entries import MatrixDistance, SyntheticEntries
 
 N, QUERIES = 600, 40
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from index_entries import SyntheticEntries
+from index_entries import MatrixDistance, SyntheticEntries
 
 from dynreg.errors import UsageError
-from dynreg.index import Counted, MatrixDistance
+from dynreg.index import Counted
 
 SMALL = SyntheticEntries.draw(12, seed=2).matrix()
 PAIRS = st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11)), min_size=1, max_size=30)

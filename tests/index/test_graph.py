@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from index_entries import MatrixDistance
 from index_measure import build_as_printed
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from dynreg.errors import CorruptError, UsageError
-from dynreg.index import NO_CAP, Graph, GraphSettings, MatrixDistance, build, extend, insert
+from dynreg.index import NO_CAP, Graph, GraphSettings, build, extend, insert
 
 
 def strong_parts(graph):

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from index_entries import MatrixDistance
 from index_measure import recall
 from landmarks import Landmarks, build_landmarks, extend_landmarks, refine, search_landmarks
 
 from dynreg.errors import UsageError
-from dynreg.index import MatrixDistance, brute_force, build
+from dynreg.index import brute_force, build
 
 
 @pytest.fixture(scope="module")
