@@ -14,15 +14,17 @@ PYTHON ?= $(shell for p in python3 python3.12 python3.11 python3.13; do \
     $$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
 BENCHES := $(patsubst benchmarks/bench_%.py,bench-%,$(sort $(wildcard benchmarks/bench_*.py)))
 ARGS ?=
+CASES ?=
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo test slow bench $(BENCHES) lint clean
+.PHONY: help env demo test slow golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        a real servo log (or a hidden simulated servo) against 1000 simulators'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
 	@echo 'make slow        the longer runs'
+	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
 	@echo 'make bench       every benchmark; results under benchmarks/results/'
 	@for name in $(BENCHES); do echo "make $$name"; done
 	@echo 'make lint        ruff and the import contract'
@@ -53,6 +55,9 @@ test: $(STAMP)
 
 slow: $(STAMP)
 	@$(BIN)/python -m pytest -m slow $(ARGS)
+
+golden: $(STAMP)
+	@$(BIN)/python tests/golden/write.py $(CASES)
 
 # A benchmark that fails does not keep the others from running, but `make bench` then fails.
 bench: $(STAMP)
