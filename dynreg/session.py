@@ -6,13 +6,19 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynreg import results
-from dynreg.registry import Registry
-from dynreg.verbs.subjects import loaded_robot, population_for, read_log, recorded
+from dynreg.verbs.compare import CompareSettings, compare
+from dynreg.verbs.drift import DriftSettings, drift
+from dynreg.verbs.excite import ExciteSettings, excite
+from dynreg.verbs.populate import PopulateSettings, populate
+from dynreg.verbs.query import QuerySettings, query
+from dynreg.verbs.settings import taking
+from dynreg.verbs.verb import about_recording
 
 if TYPE_CHECKING:
+    from dynreg import results
     from dynreg.data.recording import Recording
-    from dynreg.distance.population import Population, Training
+    from dynreg.distance.population import Training
+    from dynreg.registry import Registry
     from dynreg.sim.robot import Robot
 
 DEFAULT = "dynreg-registry"
@@ -24,6 +30,8 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
 
     Raises RegistryError where there is none (with create=False) or the place cannot be used.
     """
+    from dynreg.registry import Registry
+
     where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
     return Session(Registry.open(where, create=create))
 
@@ -35,9 +43,8 @@ class Session:
     into DataFrames. `progress` is called with (stage, done, total).
     """
 
-    def __init__(self, registry: Registry):
+    def __init__(self, registry: "Registry"):
         self.registry = registry
-        self._populations: dict[tuple[str, int], Population] = {}
 
     @property
     def path(self) -> Path:
@@ -60,26 +67,20 @@ class Session:
         """Let go of the catalogue."""
         self.registry.close()
 
+    @taking(PopulateSettings)
     def populate(
         self,
         robot: "str | Path | Robot",
         n: int,
         *,
-        seed: int = 0,
-        ranges: str | None = None,
         training: "Training | None" = None,
-        shard_size: int = 200,
-        link: bool = True,
-        threads: int = 0,
         progress: Progress | None = None,
-    ) -> results.PopulationSummary:
-        """Simulate, train, register and link n randomized simulators of a robot; see `verbs.populate`.
+        **told: Any,
+    ) -> "results.PopulationSummary":
+        """Simulate, train, register and link n randomized simulators of a robot; see `verbs.populate`."""
+        from dynreg.verbs.subjects import loaded_robot
 
-        ranges : one of the robot's [populations]. link : build the graph and the embedding.
-        """
-        from dynreg.verbs.populate import PopulateSettings, populate
-
-        settings = _settings(PopulateSettings, locals())
+        settings = PopulateSettings(**told)
         return populate(self.registry, loaded_robot(robot), n, settings, training=training, progress=progress)
 
     def ingest(
@@ -90,7 +91,7 @@ class Session:
         log_map: str | Path | None = None,
         name: str | None = None,
         gait: str | None = None,
-    ) -> results.RecordingSummary:
+    ) -> "results.RecordingSummary":
         """Read logs of a robot, check them and register them as one recording.
 
         log_map : a map file; without one the log's own names are tried, then the robot's packaged maps.
@@ -99,6 +100,7 @@ class Session:
         """
         from dynreg.data.recording import Recording
         from dynreg.verbs.ingest import ingested
+        from dynreg.verbs.subjects import loaded_robot, read_log
 
         loaded = loaded_robot(robot)
         recording = logs if isinstance(logs, Recording) else read_log(logs, loaded, log_map)
@@ -108,37 +110,7 @@ class Session:
             recording = of_gait(self.registry, recording, gait, loaded)
         return ingested(self.registry, recording, loaded, name)
 
-    def query(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        *,
-        k: int = 5,
-        distance: str = "auto",
-        population: str | None = None,
-        replay: bool = True,
-        synthesise: bool = True,
-        hold_out: str | None = None,
-        budget: int | None = None,
-        robot: "str | Path | Robot | None" = None,
-        log_map: str | Path | None = None,
-        threads: int = 0,
-        progress: Progress | None = None,
-    ) -> results.Neighbours:
-        """The simulators nearest to a recording, re-ranked by replay, and a synthesised one; see `verbs.query`.
-
-        recording : a recording's id, name or `@last`, or the path of a log (then `robot` is needed).
-        distance : "auto", or one of `distance.table.DISTANCES`. hold_out : the test part, such as
-        "kp=400", episode names or a share; a fifth by default. The result is stored; `fits` is False and `alarm` says
-        why where nothing in the family is close.
-        """
-        from dynreg.verbs.query import QuerySettings, query
-
-        asked = recorded(self.registry, recording, robot, log_map, ingest=True)
-        settings = _settings(QuerySettings, locals())
-        ready = self._population(population, asked.recording.id, states=settings.states)
-        found = query(asked, settings, progress, population=ready)
-        self.registry.put_result("neighbours", asked.recording.id, found.to_dict())
-        return found
+    query = about_recording(query, QuerySettings, ingest=True)
 
     def calibrate(
         self,
@@ -152,9 +124,10 @@ class Session:
         log_map: str | Path | None = None,
         threads: int = 0,
         progress: Progress | None = None,
-    ) -> results.Calibration:
+    ) -> "results.Calibration":
         """Fit the robot's parameters to a recording by a search over replays; the reference for `query`."""
         from dynreg.adapt.calibrate import calibrate
+        from dynreg.verbs.subjects import recorded
 
         asked = recorded(self.registry, recording, robot, log_map, ingest=True)
         result = calibrate(
@@ -191,7 +164,7 @@ class Session:
         log_map: str | Path | None = None,
         threads: int = 0,
         progress: Progress | None = None,
-    ) -> results.Diagnosis:
+    ) -> "results.Diagnosis":
         """Which physical causes a simulator of the recording's robot lacks; see `diagnose.settings.Settings`.
 
         recording : a recording's id, name or `@last`, or the path of a log (then `robot` is needed). The result is
@@ -199,6 +172,7 @@ class Session:
         """
         from dynreg.diagnose.diagnose import diagnose
         from dynreg.diagnose.settings import Settings
+        from dynreg.verbs.subjects import recorded
 
         joints = None if joints is None else dict.fromkeys(joints)
         settings = _settings(Settings, locals())
@@ -210,61 +184,28 @@ class Session:
         self.registry.put_result("diagnosis", asked.recording.id, found.to_dict())
         return found
 
-    def compare(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        *,
-        models: Sequence[str] = ("kinematic", "dynamic", "table", "network", "mlp"),
-        simulators: Sequence[str] = (),
-        seed: int = 0,
-        starts: int = 30,
-        generations: int = 60,
-        longest: float = 2.0,
-        robot: "str | Path | Robot | None" = None,
-        log_map: str | Path | None = None,
-        threads: int = 0,
-        progress: Progress | None = None,
-    ) -> results.Comparison:
-        """Models and simulators on the last commands of a wheeled robot's recording; see `verbs.compare`.
+    compare = about_recording(compare, CompareSettings)
 
-        simulators : ids of simulators, entries or results that recommend one, or a word of `verbs.simulators.NAMES`.
-        The result is stored.
-        """
-        from dynreg.verbs.compare import CompareSettings, compare
-
-        settings = _settings(CompareSettings, locals())
-        asked = recorded(self.registry, recording, robot, log_map, ingest=False)
-        found = compare(asked, settings, progress)
-        asked.register()
-        self.registry.put_result("comparison", asked.recording.id, found.to_dict())
-        return found
-
+    @taking(DriftSettings)
     def drift(
         self,
         recording: "str | Path | results.RecordingSummary",
         against: "str | Path | results.RecordingSummary | None" = None,
         *,
-        sample: float = 0.5,
-        cells: int = 20,
-        level: float = 0.05,
-        welch: bool = False,
-        together: bool = True,
-        splits: int = 200,
-        seed: int = 0,
         out: str | Path | None = None,
         robot: "str | Path | Robot | None" = None,
         log_map: str | Path | None = None,
         progress: Progress | None = None,
-    ) -> results.Drift:
-        """Whether an earlier recording is still true of a wheeled robot; see `verbs.drift.DriftSettings`.
+        **told: Any,
+    ) -> "results.Drift":
+        """Whether an earlier recording is still true of a wheeled robot; the result is stored.
 
-        The result is stored. against : the earlier recording; by default the one of this robot that was ingested
-        first. out : a Parquet file for the updated displacement table, a row for each sample, with which of them still
-        count.
+        against : the earlier recording; by default the one of this robot that was ingested first. out : a Parquet file
+        for the updated displacement table, a row for each sample, with which of them still count.
         """
-        from dynreg.verbs.drift import DriftSettings, drift
+        from dynreg.verbs.subjects import recorded
 
-        settings = _settings(DriftSettings, locals())
+        settings = DriftSettings(**told)
         recent, earlier = (
             None if one is None else recorded(self.registry, one, robot, log_map, ingest=False)
             for one in (recording, against)
@@ -289,7 +230,7 @@ class Session:
         log_map: str | Path | None = None,
         threads: int = 0,
         progress: Progress | None = None,
-    ) -> results.Gait:
+    ) -> "results.Gait":
         """Joint commands that walk in the simulators that stand for the recording's robot; see `walks.walk`.
 
         on : neighbours, synthesised, diagnosed, nominal, random, population, or ids of simulators. The gait is stored.
@@ -297,6 +238,7 @@ class Session:
         """
         from dynreg.gait.methods import usual_accept
         from dynreg.gait.seek import AGAIN, SearchSettings
+        from dynreg.verbs.subjects import population_for, recorded
         from dynreg.walks import Asked, WalkSettings, walk
 
         search = SearchSettings(method, accept or usual_accept(on), rollouts, seed, patience, again=AGAIN)
@@ -309,7 +251,7 @@ class Session:
             known.recording,
             known.name,
             lambda: self.query(identity, k=k, population=population, threads=threads, progress=progress),
-            lambda: self._population(population, identity, states=False).record.id,
+            lambda: population_for(self.registry, identity, population)[0],
         )
         return walk(asked, settings, progress)
 
@@ -327,13 +269,14 @@ class Session:
         threshold_runs: int = 20,
         threads: int = 0,
         progress: Progress | None = None,
-    ) -> results.TrialTable:
+    ) -> "results.TrialTable":
         """Diagnose simulated robots whose truth is known; see `diagnose.settings.TrialSettings`.
 
         The table is stored; the robots and their logs are not.
         """
         from dynreg.diagnose.settings import TrialSettings
         from dynreg.diagnose.trial import trial
+        from dynreg.verbs.subjects import loaded_robot
 
         settings = _settings(TrialSettings, locals())
         table = trial(self.registry, loaded_robot(robot), settings, progress=progress)
@@ -341,38 +284,34 @@ class Session:
         return table
 
     @staticmethod
-    def effects(robot: "str | Path | Robot | None" = None) -> results.EffectsList:
+    def effects(robot: "str | Path | Robot | None" = None) -> "results.EffectsList":
         """The library of effects; for a robot with those that it can have."""
         from dynreg.verbs.effects import effects_list
+        from dynreg.verbs.subjects import loaded_robot
 
         return effects_list(None if robot is None else loaded_robot(robot))
 
     @staticmethod
+    @taking(ExciteSettings)
     def excite(
-        robot: "str | Path | Robot",
-        between: Sequence[str],
-        *,
-        seconds: float = 10.0,
-        seed: int = 0,
-        progress: Progress | None = None,
+        robot: "str | Path | Robot", between: Sequence[str], *, progress: Progress | None = None, **told: Any
     ) -> "tuple[Recording, results.Experiment]":
         """Commands within the robot's limits that tell two effects apart, and how well they should.
 
         between : two effects, such as "payload" and "coulomb_friction[arm]"; the commands are a recording whose
         channels are the robot's actions. Raises UsageError where these are not two different effects.
         """
-        from dynreg.verbs.excite import ExciteSettings, excite
+        from dynreg.verbs.subjects import loaded_robot
 
-        settings = ExciteSettings(tuple(between), seconds, seed)
-        return excite(loaded_robot(robot), settings, progress=progress)
+        return excite(loaded_robot(robot), ExciteSettings(tuple(between), **told), progress=progress)
 
-    def list(self, kind: str | None = None) -> results.Listing:
+    def list(self, kind: str | None = None) -> "results.Listing":
         """What the registry holds: populations, recordings, simulators made by queries, results."""
         from dynreg.verbs.list import listing
 
         return listing(self.registry, kind)
 
-    def show(self, ref: str) -> results.EntrySummary:
+    def show(self, ref: str) -> "results.EntrySummary":
         """One thing in the registry, by id, unique prefix, name or `@last`, the last recording."""
         from dynreg.verbs.show import summary
 
@@ -382,28 +321,28 @@ class Session:
         """A stored recording by id, unique prefix or name: arrays by episode, and `.to_frame()`."""
         return self.registry.recording(self.registry.resolve(ref, ("recording",))[1])
 
-    def result(self, ref: str = "@last") -> results.Result:
+    def result(self, ref: str = "@last") -> "results.Result":
         """A stored result: by its id, the newest about a recording (its id or name), or `@last`, the last result."""
         from dynreg.verbs.show import stored_result
 
         return stored_result(self.registry, ref)
 
-    def verify(self, repair: bool = False) -> results.Verification:
+    def verify(self, repair: bool = False) -> "results.Verification":
         """Check every hash, row and index of the registry; with `repair`, mend what can be mended."""
         from dynreg.verbs.verify import verification
 
         return verification(self.registry.path, repair)
 
-    def export(self, refs: "Sequence[str]", destination: str | Path) -> results.Listing:
+    def export(self, refs: "Sequence[str]", destination: str | Path) -> "results.Listing":
         """Copy entries, populations, recordings or results, with all they need, to a new registry."""
-        from dynreg.registry import export
+        from dynreg.registry import Registry, export
         from dynreg.verbs.list import listing
 
         export(self.registry, [refs] if isinstance(refs, str) else [str(ref) for ref in refs], destination)
         with Registry.open(destination) as copy:
             return listing(copy, None)
 
-    def export_robot(self, ref: str, destination: str | Path) -> results.RobotFolder:
+    def export_robot(self, ref: str, destination: str | Path) -> "results.RobotFolder":
         """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `extend`.
 
         Raises UsageError where the destination exists.
@@ -414,13 +353,14 @@ class Session:
 
     def export_gait(
         self, ref: "str | Path | results.Gait", destination: str | Path, form: str = "csv"
-    ) -> results.Gait:
+    ) -> "results.Gait":
         """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.
 
         form : csv, mcap or python for a robot, see `gait.play`; gif or png to look at, see `walks.film`; foxglove, a
         log of the run, for which `ref` may be a recording of the gait's trial, see `side_by_side`.
         """
         from dynreg.gait.play import write
+        from dynreg.results import Gait
         from dynreg.sim.film import FORMS
         from dynreg.walks import film, gait_of
 
@@ -428,7 +368,7 @@ class Session:
             from dynreg.side_by_side import side_by_side
 
             return side_by_side(self.registry, ref, Path(destination))
-        gait = ref if isinstance(ref, results.Gait) else gait_of(self.registry, ref)
+        gait = ref if isinstance(ref, Gait) else gait_of(self.registry, ref)
         if form in FORMS:
             film(self.registry, gait, Path(destination), form)
         else:
@@ -440,16 +380,6 @@ class Session:
         from dynreg.verbs.info import information
 
         return information(self.registry)
-
-    def _population(self, ref: str | None, recording: str, *, states: bool) -> "Population":
-        """The population to ask about a recording; the last one stays loaded."""
-        from dynreg.verbs.populations import load_population
-
-        key = population_for(self.registry, recording, ref)
-        held = self._populations.get(key)
-        if held is None or (states and held.entries.states is None):
-            self._populations = {key: load_population(self.registry, key[0], states=states)}
-        return self._populations[key]
 
 
 def _settings(kind: type, given: Mapping[str, Any]) -> Any:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -24,7 +25,9 @@ from dynreg.neighbours.entries import (
 from dynreg.registry import PopulationRecord, Registry, ShardData
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.populate import PopulateSettings
+from dynreg.verbs.subjects import population_for
 
+_READY: WeakKeyDictionary[Registry, tuple[tuple[str, int], Population]] = WeakKeyDictionary()
 WAIT = 0.1  # seconds between looks at what other processes have left
 
 
@@ -116,6 +119,19 @@ def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int,
     arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}
     registry.put_index(population, "embedding", arrays, entries.ids)
     return len(entries), distance.evaluations
+
+
+def ready(registry: Registry, recording: str, ref: str | None, *, states: bool = False) -> Population:
+    """The population to ask about a recording (its id): `ref`, or the only one of its robot; the last stays loaded.
+
+    Raises as `population_for`.
+    """
+    key = population_for(registry, recording, ref)
+    held_key, held = _READY.get(registry, (None, None))
+    if held_key != key or (states and held.entries.states is None):
+        held = load_population(registry, key[0], states=states)
+        _READY[registry] = (key, held)
+    return held
 
 
 def load_population(registry: Registry, ref: str, *, states: bool = False) -> Population:

@@ -51,22 +51,25 @@ def query(
     *,
     population: "Population | None" = None,
 ) -> "Neighbours":
-    """The answer for one recording; `population` is the one that the settings name where it is loaded already.
+    """Find the simulators nearest to a recording.
 
-    The test part is replayed once, after everything is chosen, in the nominal, the k nearest, the best replayed
-    and the synthesised simulator. Raises UsageError where k or the budget cannot be met, LogError where the
+    They are replayed with the recording's own commands and ranked again, and one answer is given. Exit
+    status 4 when no simulator of the population fits the recording (the result is printed all the
+    same).
+
+    Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
+
+    Raises UsageError where k or the budget cannot be met, LogError where the
     recording cannot be replayed.
     """
     from dynreg.neighbours.query import Effort, asked_of, case_of, choose, usual_budget
     from dynreg.neighbours.retrieve import retrieve
     from dynreg.verbs.neighbours import Subject, judged, unjudged
-    from dynreg.verbs.populations import load_graph, load_population
-    from dynreg.verbs.subjects import population_for
+    from dynreg.verbs.populations import load_graph, ready
 
     began, k, recording = time.perf_counter(), settings.k, asked.recording
     if population is None:
-        ref, _ = population_for(asked.registry, recording.id, settings.population)
-        population = load_population(asked.registry, ref, states=settings.states)
+        population = ready(asked.registry, recording.id, settings.population, states=settings.states)
     if k > len(population):
         raise UsageError(
             f"k = {k}",

@@ -123,11 +123,15 @@ def optional(one: Field) -> bool:
 
 
 def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
-    """Decorator of a method with `**settings`: its signature and its help name those of `kind`, one by one."""
+    """Decorator of a method with `**settings`: its signature and its help name those of `kind`, one by one.
+
+    Those that the method names itself stay as they are.
+    """
 
     def wrap(method: Wrapped) -> Wrapped:
         signature = inspect.signature(method)
         own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        theirs = [(one, how) for one, how in options(kind) if one.name not in signature.parameters]
         settings = [
             inspect.Parameter(
                 one.name,
@@ -135,13 +139,12 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
                 default=inspect.Parameter.empty if one.default is MISSING else one.default,
                 annotation=one.type,
             )
-            for one, _ in options(kind)
+            for one, _ in theirs
         ]
         at = next((i for i, p in enumerate(own) if p.kind is p.KEYWORD_ONLY), len(own))
         method.__signature__ = signature.replace(parameters=[*own[:at], *settings, *own[at:]])
         lines = [
-            f"{one.name} : {how.sentence}{f' None: {how.usual}.' if how.usual else ''}"
-            for one, how in options(kind)
+            f"{one.name} : {how.sentence}{f' None: {how.usual}.' if how.usual else ''}" for one, how in theirs
         ]
         method.__doc__ = "\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines])
         return method

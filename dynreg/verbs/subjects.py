@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
 from dynreg.registry import PopulationRecord, Registry
-from dynreg.results import RecordingSummary
+from dynreg.results import RecordingSummary, Result
 
 if TYPE_CHECKING:
     from dynreg.data.maps import LogMap
@@ -62,6 +62,11 @@ class Recorded:
         """Keep the robot and the recording where the registry does not yet."""
         if not self.registry.holds(self.recording.id):
             register(self.registry, self.robot, self.recording)
+
+    def keep(self, result: Result) -> None:
+        """Store what a verb answers, with the recording that it is about."""
+        self.register()
+        self.registry.put_result(result.schema_name(), self.recording.id, result.to_dict())
 
 
 def recorded(

@@ -14,7 +14,7 @@ from dynreg.verbs.settings import Settings, taking
 
 if TYPE_CHECKING:
     from dynreg.registry import Registry
-    from dynreg.results import RecordingSummary, Result
+    from dynreg.results import RecordingSummary
     from dynreg.sim.robot import Robot
 
 Progress = Callable[[str, int, int], None]
@@ -69,8 +69,7 @@ def about_recording(
         chosen = settings(**told)
         asked = recorded(self.registry, recording, robot, log_map, ingest=ingest)
         found = run(asked, chosen, progress)
-        asked.register()
-        self.registry.put_result(kind_of(found), asked.recording.id, found.to_dict())
+        asked.keep(found)
         return found
 
     return _row(method, Verb(run, settings, "recording", ingest))
@@ -86,11 +85,6 @@ def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callabl
         return run(Built(self.registry, loaded_robot(robot)), chosen, progress)
 
     return _row(method, Verb(run, settings, "robot"))
-
-
-def kind_of(result: "Result") -> str:
-    """The kind under which a result is stored: the name in its schema."""
-    return type(result).model_fields["schema_"].default.split("/")[1]
 
 
 def _row(method: Callable[..., Answer], verb: Verb) -> Callable[..., Answer]:

@@ -8,7 +8,7 @@ import pytest
 from dynreg.errors import UsageError
 from dynreg.results import EffectsList
 from dynreg.verbs.settings import Settings, option, seed
-from dynreg.verbs.verb import about_recording, about_robot, kind_of
+from dynreg.verbs.verb import about_recording, about_robot
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,3 @@ def test_the_answer_is_stored_under_its_kind_about_the_recording(registry_folder
 def test_a_setting_that_cannot_be_is_refused_before_anything_is_read():
     with pytest.raises(UsageError, match="rows 0"):
         Door().count("nowhere", rows=0)
-
-
-def test_the_kind_of_a_result_is_in_its_schema():
-    assert kind_of(EffectsList(effects=())) == "effects"
