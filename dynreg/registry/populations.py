@@ -53,18 +53,13 @@ def get_population(directory: Directory, population_id: str) -> PopulationRecord
     with directory.catalog.read() as connection:
         row = require(connection, tables.populations, population_id, "population")
     header, arrays = decode_arrays(directory.locate(row.path))
-    return record_of(header, arrays, row.size)
-
-
-def record_of(header: dict[str, Any], arrays: dict, size: int) -> PopulationRecord:
-    """Put together what `put_population` took apart."""
     return PopulationRecord(
         id=header["id"],
         robot_hash=header["robot"],
         name=header["name"],
         channels=tuple(Channel(name, unit) for name, unit in header["channels"]),
         parameters=tuple(header["parameters"]),
-        size=size,
+        size=row.size,
         seed=header["seed"],
         spec=header["spec"],
         arrays=arrays,
