@@ -19,7 +19,7 @@ from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import YAW, X, Y, task_of
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.registry import Registry, ResultRecord
-from dynreg.replay.known import known_values
+from dynreg.replay.known import command_rate, known_values
 from dynreg.results import Cost, Fitness, Gait, GaitFinals, GaitGene, GaitStep, GaitTrial, Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
@@ -85,7 +85,7 @@ def walk(asked: Asked, settings: WalkSettings, progress: Progress | None = None)
         robot,
         task,
         simulators_of(robot, chosen.configs, asked.known),
-        rate=_rate(asked),
+        rate=command_rate(robot, asked.known),
         seed=settings.search.seed,
         threads=settings.threads,
     )
@@ -100,14 +100,6 @@ def walk(asked: Asked, settings: WalkSettings, progress: Progress | None = None)
     asked.registry.put_result("gait", asked.recording.id, gait.to_dict())
     journal.unlink(missing_ok=True)  # not before the gait is stored
     return gait
-
-
-def _rate(asked: Asked) -> float:
-    """Commands a second [Hz]: what the recording tells, else the robot's own."""
-    for value, setters in zip(asked.known, asked.robot.setters, strict=True):
-        if not np.isnan(value) and any(s.root == "control" and s.path == "rate" for s in setters):
-            return float(value)
-    return asked.robot.rate
 
 
 def _document(

@@ -6,9 +6,8 @@ from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.repeatability import Repeatability
 from dynreg.replay import judged as replayed
 from dynreg.replay.judged import Gain
+from dynreg.replay.residual import scaled
 from dynreg.results.diagnosis import RolloutError
-
-LOST = 10.0  # times the spread: what a diverged simulation counts as, and the most that an error can be
 
 
 def gain(problem: Problem, before: np.ndarray, after: np.ndarray, judged: np.ndarray) -> Gain | None:
@@ -20,9 +19,7 @@ def window_errors(problem: Problem, states: np.ndarray, judged: np.ndarray) -> n
     """(W,) weighted mean absolute error of states (W, T+1, S), in units of the channels' spread."""
     use = problem.use
     measured = problem.windows.measured[judged][:, 1:, use]
-    miss = np.abs(states[:, 1:, use] - measured) / problem.windows.spread[use]
-    miss = np.where(np.isfinite(measured) & ~np.isfinite(miss), LOST, miss)
-    each = np.nanmean(np.minimum(miss, LOST), axis=1)
+    each = np.nanmean(np.abs(scaled(states[:, 1:, use], measured, problem.windows.spread[use])), axis=1)
     return np.nansum(each * problem.windows.weight[use], axis=1)
 
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
 from dynreg.replay.jitter import CANDIDATES, jitter
+from dynreg.replay.residual import scaled
+from dynreg.replay.samples import effective_samples
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engine import ENGINES
@@ -175,16 +177,14 @@ class Problem:
     def residuals(self, points: list[Point], chosen: np.ndarray) -> np.ndarray:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
 
-        A diverged simulation counts as ten times the motion. W is `segments` times the windows chosen, here and
+        See `residual.scaled`. W is `segments` times the windows chosen, here and
         wherever residuals, their derivatives, samples or mean squares are spoken of; a window's are in a row.
         """
         states = self._rollouts(self.robot, points, chosen)[..., 1:, self.use]
         measured = self.windows.measured[chosen][:, 1:, self.use]
-        scaled = (states - measured) / self.windows.spread[self.use]
-        if self.corrections:
-            scaled += np.array([self._correction(p.hypothesis)[chosen] for p in points])
-        lost = ~np.isfinite(scaled) & np.isfinite(measured)
-        return self._in_segments(np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0))
+        own = [self._correction(p.hypothesis)[chosen] for p in points] if self.corrections else None
+        correction = None if own is None else np.array(own)
+        return self._in_segments(scaled(states, measured, self.windows.spread[self.use], correction))
 
     def simulator(
         self, point: Point, chosen: np.ndarray, *, seed: int = 0
@@ -257,31 +257,3 @@ def log_likelihood(squares: np.ndarray, effective: np.ndarray) -> np.ndarray:
     squares : (n, W, C). effective : (W, C) independent samples in each.
     """
     return -0.5 * np.nansum(effective * np.log(squares), axis=(1, 2))
-
-
-def effective_samples(residuals: np.ndarray, *, apart: bool = False) -> np.ndarray:
-    """(W, C) independent samples in residuals (W, T, C): rows over the integrated autocorrelation time.
-
-    That time is the median over the windows: a window that happens to be fitted down to white noise must not count
-    for more, or the next fit would do nothing but fit it better still. apart : a window with a longer time of its own
-    counts for less: many joints creep, slide or fall where others hold still.
-    """
-    windows, rows, channels = residuals.shape
-    out, measured = np.full((windows, channels), np.nan), np.zeros((windows, channels))
-    for w in range(windows):
-        for c in range(channels):
-            x = residuals[w, :, c]
-            x = x[np.isfinite(x)]
-            measured[w, c] = len(x)
-            if len(x) < 8 or not np.any(x):
-                continue
-            x = x - x.mean()
-            power = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
-            correlation = np.fft.irfft(power)[: len(x)] / max(x @ x, 1e-300)
-            until = int(np.argmax(correlation < 0.05)) or len(x)
-            out[w, c] = max(2.0 * correlation[:until].sum() - 1.0, 1.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a channel that nowhere moves
-        usual = np.nanmedian(out, axis=0)
-    usual = np.where(np.isfinite(usual), usual, np.inf)
-    return measured / (np.fmax(out, usual) if apart else usual)

@@ -99,15 +99,13 @@ def repeated(
 class Whiteness:
     """Ljung-Box test: `p` is the chance that white noise shows at least this autocorrelation.
 
-    p is None where the series is too short (under 8 samples) or constant. correlation_time : integrated
-    autocorrelation time [samples]; samples over it is how many independent ones there are.
+    p is None where the series is too short (under 8 samples) or constant.
     """
 
     statistic: float
     p: float | None
     lags: int
     samples: int
-    correlation_time: float
 
     @property
     def white(self) -> bool | None:
@@ -126,34 +124,14 @@ def whiteness(series: np.ndarray, *, lags: int | None = None) -> Whiteness:
     samples, longest = int(known.sum()), int(known.sum(axis=1).max(initial=0))
     lags = max(1, min(20, longest // 5) if lags is None else min(lags, longest - 1))
     correlation, counts = _autocorrelation(rows)
-    tau = autocorrelation_time(rows)
     if samples < 8 or not np.isfinite(correlation[0]):
-        return Whiteness(0.0, None, 0, samples, tau)
+        return Whiteness(0.0, None, 0, samples)
     from scipy.stats import chi2
 
     at = np.arange(1, min(lags, len(correlation) - 1) + 1)
     at = at[counts[at] > 0]
     statistic = float(samples * (samples + 2) * np.sum(correlation[at] ** 2 / counts[at]))
-    return Whiteness(statistic, float(chi2.sf(statistic, len(at))), len(at), samples, tau)
-
-
-def autocorrelation_time(series: np.ndarray, *, window: float = 5.0) -> float:
-    """Integrated autocorrelation time [samples] of (T,) or (W, T): 1 + 2 sum of the correlations, 1 for white noise.
-
-    The sum ends at the first lag that is `window` times the result so far (Sokal), where noise takes over. Never
-    below 1: a series that alternates does not count as more samples than it has.
-    """
-    correlation, counts = _autocorrelation(np.atleast_2d(np.asarray(series, dtype=float)))
-    if not np.isfinite(correlation[0]):
-        return 1.0
-    tau = 1.0
-    for lag in range(1, len(correlation)):
-        if counts[lag] == 0:
-            break
-        tau += 2.0 * correlation[lag] * counts[0] / counts[lag]  # long lags have fewer products
-        if lag >= window * tau:
-            break
-    return float(max(tau, 1.0))
+    return Whiteness(statistic, float(chi2.sf(statistic, len(at))), len(at), samples)
 
 
 def _standing(robot: Robot, recording: Recording, rows: np.ndarray) -> int:

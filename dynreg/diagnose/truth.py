@@ -11,6 +11,7 @@ import numpy as np
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
 from dynreg.errors import UsageError
+from dynreg.replay.known import nominal_known
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
@@ -109,7 +110,7 @@ def hide(
     tolerance : factor on the nameplate's tolerances.
     """
     rng = stream(seed, "hidden robot", robot.name)
-    coordinates = Coordinates(robot, _known(robot), tolerance=tolerance)
+    coordinates = Coordinates(robot, nominal_known(robot), tolerance=tolerance)
     z = np.clip(rng.standard_normal(len(coordinates)), -TILES, TILES)
     known = [
         np.isfinite(p.tolerance) for p in np.array(robot.space.parameters, dtype=object)[coordinates.free]
@@ -143,7 +144,7 @@ def measured_states(
         (*hidden.terms, disturbance(truth, run, stream(hidden.seed, "disturbance", robot.name))),
         (
             *(v[None] for v in hidden.values),
-            np.array([[DISTURBANCE * Coordinates(robot, _known(robot)).drive_limit]]),
+            np.array([[DISTURBANCE * Coordinates(robot, nominal_known(robot)).drive_limit]]),
         ),
     )
     whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
@@ -169,12 +170,3 @@ def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
         settings = {} if run.settings is None else dict(zip(robot.settings, run.settings[e], strict=True))
         episodes.append(Episode(name, time, values[e], settings))
     return Recording(tuple(channels), tuple(episodes), measured=False)
-
-
-def _known(robot: Robot) -> np.ndarray:
-    """(P,) the parameters that every log tells, at their nominal value; NaN elsewhere."""
-    known = np.full(len(robot.space), np.nan)
-    for i, setters in enumerate(robot.setters):
-        if robot.space.parameters[i].known and any(a.root == "control" and a.path == "rate" for a in setters):
-            known[i] = robot.space.parameters[i].nominal
-    return known

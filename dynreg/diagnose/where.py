@@ -10,6 +10,7 @@ import numpy as np
 
 from dynreg.diagnose.signals import JointSignals, joint_of_channel, joint_signals
 from dynreg.errors import UsageError
+from dynreg.replay.residual import scaled
 from dynreg.replay.windows import Windows
 from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
@@ -18,7 +19,6 @@ REVERSAL = 0.1  # s around a change of direction
 SLOW = 0.1  # of the 95th percentile of the speed
 TURNING = 0.25  # the same, for what still counts as part of a reversal
 TOP = 0.8  # quantile above which speed and load are high
-DIVERGED = 10.0  # times the motion: the most that any error counts, and what a diverged simulation does
 
 WORDS = {
     "reversals": "where the motion reverses",
@@ -107,12 +107,7 @@ def split_errors(
 
 def scaled_errors(windows: Windows, predicted: np.ndarray) -> np.ndarray:
     """(W, T, S) absolute errors of predicted rows 1..T in units of the spread; NaN where nothing was measured."""
-    measured = windows.measured[:, 1:]
-    with np.errstate(invalid="ignore", over="ignore"):
-        scaled = np.abs(predicted - measured) / windows.spread
-    lost = np.isfinite(measured) & ~np.isfinite(scaled)
-    scaled = np.minimum(np.where(lost, DIVERGED, scaled), DIVERGED)
-    return np.where(np.isfinite(measured), scaled, np.nan)
+    return np.abs(scaled(predicted, windows.measured[:, 1:], windows.spread))
 
 
 def motion_regimes(

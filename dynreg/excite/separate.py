@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, effect_bounds
-from dynreg.diagnose.problem import effective_samples
 from dynreg.excite.candidates import Pool, joint_range
+from dynreg.replay.known import nominal_known
+from dynreg.replay.samples import effective_samples
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
@@ -45,11 +46,7 @@ class Pair:
     @cached_property
     def coordinates(self) -> Coordinates:
         """Those of a log that tells the rate of its commands."""
-        told = [
-            p.known and any(a.root == "control" and a.path == "rate" for a in setters)
-            for p, setters in zip(self.robot.space.parameters, self.robot.setters, strict=True)
-        ]
-        return Coordinates(self.robot, np.where(told, self.robot.space.nominal, np.nan))
+        return Coordinates(self.robot, nominal_known(self.robot))
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, Hypothesis]:

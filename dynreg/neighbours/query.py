@@ -15,7 +15,6 @@ from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.synthesise import (
     Evidence,
     Interval,
-    effective_samples,
     empty_evidence,
     estimates,
     refine,
@@ -23,6 +22,7 @@ from dynreg.neighbours.synthesise import (
 from dynreg.replay.data import Data, data
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.parts import seen
+from dynreg.replay.samples import samples_in_all
 from dynreg.replay.timed import on_grid
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.robot import Robot
@@ -169,7 +169,7 @@ def choose(case: Case, found: Retrieved, effort: Effort) -> Chosen:
     states = case.replayer.states(values[[0, answer]], judged)
     intervals = {}
     if made is not None:
-        intervals = estimates(evidence, evidence.unit[made], effective_samples(evidence.residuals[answer]))
+        intervals = estimates(evidence, evidence.unit[made], samples_in_all(evidence.residuals[answer]))
     return Chosen(
         candidates=candidates,
         evidence=evidence,

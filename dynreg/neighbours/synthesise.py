@@ -193,22 +193,6 @@ def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[st
     }
 
 
-def effective_samples(residuals: np.ndarray) -> float:
-    """Independent samples in residuals (W, T, S'): rows over twice the mean autocorrelation time."""
-    count = 0.0
-    for window in residuals:
-        for series in np.asarray(window, dtype=float).T:
-            x = series[~np.isnan(series)]
-            x = x - x.mean() if len(x) else x
-            if len(x) < 4 or not np.any(x):
-                continue
-            spectrum = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
-            correlation = np.fft.irfft(spectrum)[: len(x)] / (x @ x)
-            until = int(np.argmax(correlation < 0)) or len(x)
-            count += len(x) / max(2 * correlation[:until].sum() - 1, 1.0)
-    return max(count, 1.0)
-
-
 def _normal_equations(local: Local) -> tuple[np.ndarray, np.ndarray]:
     weighted = local.jacobian * local.weight[:, None]
     return local.jacobian.T @ weighted, weighted.T @ local.residual

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dynreg.errors import LogError
+from dynreg.replay.residual import scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
@@ -115,15 +116,14 @@ class Replayer:
     def residuals(self, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """(n, W, T, S') normalised and weighted residuals: their mean size is the replay error.
 
-        Channels without weight are left out; NaN stands where nothing was measured; a diverged simulation
-        counts as ten times the motion.
+        Channels without weight are left out; see `residual.scaled`.
         """
         use = np.flatnonzero(self.windows.weight > 0)
-        difference = self.states(values, chosen)[..., 1:, use] - self.windows.measured[chosen][:, 1:, use]
-        scaled = difference / self.windows.spread[use]
-        lost = np.isnan(scaled) & ~np.isnan(self.windows.measured[chosen][:, 1:, use])
-        scaled = np.clip(np.where(lost, 10.0, scaled), -10.0, 10.0)
-        return scaled * (self.windows.weight[use] * len(use))
+        states, measured = (
+            self.states(values, chosen)[..., 1:, use],
+            self.windows.measured[chosen][:, 1:, use],
+        )
+        return scaled(states, measured, self.windows.spread[use]) * (self.windows.weight[use] * len(use))
 
 
 def errors(residuals: np.ndarray) -> np.ndarray:

@@ -12,12 +12,11 @@ from dynreg.diagnose.diagnose import pose
 from dynreg.diagnose.fit import fit, objective, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.name import calibrate
-from dynreg.diagnose.problem import Point, effective_samples
+from dynreg.diagnose.problem import Point
 from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.shortlist import mirrored, shortlisted
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.results.trials import TrialResult, TrialTable
-from dynreg.rng import stream
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -170,14 +169,6 @@ def test_known_derivatives_lead_to_the_same_optimum():
     (quick,), price = fit(problem, [point], fit_on, effective, iterations=6, leading=slopes)
     assert quick.effect[0] == pytest.approx(full.effect[0], rel=0.1)
     assert price[0] == pytest.approx(cost[0], abs=5.0)
-
-
-def test_a_window_that_drifts_counts_for_less_where_windows_stand_apart():
-    noise = stream(0, "drift").standard_normal((5, 200, 1))
-    noise[0] = np.cumsum(noise[0], axis=0)
-    usual, apart = effective_samples(noise), effective_samples(noise, apart=True)
-    assert apart[0, 0] < 0.1 * usual[0, 0]
-    assert (apart <= usual).all() and apart[1:].sum() > 0.8 * usual[1:].sum()
 
 
 def test_the_table_counts_joints_where_an_effect_sits_in_one():

@@ -9,12 +9,13 @@ from dynreg.data.recording import Recording
 from dynreg.data.table import write_csv
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point, Problem, effective_samples
+from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.truth import REACH, Hidden, measured_states, trial_settings
 from dynreg.errors import DynregError, UsageError
 from dynreg.excite.excite import excite
 from dynreg.excite.rivals import first_starts
 from dynreg.excite.separate import Pair
+from dynreg.replay.samples import effective_samples
 from dynreg.replay.windows import Windows
 from dynreg.results import Experiment
 from dynreg.sim.effects import term

@@ -5,7 +5,6 @@ import pytest
 
 from dynreg.neighbours.synthesise import (
     Evidence,
-    effective_samples,
     empty_evidence,
     estimates,
     linearise,
@@ -128,17 +127,3 @@ def test_what_is_known_has_no_interval_and_what_lies_at_an_edge_is_told(space):
     found = estimates(evidence, point, effective=100)
     assert found["b"].low == found["b"].value == found["b"].high == pytest.approx(8.0)
     assert [found[name].at_bound for name in NAMES] == [True, False, False, False]
-
-
-def test_effective_samples_are_the_independent_ones():
-    rng = np.random.default_rng(0)
-    white = rng.normal(size=(3, 2000, 1))
-    assert effective_samples(white) == pytest.approx(6000, rel=0.1)
-    slow = np.zeros_like(white)
-    for t in range(1, 2000):
-        slow[:, t] = 0.9 * slow[:, t - 1] + white[:, t]
-    assert effective_samples(slow) == pytest.approx(6000 * 0.1 / 1.9, rel=0.4)
-    holed = white.copy()
-    holed[:, ::2] = np.nan
-    assert effective_samples(holed) == pytest.approx(3000, rel=0.15)
-    assert effective_samples(np.zeros((2, 50, 1))) == 1.0
