@@ -99,17 +99,22 @@ class Call:
         return progress_bars(not self.quiet)
 
     def emit(self, result: "Result", shown: Any | None = None, hint: str | None = None) -> None:
-        """Print a result: its JSON document, or what is `shown` (else its tables) and a next-step hint."""
+        """Print a result: its JSON document, or what is `shown` (else its tables) and a next-step hint.
+
+        Raises the error that its room ends with, where it answers that nothing fits or works.
+        """
+        from dynreg.cli.output import console
+        from dynreg.report.tables import refusal, render
+
         if self.shared.json:
             sys.stdout.write(result.to_json() + "\n")
-            return
-        from dynreg.cli.output import console
-        from dynreg.report.tables import render
-
-        out = console()
-        out.print(render(result) if shown is None else shown)
-        if hint and not self.quiet:
-            out.print(f"next: {hint}")
+        else:
+            out = console()
+            out.print(render(result) if shown is None else shown)
+            if hint and not self.quiet:
+                out.print(f"next: {hint}")
+        if (problem := refusal(result)) is not None:
+            raise problem
 
     def emit_and_write(self, result: "Result", page: Path | None) -> None:
         """Print a stored result, and write its page where one is asked for; else the hint says how."""

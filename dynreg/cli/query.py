@@ -1,16 +1,10 @@
 """`dynreg query`: the simulators nearest to a recording."""
 
-from typing import TYPE_CHECKING
-
 import typer
 
 from dynreg.cli.call import Call, can_write, verb
 from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog
-from dynreg.errors import NoMatchError
 from dynreg.verbs.query import QuerySettings
-
-if TYPE_CHECKING:
-    from dynreg.results import Neighbours
 
 
 def register(app: typer.Typer) -> None:
@@ -45,13 +39,3 @@ def query(
             progress=progress,
         )
     call.emit_and_write(result, report)
-    _raise_alarm(result)
-
-
-def _raise_alarm(result: "Neighbours") -> None:
-    if not result.fits:
-        raise NoMatchError(
-            f"no simulator fits {result.recording_name!r}: {result.alarm or 'its data lie outside'}",
-            expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
-            do="check the log with `dynreg doctor`, or populate with wider ranges",
-        )

@@ -1,6 +1,6 @@
 """`dynreg robots`: the packaged robots, and the check of a robot folder."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -16,10 +16,6 @@ from dynreg.cli.call import (
     verb,
 )
 from dynreg.cli.completion import robot_names
-from dynreg.errors import RobotError, taken_apart
-
-if TYPE_CHECKING:
-    from dynreg.results import RobotLine
 
 
 def register(app: typer.Typer) -> None:
@@ -53,11 +49,9 @@ def list_robots(call: Call) -> None:
 
     Example: dynreg robots list
     """
-    from dynreg.results import RobotList
-    from dynreg.sim.robot import packaged_robots
+    from dynreg.verbs.robots import robot_list
 
-    result = RobotList(robots=tuple(_line(name) for name in packaged_robots()))
-    call.emit(result, hint="dynreg populate ROBOT -n 1000")
+    call.emit(robot_list(), hint="dynreg populate ROBOT -n 1000")
 
 
 def check(
@@ -71,41 +65,7 @@ def check(
 
     Example: dynreg robots check my_arm/
     """
-    from dynreg.results import RobotCheck
-    from dynreg.sim.check import check_robot
+    from dynreg.verbs.robots import robot_check
 
-    problems = tuple(check_robot(folder))
-    result = RobotCheck(robot=folder, sound=not problems, problems=problems)
-    hint = None if problems else f"dynreg populate {folder} -n 1000"
-    call.emit(result, hint=hint)
-    if problems:
-        raise _refused(folder, problems)
-
-
-def _refused(folder: str, problems: tuple[str, ...]) -> RobotError:
-    """The first problem in its own words, where it says what was expected and what to do."""
-    problem, expected, do = taken_apart(problems[0])
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return RobotError(
-        f"{folder!r} cannot be used: {problem}{more}",
-        expected=expected or "a robot folder that can be simulated",
-        do=do or "mend its robot.toml or model",
-    )
-
-
-def _line(name: str) -> "RobotLine":
-    from dynreg.results import RobotLine
-    from dynreg.sim.robot import load_robot
-
-    robot = load_robot(name)
-    head = robot.file.robot
-    return RobotLine(
-        name=robot.name,
-        title=head.title or "",
-        engines=tuple(head.engines),
-        control_rate=head.control_rate,
-        channels=robot.channels,
-        actions=robot.actions,
-        settings=robot.settings,
-        parameters=tuple(p.name for p in robot.space.parameters),
-    )
+    result = robot_check(folder)
+    call.emit(result, hint=f"dynreg populate {folder} -n 1000" if result.sound else None)

@@ -5,6 +5,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from dynreg.errors import NoMatchError
 from dynreg.report.drawing import Track, estimate_track, traces
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count
@@ -61,6 +62,17 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
     if result.fits:
         steps.append(f"Take the simulator along: dynreg export {result.answer[:12]} --to FOLDER")
     return tuple(steps)
+
+
+def refusal(result: Neighbours) -> NoMatchError | None:
+    """The error of a query for which no simulator fits."""
+    if result.fits:
+        return None
+    return NoMatchError(
+        f"no simulator fits {result.recording_name!r}: {result.alarm or 'its data lie outside'}",
+        expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
+        do="check the log with `dynreg doctor`, or populate with wider ranges",
+    )
 
 
 def tables(result: Neighbours) -> Group:

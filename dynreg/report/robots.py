@@ -4,7 +4,9 @@ from functools import singledispatch
 
 from rich.console import Group, RenderableType
 
+from dynreg.errors import RobotError
 from dynreg.report.grid import table
+from dynreg.report.words import first_of
 from dynreg.results import Result, RobotCheck, RobotFolder, RobotList
 
 
@@ -36,3 +38,15 @@ def _folder(result: RobotFolder) -> Group:
         lines.append(table(("effect", "in robot.toml", "in mujoco.xml"), rows))
     lines += [f"note: no mujoco.xml: {result.note}"] if result.note else []
     return Group(*lines)
+
+
+def refusal(result: Result) -> RobotError | None:
+    """The error of a folder that cannot be used."""
+    if not isinstance(result, RobotCheck) or result.sound:
+        return None
+    problem, expected, do = first_of(result.problems)
+    return RobotError(
+        f"{result.robot!r} cannot be used: {problem}",
+        expected=expected or "a robot folder that can be simulated",
+        do=do or "mend its robot.toml or model",
+    )

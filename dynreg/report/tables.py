@@ -6,6 +6,7 @@ from types import ModuleType
 
 from rich.console import RenderableType
 
+from dynreg.errors import DynregError
 from dynreg.report.grid import table, value_text
 from dynreg.results import Result
 
@@ -16,7 +17,10 @@ _SHARED = {"trial": "trials", "robot_check": "robots", "robot_folder": "robots"}
 
 
 def room(result: Result) -> ModuleType | None:
-    """The module with `tables(result)`, and `page(result)` where there is a page; None where a plain table serves."""
+    """The module with `tables(result)`; None where a plain table serves.
+
+    It has `page(result)` where there is a page, and `refusal(result)` where an answer may be that nothing fits.
+    """
     kind = result.schema_name()
     name = f"{__package__}.{_SHARED.get(kind, kind)}"
     return import_module(name) if kind and find_spec(name) else None
@@ -28,3 +32,9 @@ def render(result: Result) -> RenderableType:
     if found is None:
         return table(("", ""), [(key, value_text(value)) for key, value in result.to_dict().items()])
     return found.tables(result)
+
+
+def refusal(result: Result) -> DynregError | None:
+    """The error with which a command ends after its answer; None where all is well."""
+    found = getattr(room(result), "refusal", None)
+    return found and found(result)

@@ -1,5 +1,8 @@
 """Short numbers and counts, as every room says them."""
 
+from collections.abc import Sequence
+
+from dynreg.errors import taken_apart
 from dynreg.results import Cost, EffectEstimate, Estimate
 
 
@@ -34,3 +37,9 @@ def interval(estimate: Estimate | EffectEstimate) -> str:
 def cost_words(cost: Cost) -> str:
     """What a search cost."""
     return f"cost: {cost.evaluations} distance evaluations, {cost.rollouts} simulations, {cost.seconds:.1f} s"
+
+
+def first_of(problems: Sequence[str]) -> tuple[str, str, str]:
+    """The first problem in its own words, (problem, expected, do), and how many more there are."""
+    problem, expected, do = taken_apart(problems[0])
+    return problem + (f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""), expected, do
