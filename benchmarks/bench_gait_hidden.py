@@ -30,7 +30,6 @@ from walkers import FAMILY, NULL, RATE, Walker, excited, named, names, stood_and
 import dynreg
 from dynreg.diagnose.threshold import USUAL, level
 from dynreg.errors import DynregError
-from dynreg.gait.methods import usual_accept
 from dynreg.gait.seek import AGAIN, SearchSettings, seek
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
@@ -180,7 +179,7 @@ def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
     trials = Trials(
         walker.robot, task, _simulators(job, walker, source, step), rate=RATE, seed=walker.seed, threads=1
     )
-    accept = usual_accept(source)
+    accept = "mean" if source == "population" else "min"
     settings = SearchSettings(
         "cma", accept, job.plan.rollouts, stream_seed(walker.seed, "search") % 2**31, again=AGAIN
     )

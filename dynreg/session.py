@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dynreg.verbs.compare import CompareSettings, compare
 from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite
+from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
@@ -105,9 +106,9 @@ class Session:
         loaded = loaded_robot(robot)
         recording = logs if isinstance(logs, Recording) else read_log(logs, loaded, log_map)
         if gait is not None:
-            from dynreg.walks import of_gait
+            from dynreg.verbs.gaits import trial_of
 
-            recording = of_gait(self.registry, recording, gait, loaded)
+            recording = trial_of(self.registry, recording, gait, loaded)
         return ingested(self.registry, recording, loaded, name)
 
     query = about_recording(query, QuerySettings, ingest=True)
@@ -212,48 +213,7 @@ class Session:
         )
         return drift(recent, earlier, settings, out=out, progress=progress)
 
-    def gait(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        *,
-        on: str = "neighbours",
-        k: int = 5,
-        task: str | None = None,
-        method: str = "cma",
-        accept: str | None = None,
-        rollouts: int = 750,
-        patience: int | None = None,
-        seed: int = 0,
-        resume: bool = False,
-        population: str | None = None,
-        robot: "str | Path | Robot | None" = None,
-        log_map: str | Path | None = None,
-        threads: int = 0,
-        progress: Progress | None = None,
-    ) -> "results.Gait":
-        """Joint commands that walk in the simulators that stand for the recording's robot; see `walks.walk`.
-
-        on : neighbours, synthesised, diagnosed, nominal, random, population, or ids of simulators. The gait is stored.
-        accept : what the search raises, min, mean or quantile; the minimum by default, over a population the mean.
-        """
-        from dynreg.gait.methods import usual_accept
-        from dynreg.gait.seek import AGAIN, SearchSettings
-        from dynreg.verbs.subjects import population_for, recorded
-        from dynreg.walks import Asked, WalkSettings, walk
-
-        search = SearchSettings(method, accept or usual_accept(on), rollouts, seed, patience, again=AGAIN)
-        settings = WalkSettings(on, k, task, search, resume, threads)
-        known = recorded(self.registry, recording, robot, log_map, ingest=True)
-        identity = known.recording.id
-        asked = Asked(
-            self.registry,
-            known.robot,
-            known.recording,
-            known.name,
-            lambda: self.query(identity, k=k, population=population, threads=threads, progress=progress),
-            lambda: population_for(self.registry, identity, population)[0],
-        )
-        return walk(asked, settings, progress)
+    gait = about_recording(gait, GaitSettings, ingest=True)
 
     def trial(
         self,
@@ -356,24 +316,12 @@ class Session:
     ) -> "results.Gait":
         """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.
 
-        form : csv, mcap or python for a robot, see `gait.play`; gif or png to look at, see `walks.film`; foxglove, a
-        log of the run, for which `ref` may be a recording of the gait's trial, see `side_by_side`.
+        form : csv, mcap or python for a robot, gif or png to look at, foxglove for a log of the run, for which `ref`
+        may be a recording of the gait's trial; see `verbs.export_gait`.
         """
-        from dynreg.gait.play import write
-        from dynreg.results import Gait
-        from dynreg.sim.film import FORMS
-        from dynreg.walks import film, gait_of
+        from dynreg.verbs.export_gait import export_gait
 
-        if form == "foxglove":
-            from dynreg.side_by_side import side_by_side
-
-            return side_by_side(self.registry, ref, Path(destination))
-        gait = ref if isinstance(ref, Gait) else gait_of(self.registry, ref)
-        if form in FORMS:
-            film(self.registry, gait, Path(destination), form)
-        else:
-            write(gait, Path(destination), form)
-        return gait
+        return export_gait(self.registry, ref, Path(destination), form)
 
     def info(self) -> dict[str, Any]:
         """Versions, device, threads and what the registry holds."""

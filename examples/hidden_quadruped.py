@@ -21,13 +21,13 @@ import numpy as np
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.data.recording import Recording
 from dynreg.errors import DynregError, UsageError
-from dynreg.gait.play import write_new
 from dynreg.gait.tasks import fitness, progress, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.rng import stream
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import RealTrial, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.export_gait import write_new
 
 MAP = Path(__file__).parent / "maps" / "quadruped.toml"
 DRAWS = 200  # of a robot, until one can walk; a third can

@@ -14,13 +14,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("logs", nargs="+")
     parser.add_argument("--robot", default="quadruped")
     parser.add_argument("--registry", default="dynreg-registry")
-    parser.add_argument("--on", default="neighbours")
+    parser.add_argument("--on", default="nearest")
     parser.add_argument("--n", type=int, default=1000)
     parser.add_argument("--rollouts", type=int, default=2500)
     parser.add_argument("--to", default="gait.py")
     given = parser.parse_args(arguments)
     with dynreg.open(given.registry) as registry:
-        if given.on in ("neighbours", "synthesised", "random"):
+        if given.on in ("nearest", "synthesised", "random"):
             registry.populate(given.robot, given.n)
         recording = registry.ingest(given.logs, given.robot)
         gait = registry.gait(recording, on=given.on, k=5, rollouts=given.rollouts)

@@ -9,7 +9,8 @@ import typer
 from dynreg.cli.call import Call, at_least, can_write, one_of, verb
 from dynreg.cli.options import AnyRecording, MapOfLog, Population, RobotOfLog, Seed, Threads
 from dynreg.errors import PictureError, UsageError
-from dynreg.gait.methods import ACCEPT, ACCEPT_OF_POPULATION, METHODS, SOURCES
+from dynreg.gait.methods import ACCEPT, METHODS
+from dynreg.verbs.gait import OF_POPULATION, SOURCES
 
 if TYPE_CHECKING:
     from dynreg.results import Gait
@@ -34,7 +35,7 @@ def gait(
         str | None,
         typer.Option(
             help=f"What the search raises over the simulators: {', '.join(ACCEPT)}"
-            f" [{ACCEPT[0]}; of a population the {ACCEPT_OF_POPULATION}]."
+            f" [{ACCEPT[0]}; of a population the {OF_POPULATION}]."
         ),
     ] = None,
     task: Annotated[str | None, typer.Option(help="One of the robot's [[tasks]] [its first].")] = None,

@@ -1,8 +1,8 @@
 """Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
 
-import errno
-import os
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
+from typing import Protocol
 
 import numpy as np
 
@@ -10,11 +10,37 @@ from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
 from dynreg.gait.runs import joint_states, mcap
 from dynreg.gait.space import SLACK, GaitSpace
-from dynreg.results import Gait, GaitJoint
-from dynreg.sim.film import FORMS as PICTURES
 
 
-def joints(space: GaitSpace, genes: np.ndarray) -> tuple[GaitJoint, ...]:
+@dataclass(frozen=True)
+class Sine:
+    """What one joint is told [rad]: offset + amplitude sin(2 pi frequency t + phase), faded in from `rest`.
+
+    low, high [rad], speed [rad/s] : the robot's limits, None where it states none.
+    """
+
+    action: str
+    rest: float
+    offset: float
+    amplitude: float
+    phase: float
+    low: float | None
+    high: float | None
+    speed: float | None
+
+
+class Played(Protocol):
+    """A gait as a robot plays it, `rate` times a second for `seconds`, faded in over `ramp` [s]: a gait's document."""
+
+    robot: str
+    frequency: float
+    rate: float
+    ramp: float
+    seconds: float
+    joints: Sequence[Sine]
+
+
+def joints(space: GaitSpace, genes: np.ndarray) -> tuple[Sine, ...]:
     """What a gait (G,) means for every joint, in the order of the actions; those of no leg stay at rest."""
     by_name = space.as_dict(genes)
     offset, amplitude, phase = space.pose.copy(), np.zeros(len(space.pose)), np.zeros(len(space.pose))
@@ -25,7 +51,7 @@ def joints(space: GaitSpace, genes: np.ndarray) -> tuple[GaitJoint, ...]:
         phase[at] = by_name[f"phase_{name}"] + by_name.get(f"phase_{space.legs[leg]}", 0.0)
     limit = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
     return tuple(
-        GaitJoint(
+        Sine(
             action=action,
             rest=float(space.pose[i]),
             offset=float(offset[i]),
@@ -39,7 +65,7 @@ def joints(space: GaitSpace, genes: np.ndarray) -> tuple[GaitJoint, ...]:
     )
 
 
-def require_playable(gait: Gait) -> None:
+def require_playable(gait: Played) -> None:
     """UsageError where a gait's joints would pass their limits, or a number is none, as after a change by hand."""
     told = {name: getattr(gait, name) for name in ("frequency", "rate", "ramp", "seconds")}
     wrong = [f"{name} = {value}" for name, value in told.items() if not 0.0 < value < np.inf]
@@ -78,7 +104,32 @@ def require_playable(gait: Gait) -> None:
             )
 
 
-def commands(gait: Gait) -> tuple[np.ndarray, np.ndarray]:
+def require_own(space: GaitSpace, genes: Mapping[str, float], gait: Played) -> None:
+    """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
+    vector = space.from_dict(genes)
+    space.require(vector)
+    stated, own = (
+        [(j.action, j.low, j.high, j.speed) for j in of] for of in (gait.joints, joints(space, vector))
+    )
+    if stated != own:
+        wrong = next((a[0] for a, b in zip(stated, own, strict=False) if a != b), "the number of joints")
+        raise UsageError(
+            f"this gait cannot be run on robot {space.robot!r}: {wrong} is not stated as the robot has it",
+            expected="the robot's own joints, with their limits of angle and rate",
+            do="use the gait as `dynreg gait` found it",
+        )
+
+
+def told(space: GaitSpace, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:
+    """(T, A) joint commands at times (T,) [s]: to the last bit those of the genes, if nobody has changed the joints."""
+    vector = space.from_dict(genes)
+    own = [astuple(joint) for joint in joints(space, vector)]
+    if own == [tuple(getattr(j, f.name) for f in fields(Sine)) for j in gait.joints]:
+        return space.targets(vector[None], times)[0]
+    return commands(gait)[1]
+
+
+def commands(gait: Played) -> tuple[np.ndarray, np.ndarray]:
     """Times (T,) [s] and what the joints are told then (T, A) [rad]."""
     times = np.arange(max(round(gait.seconds * gait.rate), 1)) / gait.rate
     rest, offset, amplitude, phase = np.array(
@@ -89,60 +140,22 @@ def commands(gait: Gait) -> tuple[np.ndarray, np.ndarray]:
     return times, rest + begun * (told - rest)
 
 
-def write(gait: Gait, path: Path, form: str) -> None:
-    """Write a gait as csv, mcap or python.
-
-    Raises UsageError for another form, and where the gait cannot be played or the file cannot be written.
-    """
-    forms = {"csv": _csv, "mcap": _mcap, "python": _module}
-    if form not in forms:
-        raise UsageError(
-            f"form {form!r} of a gait",
-            expected=f"one of {[*forms, *PICTURES, 'foxglove']}",
-            do="choose one of them",
-        )
-    require_playable(gait)
-    write_new(path, forms[form](gait))
-
-
-def require_new(path: Path) -> None:
-    """UsageError for a file that is there already, or whose folder is not."""
-    if path.exists() or not path.absolute().parent.is_dir():
-        why = os.strerror(errno.EEXIST if path.exists() else errno.ENOENT)
-        raise _unwritten(path, why)
-
-
-def write_new(path: Path, data: bytes) -> None:
-    """Write a file that is not there yet; UsageError where it cannot be written."""
-    try:
-        with open(path, "xb") as file:
-            file.write(data)
-    except OSError as error:
-        raise _unwritten(path, error.strerror) from error
-
-
-def _unwritten(path: Path, why: str) -> UsageError:
-    return UsageError(
-        f"cannot write {str(path)!r}: {why}",
-        expected="a new file in an existing folder that may be written",
-        do="name another file",
-    )
-
-
-def _csv(gait: Gait) -> bytes:
+def csv(gait: Played) -> bytes:
+    """A table of times and angles."""
     times, told = commands(gait)
     lines = [",".join(["time", *(j.action for j in gait.joints)])]
     lines += [",".join([f"{t:.6f}", *(f"{q:.6f}" for q in row)]) for t, row in zip(times, told, strict=True)]
     return ("\n".join(lines) + "\n").encode()
 
 
-def _mcap(gait: Gait) -> bytes:
+def log(gait: Played) -> bytes:
     """JSON messages in the form of sensor_msgs/JointState on /joint_commands."""
     names = [joint_of(j.action) for j in gait.joints]
     return mcap([joint_states("/joint_commands", names, *commands(gait))])
 
 
-def _module(gait: Gait) -> bytes:
+def module(gait: Played) -> bytes:
+    """A Python module that plays the gait."""
     rows = "".join(
         f"    {joint_of(j.action)!r}: {(j.rest, j.offset, j.amplitude, j.phase, j.low, j.high)!r},\n"
         for j in gait.joints
@@ -199,3 +212,5 @@ def play(move, seconds=SECONDS, clock=time.monotonic, sleep=time.sleep):
 if __name__ == "__main__":
     play(lambda joint, angle: print(f"{{joint}} {{angle:.4f}}"))
 '''
+
+FORMS: Mapping[str, Callable[[Played], bytes]] = {"csv": csv, "mcap": log, "python": module}

@@ -1,8 +1,6 @@
-"""A run of a gait as a log for Foxglove: what the simulator does and, beside it, what the robot did."""
+"""What a simulator does under commands that a robot was told and, beside it, what the robot did."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,80 +8,47 @@ from scipy.spatial.transform import Rotation
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError
-from dynreg.gait.play import require_new, require_playable, write_new
-from dynreg.gait.runs import Motion, Topic, joint_states, mcap, topics
+from dynreg.gait.runs import Motion, Topic, joint_states, topics
 from dynreg.gait.trials import Trials
-from dynreg.registry import Registry
-from dynreg.results import Gait
 from dynreg.sim.layout import BASE, layout_of
 from dynreg.sim.robot import Robot, require_commands
-from dynreg.walks import gait_of, told, trials_of
 
 SIMULATED, MEASURED, COMMANDS = "simulated", "measured", "/joint_commands"
 SAME = 1e-4  # relative: two rates that differ by what stamps are rounded to
 ATTITUDE = ("yaw", "pitch", "roll")  # about axes that turn with the body, in this order
 
 
-def side_by_side(registry: Registry, ref: str | Path | Gait, path: Path) -> Gait:
-    """Write a run of a gait to a new MCAP file; the gait.
+def rerun(trials: Trials, simulator: int, actions: np.ndarray) -> list[Topic]:
+    """Joint commands (T, A), and what a simulator (its number) does under them."""
+    told = joint_states(COMMANDS, trials.robot.joints, trials.times, actions)
+    return [told, *topics(SIMULATED, _names(trials.robot), _simulated(trials, simulator, actions))]
 
-    ref : a gait, itself, its id, `@last` or the path of its JSON: its own commands, simulated. A recording that was
-    ingested as a trial of a gait: the recording's commands, its joints and base, and simulated under just these
-    commands. The simulator is the one in which the gait walks least. In every episode both begin at the same place.
-    Raises UsageError for a gait that cannot be played and a file that cannot be written, NoMatchError where the
-    registry lacks the robot or the simulators, LogError where the recording holds no commands.
+
+def rate_of(episode: Episode, usual: float) -> float:
+    """Rows a second [Hz] of an episode; `usual` where it differs by no more than stamps are rounded to."""
+    rate = 1.0 / float(np.median(np.diff(episode.time - episode.time[0])))
+    return usual if np.isclose(rate, usual, rtol=SAME) else rate
+
+
+def beside(trials: Trials, simulator: int, recording: Recording, episode: Episode) -> list[Topic]:
+    """An episode's commands, its joints and base, and a simulator (its number) under just these commands.
+
+    Both begin at the same place. Raises LogError where the recording holds no commands.
     """
-    require_new(path)
-    gait, recording = _asked(registry, ref)
-    require_playable(gait)
-    if recording is None:
-        trials, least = trials_of(registry, gait, gait.seconds, gait.rate)
-        out = _rerun(trials, least, told(trials, gait))
-    else:
-        out = [topic for e in recording.episodes for topic in _beside(registry, gait, recording, e)]
-    write_new(path, mcap(_joined(out)))
-    return gait
-
-
-def _asked(registry: Registry, ref: str | Path | Gait) -> tuple[Gait, Recording | None]:
-    """The gait, and the recording that was made as it was played, where `ref` is one."""
-    if isinstance(ref, Gait):
-        return ref, None
-    if ref != "@last" and not Path(ref).is_file():
-        kind, identity = registry.resolve(str(ref), ("result", "recording"))
-        recording = registry.recording(identity) if kind == "recording" else None
-        if recording is not None and "gait" in recording.provenance:
-            return gait_of(registry, recording.provenance["gait"]), recording
-    return gait_of(registry, ref), None
-
-
-def _beside(registry: Registry, gait: Gait, recording: Recording, episode: Episode) -> Iterator[Topic]:
-    """The topics of one episode."""
-    times = episode.time - episode.time[0]
-    if len(times) < 2:
-        return
-    rate = 1.0 / float(np.median(np.diff(times)))
-    rate = gait.rate if np.isclose(rate, gait.rate, rtol=SAME) else rate
-    trials, least = trials_of(registry, gait, (len(times) - 1) / rate, rate)
     robot = trials.robot
     require_commands(robot, recording)
     actions = _held(episode.values[:-1, recording.columns(robot.actions)], episode.name)
     begin = float(episode.time[0] - recording.episodes[0].time[0])
-    simulated = _simulated(trials, least, actions)
+    simulated = _simulated(trials, simulator, actions)
     measured = _measured(robot, recording, episode, simulated)
-    names = _names(robot)
-    commands = joint_states(COMMANDS, robot.joints, times[:-1] + begin, actions)
-    yield commands
+    times = episode.time[:-1] - episode.time[0] + begin
+    out = [joint_states(COMMANDS, robot.joints, times, actions)]
     for name, motion in ((SIMULATED, simulated), (MEASURED, measured)):
-        yield from topics(name, names, replace(motion, times=motion.times + begin))
+        out += topics(name, _names(robot), replace(motion, times=motion.times + begin))
+    return out
 
 
-def _rerun(trials: Trials, simulator: int, actions: np.ndarray) -> list[Topic]:
-    commands = joint_states(COMMANDS, trials.robot.joints, trials.times, actions)
-    return [commands, *topics(SIMULATED, _names(trials.robot), _simulated(trials, simulator, actions))]
-
-
-def _joined(parts: list[Topic]) -> list[Topic]:
+def joined(parts: list[Topic]) -> list[Topic]:
     """Topics of one name as one."""
     out: dict[str, Topic] = {}
     for part in parts:

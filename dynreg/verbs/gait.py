@@ -1,0 +1,95 @@
+"""Gait: joint commands that walk in the simulators that stand for a recording's robot."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dynreg.gait.methods import ACCEPT, METHODS
+from dynreg.verbs.settings import Settings, option, seed, threads
+
+if TYPE_CHECKING:
+    from dynreg.gait.seek import SearchSettings
+    from dynreg.results import Gait
+    from dynreg.verbs.subjects import Recorded
+
+SOURCES = ("nearest", "synthesised", "@answer", "calibrated", "diagnosed", "nominal", "random", "population")
+OF_POPULATION = "mean"  # is raised: some draws of the ranges cannot even stand, and their minimum is 0
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class GaitSettings(Settings):
+    """What `gait` can be told."""
+
+    k: int = option(5, "Simulators that the gait must walk in.", flag="-k", least=1, shared=True)
+    on: str = option(SOURCES[0], f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.")
+    method: str = option(METHODS[0], f"One of {', '.join(METHODS)}.", choices=METHODS)
+    accept: str | None = option(
+        None,
+        f"What the search raises over the simulators: {', '.join(ACCEPT)}.",
+        choices=ACCEPT,
+        usual=f"{ACCEPT[0]}; of a population the {OF_POPULATION}",
+    )
+    task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
+    rollouts: int = option(750, "Runs of one simulator that the search may cost.", least=1)
+    patience: int | None = option(
+        None, "Give up after so many gaits without a better one.", usual="never", least=1
+    )
+    resume: bool = option(False, "Go on with an interrupted search.")
+    population: str | None = option(
+        None, "Population to choose from.", usual="the only one", complete="stored_names"
+    )
+    seed: int = seed()
+    threads: int = threads()
+
+    def __post_init__(self) -> None:
+        from dynreg.verbs.simulators import today
+
+        super().__post_init__()
+        object.__setattr__(self, "on", today(self.on))
+
+    @property
+    def search(self) -> "SearchSettings":
+        """How the gait is sought."""
+        from dynreg.gait.seek import AGAIN, SearchSettings
+
+        accept = self.accept or (OF_POPULATION if self.on == "population" else ACCEPT[0])
+        return SearchSettings(
+            self.method, accept, self.rollouts, self.seed, patience=self.patience, again=AGAIN
+        )
+
+
+def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = None) -> "Gait":
+    """Seek a gait that walks in the simulators nearest to a recording.
+
+    The gait is stored; a search that was interrupted goes on where it was with --resume.
+
+    Example: dynreg gait monday -k 5 --rollouts 2500
+
+    Raises RobotError where the robot has no such task, NoMatchError where no simulator is close enough, UsageError
+    where there are too few.
+    """
+    from dynreg.gait.seek import seek
+    from dynreg.gait.space import gait_space
+    from dynreg.gait.tasks import task_of
+    from dynreg.gait.trials import Trials, simulators_of
+    from dynreg.replay.known import command_rate, known_values
+    from dynreg.verbs.gait_document import document, journal
+    from dynreg.verbs.gait_simulators import choose
+
+    began = time.perf_counter()
+    robot, search = asked.robot, settings.search
+    task = task_of(robot, settings.task)
+    gait_space(robot)  # before anything is asked of the registry
+    chosen = choose(asked, settings, progress)
+    known = known_values(robot, asked.recording)
+    simulators = simulators_of(robot, [one.config for one in chosen], known)
+    rate = command_rate(robot, known)
+    trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
+    key, path = journal(asked, chosen, trials, search)
+    sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
+    found = document(asked, settings, chosen, trials, sought, time.perf_counter() - began)
+    asked.registry.put_result("gait", asked.recording.id, found.to_dict())
+    path.unlink(missing_ok=True)  # not before the gait is stored
+    return found

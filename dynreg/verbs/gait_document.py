@@ -1,0 +1,102 @@
+"""The result of a search for a gait, from what was found."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynreg.gait.play import joints
+from dynreg.gait.seek import QUARTILE, SearchSettings, Sought, accepted
+from dynreg.gait.trials import Trials
+from dynreg.gait.ways import ways
+from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitStep, GaitTrial
+from dynreg.verbs.gait import GaitSettings
+from dynreg.verbs.gait_simulators import Chosen
+from dynreg.verbs.subjects import Recorded
+
+
+def journal(
+    asked: Recorded, chosen: tuple[Chosen, ...], trials: Trials, search: SearchSettings
+) -> tuple[dict[str, Any], Path]:
+    """What makes this search the one that it is, and the file by which it can go on."""
+    key = {
+        "robot": asked.robot.hash,
+        "recording": asked.recording.id,
+        "task": trials.task.name,
+        "simulators": tuple(one.id for one in chosen),
+        "values": trials.simulators.values.tolist(),
+        **asdict(search),
+    }
+    name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
+    return key, asked.registry.journal_path(name)
+
+
+def document(
+    asked: Recorded,
+    settings: GaitSettings,
+    chosen: tuple[Chosen, ...],
+    trials: Trials,
+    sought: Sought,
+    seconds: float,
+) -> Gait:
+    """The gait with all that was found of it. seconds : that it took."""
+    robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
+    values, how, finals = sought.fitness, settings.search.accept, sought.finals
+    stood = not sought.fell.any() and not (finals and finals.falls)
+    return Gait(
+        robot=robot.name,
+        robot_hash=robot.hash,
+        recording=asked.recording.id,
+        recording_name=asked.name,
+        on=settings.on,
+        k=len(trials.simulators),
+        source=chosen[0].source,
+        task=task.name,
+        unit=task.unit,
+        success=task.success,
+        seconds=task.seconds,
+        rate=trials.rate,
+        ramp=space.ramp,
+        frequency=float(sought.genes[0]),
+        genes={
+            g.name: GaitGene(value=float(v), low=g.low, high=g.high, unit=g.unit)
+            for g, v in zip(space.genes, sought.genes, strict=True)
+        },
+        joints=joints(space, sought.genes),
+        accept=how,
+        value=float(accepted(values[None], how)[0]),
+        fitness=Fitness(
+            min=float(values.min()), mean=float(values.mean()), quantile=float(np.quantile(values, QUARTILE))
+        ),
+        finals=finals,
+        succeeded=bool(stood and values.min() >= task.success),
+        trials=_trials(chosen, trials, sought),
+        method=settings.method,
+        seed=settings.seed,
+        ended=found.ended,
+        history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
+        evaluations=found.evaluations,
+        resumed=found.resumed,
+        notes=_notes(sought.helpless, how),
+        cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
+    )
+
+
+def _trials(chosen: tuple[Chosen, ...], trials: Trials, sought: Sought) -> tuple[GaitTrial, ...]:
+    as_dict = trials.robot.space.as_dict
+    each = zip(chosen, trials.simulators.values, ways(sought, trials.rate), strict=True)
+    return tuple(
+        GaitTrial(simulator=one.id, kind=one.kind, parameters=as_dict(values), **asdict(way))
+        for one, values, way in each
+    )
+
+
+def _notes(helpless: np.ndarray, accept: str) -> tuple[str, ...]:
+    """What must be said where every gait that was tried fell in some of the simulators (k,)."""
+    if not helpless.any():
+        return ()
+    many = f"{helpless.sum()} of {len(helpless)} simulators"
+    return (f"in {many} every gait that was tried fell, which counts as 0 in the {accept}",)

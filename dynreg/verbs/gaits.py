@@ -1,0 +1,91 @@
+"""Gaits that were stored: found again, tried again, and told of in a recording."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from dynreg.data.recording import Recording
+from dynreg.errors import UsageError
+from dynreg.gait.play import require_own
+from dynreg.gait.space import gait_space
+from dynreg.gait.tasks import task_of
+from dynreg.gait.trials import Trials, simulators_of
+from dynreg.registry import Registry, ResultRecord
+from dynreg.results import Gait
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.simulators import simulator
+
+
+def gait_of(registry: Registry, ref: str | Path) -> Gait:
+    """A gait by its id, a recording's (its last gait), `@last`, or the path of its JSON document.
+
+    Raises NoMatchError where there is none, UsageError where it is something else, or the file's genes and limits are
+    not those of its robot, where the registry holds that.
+    """
+    if not Path(ref).is_file():
+        return Gait.model_validate(_record(registry, str(ref)).document)
+    try:
+        gait = Gait.model_validate_json(Path(ref).read_bytes())
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise UsageError(
+            f"{str(ref)!r} is no gait: {where}: {first['msg']}".replace(": :", ":"),
+            expected="the JSON document that `dynreg gait --json` prints",
+            do="name that file, or a stored gait",
+        ) from None
+    if gait.robot_hash in registry.robots():
+        robot = load_robot(registry.robot_folder(gait.robot_hash))
+        require_own(gait_space(robot), genes_of(gait), gait)
+    return gait
+
+
+def genes_of(gait: Gait) -> dict[str, float]:
+    """{name: value} of a gait."""
+    return {name: gene.value for name, gene in gait.genes.items()}
+
+
+def trials_of(registry: Registry, gait: Gait, seconds: float, rate: float) -> tuple[Trials, int]:
+    """Trials of `seconds` with `rate` commands a second in a gait's simulators, and in which of them it walks least.
+
+    Raises NoMatchError where the registry lacks the robot or the simulators.
+    """
+    robot = load_robot(registry.robot_folder(gait.robot_hash))
+    task = task_of(robot, gait.task)
+    task.seconds = seconds
+    configs = [
+        replace(simulator(registry, t.simulator, robot).config, values=t.parameters) for t in gait.trials
+    ]
+    trials = Trials(robot, task, simulators_of(robot, configs), rate=rate, seed=gait.seed)
+    return trials, min(range(len(configs)), key=lambda i: gait.trials[i].fitness)
+
+
+def trial_of(registry: Registry, recording: Recording, ref: str, robot: Robot) -> Recording:
+    """A recording that tells in its provenance which stored gait was played.
+
+    Raises NoMatchError where there is no such gait, UsageError where it is another robot's.
+    """
+    record = _record(registry, ref)
+    owner = record.document["robot_hash"]
+    if owner != robot.hash:
+        raise UsageError(
+            f"gait {record.id[:12]} is of robot {record.document['robot']!r} ({owner[:12]})",
+            expected=f"a gait of {robot.name!r} ({robot.hash[:12]})",
+            do="name the robot that it was played on, or another gait",
+        )
+    return replace(recording, provenance={**recording.provenance, "gait": record.id})
+
+
+def _record(registry: Registry, ref: str) -> ResultRecord:
+    if ref == "@last":
+        return registry.latest("gait")
+    kind, identity = registry.resolve(ref, ("result", "recording"))
+    record = registry.result(identity) if kind == "result" else registry.latest("gait", identity)
+    if record.kind != "gait":
+        raise UsageError(
+            f"result {ref!r} is of kind {record.kind!r}",
+            expected="a gait",
+            do="see `dynreg list --kind result`, or seek one with `dynreg gait`",
+        )
+    return record
