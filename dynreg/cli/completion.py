@@ -7,7 +7,6 @@ from pathlib import Path
 from dynreg.adapt.methods import METHODS
 
 KINDS = ("population", "recording", "simulator", "result", "robot")
-MODELS = ("kinematic", "dynamic", "table", "network", "mlp")
 
 
 def robot_names(incomplete: str) -> list[str]:
@@ -72,10 +71,3 @@ def effect_names(incomplete: str) -> list[str]:
     end = max(incomplete.rfind(mark) for mark in ",+") + 1
     before, begun = incomplete[:end], incomplete[end:]
     return [before + name for name in effects() if name.startswith(begun)]
-
-
-def model_names(incomplete: str) -> list[str]:
-    """Models that `compare` makes; behind a comma, the next one of a list."""
-    end = incomplete.rfind(",") + 1
-    before, begun = incomplete[:end], incomplete[end:]
-    return [before + name for name in MODELS if name.startswith(begun)]

@@ -10,7 +10,6 @@ import typer
 
 from dynreg.cli import (
     calibrate,
-    compare,
     diagnose,
     doctor,
     drift,
@@ -21,8 +20,8 @@ from dynreg.cli import (
     info,
     ingest,
     listing,
+    ordinary,
     populate,
-    query,
     report,
     robots,
     show,
@@ -86,28 +85,29 @@ def _root(
     ctx.obj = Shared(registry, settings_file, json, quiet, debug)
 
 
-for _module in (
+# in the order of the help: a module for what takes something special, a name for an ordinary verb
+_COMMANDS = (
     robots,
     populate,
     ingest,
     listing,
     show,
-    query,
+    "query",
     effects,
     diagnose,
     gait,
     excite,
     trial,
     calibrate,
-    compare,
+    "compare",
     drift,
     report,
     export,
     verify,
     doctor,
     info,
-):
-    _module.register(app)
+)
+ordinary.register(app, _COMMANDS)
 
 
 def main(arguments: Sequence[str]) -> int:

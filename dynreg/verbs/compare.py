@@ -21,9 +21,7 @@ Progress = Callable[[str, int, int], None]
 class CompareSettings(Settings):
     """What `compare` can be told."""
 
-    models: tuple[str, ...] = option(
-        MODELS, "Models to make.", metavar="A,B", choices=MODELS, complete="model_names"
-    )
+    models: tuple[str, ...] = option(MODELS, "Models to make.", metavar="A,B", choices=MODELS)
     simulators: tuple[str, ...] = option(
         (),
         "A simulator, an entry, a result that recommends one, nominal, or what this recording has: nearest,"

@@ -82,7 +82,9 @@ def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callabl
         from dynreg.verbs.subjects import loaded_robot
 
         chosen = settings(**told)
-        return run(Built(self.registry, loaded_robot(robot)), chosen, progress)
+        found = run(Built(self.registry, loaded_robot(robot)), chosen, progress)
+        self.registry.put_result(found.schema_name(), None, found.to_dict())
+        return found
 
     return _row(method, Verb(run, settings, "robot"))
 

@@ -16,8 +16,8 @@ def test_compare_passes_its_options_on(dynreg, session) -> None:
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("compare", ("monday",))
     assert named == {
-        "models": ["kinematic", "dynamic"],
-        "simulators": ["nominal", "ab12"],
+        "models": ("kinematic", "dynamic"),
+        "simulators": ("nominal", "ab12"),
         "seed": 4,
         "starts": 3,
         "generations": 20,
@@ -30,8 +30,8 @@ def test_compare_passes_its_options_on(dynreg, session) -> None:
 
 
 def test_every_model_is_made_where_none_is_named(dynreg, session) -> None:
-    from dynreg.cli.completion import MODELS
     from dynreg.compare.contenders import MODELS as KNOWN
+    from dynreg.verbs.compare import MODELS
 
     assert dynreg("compare", "monday").status == 0
     named = session.asked[0][2]
@@ -61,7 +61,7 @@ def test_compare_answers_in_json_and_in_tables(dynreg, session) -> None:
     [
         (
             "--models kinematic,magic",
-            "--models 'magic'; expected some of kinematic, dynamic, table, network, mlp",
+            "--models 'magic'; expected one of kinematic, dynamic, table, network, mlp",
         ),
         ("--starts 0", "--starts 0"),
         ("--generations 0", "--generations 0"),

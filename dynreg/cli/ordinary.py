@@ -1,0 +1,63 @@
+"""Commands of verbs that take nothing special: each is made from the row of its verb."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+
+import typer
+
+from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotFolder, RobotOfLog
+from dynreg.session import Session
+from dynreg.verbs.verb import Verb
+
+
+def register(app: typer.Typer, commands: Sequence[ModuleType | str]) -> None:
+    """Add commands to the program: those of modules, and ordinary verbs by name; verbs that are not named come last."""
+    rows = {name: method.verb for name, method in vars(Session).items() if hasattr(method, "verb")}
+    named = [one for one in commands if isinstance(one, str)]
+    own = {one.__name__.rpartition(".")[2] for one in commands if not isinstance(one, str)}
+    for one in (*commands, *(name for name in rows if name not in own and name not in named)):
+        if isinstance(one, str):
+            _command(app, one, rows[one])
+        else:
+            one.register(app)
+
+
+def _command(app: typer.Typer, name: str, row: Verb) -> None:
+    command = {"recording": _about_recording, "robot": _about_robot}[row.about](name, row)
+    command.__doc__ = row.help
+    verb(app, name)(command)
+
+
+def _about_recording(name: str, row: Verb) -> Callable[..., None]:
+    def command(
+        call: Call,
+        recording: AnyRecording,
+        settings: row.settings,
+        robot: RobotOfLog = None,
+        log_map: MapOfLog = None,
+        report: Page = None,
+    ) -> None:
+        can_write(report)
+        fresh_log = robot is not None and Path(recording).exists()  # it may be the first thing in a registry
+        with call.open(create=fresh_log) as session, call.progress() as progress:
+            result = getattr(session, name)(
+                recording, **vars(settings), robot=robot, log_map=log_map, progress=progress
+            )
+        call.emit_and_write(result, report)
+
+    return command
+
+
+def _about_robot(name: str, row: Verb) -> Callable[..., None]:
+    def command(call: Call, robot: RobotFolder, settings: row.settings, report: Page = None) -> None:
+        from dynreg.sim.robot import load_robot
+
+        can_write(report)
+        loaded = load_robot(robot)  # a mistake here makes no registry
+        with call.open(create=True) as session, call.progress() as progress:
+            result = getattr(session, name)(loaded, **vars(settings), progress=progress)
+        call.emit_and_write(result, report)
+
+    return command
