@@ -11,6 +11,7 @@ import numpy as np
 from dynreg.errors import RobotError, SimulationError
 from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
 from dynreg.sim.sets import PORT_KEYS, Assignment, combine, matching
 
 _DEFAULTS = {
@@ -136,6 +137,16 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
         list(robot.actions),
         {} if wheels is None else {key: np.full(n, getattr(wheels, key)) for key in PORT_KEYS["base"]},
     )
+
+
+def assigned(robot: Robot, values: np.ndarray, run: Run) -> list[tuple[Assignment, np.ndarray]]:
+    """What parameters (B, P) and the settings of E episodes set, in order, each to (B E,) values."""
+    n, episodes, settings = len(values), run.episodes, run.settings
+    if settings is None:
+        settings = np.tile([s.nominal for s in robot.file.settings], (episodes, 1))
+    out = [(a, np.repeat(values[:, i], episodes)) for i, s in enumerate(robot.setters) for a in s]
+    out += [(a, np.tile(settings[:, i], n)) for i, s in enumerate(robot.setting_setters) for a in s]
+    return out
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from dynreg.errors import UsageError
 from dynreg.sim.effects.effect import Effect, Moment, Site, Terms, Values
 from dynreg.sim.ports import Ports, ServoLaw
 from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
 
 
 @dataclass
@@ -171,6 +172,13 @@ class Clock:
             return share * now + (1.0 - share) * self.commands[rows[:, None], early[:, None], joints]
 
         return past
+
+
+def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Of n simulations (n,): the period between commands [s], and when each episode of the log began [s]."""
+    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
+    begin = np.zeros(run.episodes) if run.begin is None else run.begin
+    return period * ports.control["clock"], np.tile(begin, n // run.episodes)
 
 
 def commanded(

@@ -10,8 +10,8 @@ from mujoco.batch import Batch
 from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import Clock, acting, configure_terms, observed
-from dynreg.sim.engines.mujoco_model import clock_of, compiled, configure, episode_inputs, limited_range
+from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed
+from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, limited_range
 from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.engines.quiet import quiet

@@ -19,6 +19,7 @@ from dynreg.sim.engines.acting import (
     Clock,
     acting,
     bound,
+    clock_of,
     commanded,
     configure_terms,
     driven,
@@ -29,7 +30,7 @@ from dynreg.sim.engines.acting import (
     prepare,
     true_states,
 )
-from dynreg.sim.engines.mujoco_model import clock_of, compiled, configure, episode_inputs, limited_range
+from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, limited_range
 from dynreg.sim.layout import Layout
 from dynreg.sim.ports import Ports, ServoLaw, law_changes, servo_law, takes_positions
 from dynreg.sim.robot import Robot

@@ -9,21 +9,15 @@ from mujoco.batch import Batch
 
 from dynreg.sim.fields import modify, set_field
 from dynreg.sim.layout import Layout, layout_of
-from dynreg.sim.ports import Ports, nominal_ports, takes_positions
+from dynreg.sim.ports import Ports, assigned, nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
     """Write parameters and settings into the batch's fields and the returned ports, (B E) simulations."""
-    n, episodes = len(values), run.episodes
-    ports = nominal_ports(robot, n).repeat(episodes)
-    settings = run.settings
-    if settings is None:
-        settings = np.tile([s.nominal for s in robot.file.settings], (episodes, 1))
-    columns = [(a, np.repeat(values[:, i], episodes)) for i, s in enumerate(robot.setters) for a in s]
-    columns += [(a, np.tile(settings[:, i], n)) for i, s in enumerate(robot.setting_setters) for a in s]
-    for assignment, column in columns:
+    ports = nominal_ports(robot, len(values)).repeat(run.episodes)
+    for assignment, column in assigned(robot, values, run):
         if assignment.root == "mj":
             set_field(batch, model, assignment, column)
         elif assignment.root == "modifier":
@@ -59,13 +53,6 @@ def episode_inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
         return np.broadcast_to(defaults, (n * run.episodes, run.steps, len(defaults)))
     filled = np.where(np.isnan(run.inputs), defaults, run.inputs)
     return np.tile(filled, (n, 1, 1))
-
-
-def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Of n simulations (n,): the period between commands [s], and when each episode of the log began [s]."""
-    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
-    begin = np.zeros(run.episodes) if run.begin is None else run.begin
-    return period * ports.control["clock"], np.tile(begin, n // run.episodes)
 
 
 def limited_range(

@@ -1,4 +1,4 @@
-"""What the engines of planar bases share: names, commands on their way to the wheels, pose, encoders, effects.
+"""What the engines of planar bases share: commands on their way to the wheels, pose, encoders, effects.
 
 An engine says how velocities go on in one time step and what becomes of the pose. What the wheels do is one thing,
 what the base does on the ground another: effects of contact lie between. Arrays are (quantity, simulation) here.
@@ -9,41 +9,24 @@ from typing import Protocol
 
 import numpy as np
 
-from dynreg.data.names import joint_of, parts_of
-from dynreg.errors import RobotError, SimulationError
+from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines.acting import (
     Acting,
     Clock,
     acting,
+    clock_of,
     commanded,
     configure_terms,
     observed,
     on,
     true_states,
 )
-from dynreg.sim.ports import Ports, nominal_ports
+from dynreg.sim.engines.planar_names import ON_WHEELS, QUANTITIES, Base, planar_base
+from dynreg.sim.ports import Ports, assigned, nominal_ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
-
-QUANTITIES = ("speed", "yaw_rate", "x", "y", "yaw")
-ON_WHEELS = ("left/position", "right/position", "left/velocity", "right/velocity")
-COMMANDS = ("speed_command", "yaw_rate_command")
-
-
-@dataclass(frozen=True)
-class Base:
-    """Columns of a planar base.
-
-    channels : (S,) which of QUANTITIES and ON_WHEELS each is. commands : (A,) which of both velocities, or on
-    `wheels` which wheel (0 left, 1 right) each action commands. ranges : (A, 2) of the actions.
-    """
-
-    channels: np.ndarray
-    commands: np.ndarray
-    ranges: np.ndarray
-    wheels: bool
 
 
 @dataclass(frozen=True)
@@ -91,16 +74,13 @@ def planar_rollout(
     n = len(values) * run.episodes
     ports = _configured(robot, values, run)
     active = _configured_terms(robot, acting(robot, terms, run.episodes, n), ports)
-    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
-    period = period * ports.control["clock"]
+    period, begin = clock_of(n, ports, run)
     law = _law(base, ports)
     # each simulator divides its own period, whatever others are in the batch
     substeps = robot.substeps(period)
     h = period / substeps
     substeps = substeps * np.ceil(h / integrator.longest(law, h) - 1e-9).astype(int)
     state = _start(robot, base, run, ports, law, period)
-    begin = np.zeros(run.episodes) if run.begin is None else run.begin
-    begin = np.tile(begin, n // run.episodes)
     clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin)
     motion = _Motion(base, ports, law, clock, active, integrator)
     trace = np.empty((run.steps + 1, *state.shape))
@@ -180,69 +160,10 @@ class _Motion:
         return _base_velocities(*lost, self.ports.base["track"])
 
 
-def planar_base(robot: Robot) -> Base:
-    """Resolve the robot's names: "<base>/speed", yaw_rate, x, y, yaw, and the commands of the base or its wheels."""
-    table = robot.file.base
-    wheels = () if table is None else (table.left, table.right)
-    names = (*robot.channels, *robot.actions)
-    owners = {owner for name in names if (owner := joint_of(name)) not in wheels}
-    if len(owners) != 1 and not (wheels and not owners):
-        raise RobotError(
-            f"the names of {robot.name!r} have the prefixes {sorted(owners)}",
-            expected="one base, as in 'base/speed' and 'base/speed_command'",
-            do="correct the names, or choose another engine",
-        )
-    sides = dict(zip(wheels, ("left", "right"), strict=False))
-
-    def index(what: str, name: str, choices: tuple[str, ...]) -> int:
-        owner, quantity = parts_of(name)
-        known = f"{sides[owner]}/{quantity}" if owner in sides else quantity
-        if known not in choices:
-            raise RobotError(
-                f"{what} {name!r} is not of a planar base",
-                expected=f"one of {[_named(choice, table) for choice in choices]}",
-                do="correct it",
-            )
-        return choices.index(known)
-
-    possible = (*QUANTITIES, *ON_WHEELS) if wheels else QUANTITIES
-    commands = ("left/velocity_command", "right/velocity_command") if wheels else COMMANDS
-    wrong = [a for a, t in zip(robot.actions, nominal_ports(robot, 1).types, strict=True) if t != "velocity"]
-    if wrong:
-        raise RobotError(
-            f"the drive of action {wrong[0]!r} is not one of a planar base",
-            expected='type = "velocity"',
-            do="correct the drive, or choose another engine",
-        )
-    ranges = [
-        (-np.inf if a.low is None else a.low, np.inf if a.high is None else a.high)
-        for a in robot.file.actions
-    ]
-    return Base(
-        np.array([index("channel", name, possible) for name in robot.channels], dtype=int),
-        np.array([index("action", name, commands) for name in robot.actions], dtype=int),
-        np.array(ranges, dtype=float).reshape(-1, 2),
-        bool(wheels),
-    )
-
-
-def _named(choice: str, table) -> str:
-    """A quantity as robot.toml would name it."""
-    side, quantity = parts_of(choice)
-    return f"{getattr(table, side)}/{quantity}" if quantity else choice
-
-
 def _configured(robot: Robot, values: np.ndarray, run: Run) -> Ports:
     """Ports of the B E simulations, parameters and settings applied."""
     ports = nominal_ports(robot, len(values)).repeat(run.episodes)
-    settings = run.settings
-    if settings is None:
-        settings = np.tile([s.nominal for s in robot.file.settings], (run.episodes, 1))
-    columns = [(a, np.repeat(values[:, i], run.episodes)) for i, s in enumerate(robot.setters) for a in s]
-    columns += [
-        (a, np.tile(settings[:, i], len(values))) for i, s in enumerate(robot.setting_setters) for a in s
-    ]
-    for assignment, column in columns:
+    for assignment, column in assigned(robot, values, run):
         if assignment.root not in ("port", "control"):
             raise SimulationError(
                 f"sets entry {assignment.text!r}: a planar base has no such field",
