@@ -13,7 +13,7 @@ from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
-from dynreg.verbs.verb import about_recording
+from dynreg.verbs.verb import Verb, about_recording
 
 if TYPE_CHECKING:
     from dynreg import results
@@ -35,6 +35,11 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
 
     where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
     return Session(Registry.open(where, create=create))
+
+
+def rows() -> dict[str, Verb]:
+    """{name: row} of the verbs that a session asks in the ordinary way."""
+    return {name: method.verb for name, method in vars(Session).items() if hasattr(method, "verb")}
 
 
 class Session:

@@ -36,7 +36,7 @@ from dynreg.cli.call import (
     SettingsOption,
     Shared,
 )
-from dynreg.errors import DynregError
+from dynreg.errors import DynregError, OldWord
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
 READER_GONE = 1  # the status that typer and rich give to a broken pipe
@@ -137,11 +137,18 @@ def main(arguments: Sequence[str]) -> int:
 def run() -> None:
     """The console script."""
     if "--debug" not in sys.argv:
-        import warnings
-
-        warnings.simplefilter("ignore")  # of the libraries below; an error is one line
+        _only_old_words()
     _without_opengl()
     sys.exit(main(sys.argv[1:]))
+
+
+def _only_old_words() -> None:
+    """Warnings of the libraries below are kept back; that a word is called something else now is one line."""
+    import warnings
+
+    warnings.simplefilter("ignore")
+    warnings.simplefilter("default", OldWord)
+    warnings.showwarning = lambda message, *_: print(f"note: {message}", file=sys.stderr, flush=True)
 
 
 def _without_opengl() -> None:

@@ -8,18 +8,18 @@ import typer
 
 from dynreg.cli.call import Call, can_write, verb
 from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotFolder, RobotOfLog
-from dynreg.session import Session
+from dynreg.session import rows
 from dynreg.verbs.verb import Verb
 
 
 def register(app: typer.Typer, commands: Sequence[ModuleType | str]) -> None:
     """Add commands to the program: those of modules, and ordinary verbs by name; verbs that are not named come last."""
-    rows = {name: method.verb for name, method in vars(Session).items() if hasattr(method, "verb")}
+    known = rows()
     named = [one for one in commands if isinstance(one, str)]
     own = {one.__name__.rpartition(".")[2] for one in commands if not isinstance(one, str)}
-    for one in (*commands, *(name for name in rows if name not in own and name not in named)):
+    for one in (*commands, *(name for name in known if name not in own and name not in named)):
         if isinstance(one, str):
-            _command(app, one, rows[one])
+            _command(app, one, known[one])
         else:
             one.register(app)
 

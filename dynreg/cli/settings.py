@@ -5,31 +5,37 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from dynreg.errors import UsageError
+from dynreg.session import rows
 from dynreg.tomlfile import read_toml
+from dynreg.verbs.settings import options
 
 FILE = Path("dynreg.toml")
 PREFIX = "DYNREG_"
 DEFAULT_REGISTRY = Path("dynreg-registry")
 
 
-class Settings(BaseModel):
-    """What a settings file may hold; None leaves the choice to the command.
-
-    threads : simulation threads, 0 for all cores. k : neighbours of a query. budget : simulations of a query.
-    """
+class _Global(BaseModel):
+    """What a settings file may hold: this, and what the verbs share; None leaves the choice to the command."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     registry: Path | None = None
-    threads: Annotated[int, Field(ge=0)] | None = None
-    seed: Annotated[int, Field(ge=0)] | None = None
-    k: Annotated[int, Field(ge=1)] | None = None
-    distance: str | None = None
-    budget: Annotated[int, Field(ge=1)] | None = None
     quiet: bool = False
+
+
+Settings = create_model(
+    "Settings",
+    __base__=_Global,
+    **{
+        one.name: (Annotated[one.type | None, Field(ge=how.least)], None)
+        for row in rows().values()
+        for one, how in options(row.settings)
+        if how.shared
+    },
+)
 
 
 def read_settings(file: Path | None, environment: Mapping[str, str] = os.environ) -> Settings:

@@ -12,6 +12,7 @@ from dynreg.report.drawing import Tick, ticks
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
 from dynreg.results import Drift, DriftCell, Shift, Taken
+from dynreg.verbs.drift import DriftSettings
 
 SHOWN = 12  # cells
 UNITS = {"m": ("mm", 1000.0), "rad": ("deg", math.degrees(1.0))}  # as people read them
@@ -125,14 +126,15 @@ def steps(result: Drift) -> tuple[str, ...]:
 
 def command(result: Drift) -> str:
     """The command line that makes the same tests again; settings that are the usual ones are left out."""
-    asked = (
-        ("--sample", result.sample, 0.5),
-        ("--cells", result.grid, 20),
-        ("--level", result.false_alarms.level, 0.05),
-        ("--seed", result.seed, 0),
-    )
+    usual = DriftSettings()
+    asked = {
+        "--sample": (result.sample, usual.sample),
+        "--cells": (result.grid, usual.cells),
+        "--level": (result.false_alarms.level, usual.level),
+        "--seed": (result.seed, usual.seed),
+    }
     words = ["dynreg", "drift", result.recording_name, "--against", result.earlier.name]
-    words += [word for flag, value, usual in asked if value != usual for word in (flag, f"{value!r}")]
+    words += [word for flag, (value, same) in asked.items() if value != same for word in (flag, f"{value!r}")]
     words += ["--welch"] * (result.test == "welch") + ["--no-fdr"] * (not result.together)
     return shlex.join(words)
 
