@@ -29,15 +29,16 @@ def write_report(result: Result, path: str | Path) -> Path:
 
 
 def page(result: Result) -> str:
-    """The page's HTML: the template of its kind, filled with what its room draws."""
-    template = f"{result.schema_name()}.html"
-    if template not in _environment().list_templates():
+    """The page's HTML: the template of its kind, else the usual one, filled with what its room draws."""
+    drawn = getattr(room(result), "page", None)
+    if drawn is None:
         raise UsageError(
             f"a {type(result).__name__} has no report",
             expected="a stored query or calibration, a diagnosis, trials, a gait, a comparison or a drift",
             do="see `dynreg list --kind result`",
         )
-    return _environment().get_template(template).render(**room(result).page(result))
+    template = _environment().select_template((f"{result.schema_name()}.html", "result.html"))
+    return template.render(**drawn(result))
 
 
 @cache

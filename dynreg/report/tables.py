@@ -11,7 +11,7 @@ from dynreg.report.grid import table, value_text
 from dynreg.results import Result
 
 # the rooms that several kinds of results share; every other kind has the room of its own name, or none
-_SHARED = {"trial": "trials", "robot_check": "robots", "robot_folder": "robots"} | dict.fromkeys(
+_SHARED = {"robot_check": "robots", "robot_folder": "robots"} | dict.fromkeys(
     ("population", "recording", "list", "entry", "verify", "report"), "stored"
 )
 

@@ -1,4 +1,4 @@
-"""The room of trials: their words, their tables and their page."""
+"""The room of many trials: their words, their tables and their page."""
 
 from typing import Any
 
@@ -13,10 +13,8 @@ LISTED = 12  # as many trials are listed one by one
 SIZES = ("weak", "medium", "strong")
 
 
-def tables(result: TrialTable | TrialResult) -> RenderableType:
+def tables(result: TrialTable) -> RenderableType:
     """The rates, by effect, what was taken for what, and a few trials one by one."""
-    if isinstance(result, TrialResult):
-        return _rows((result,), f"one trial on {result.robot}")
     parts: list[RenderableType] = [Text(verdict(result), style="bold")]
     parts.append(table(("", "", "90 % interval"), [(n, *rate_cells(r)) for n, r in rates(result)], "rates"))
     rows = [
@@ -30,7 +28,7 @@ def tables(result: TrialTable | TrialResult) -> RenderableType:
         rows = [(c.hidden or "nothing", said_instead(c), c.count) for c in result.confusions]
         parts.append(table(("hidden", "said", "times"), rows, "not right"))
     if len(result.trials) <= LISTED:
-        parts.append(_rows(result.trials, "one by one"))
+        parts.append(listed(result.trials, "one by one"))
     parts += [Text(f"\n{figures(result)}"), *(Text(f"note: {note}") for note in result.notes)]
     return Group(*parts)
 
@@ -110,7 +108,8 @@ def _bar(name: str, rate: Rate) -> dict[str, Any]:
     }
 
 
-def _rows(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
+def listed(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
+    """Trials one by one."""
     rows = [
         (
             str(t.seed),

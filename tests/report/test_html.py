@@ -1,19 +1,24 @@
 """The page: whole, self-contained, safe, always the same bytes, and true to the result."""
 
 import re
+import sys
 from html.parser import HTMLParser
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
 
 import made_up_comparison
 import made_up_diagnosis
 import made_up_gait
 import made_up_results
 import pytest
+from pydantic import Field
 
 from dynreg.errors import UsageError
 from dynreg.report.drawing import HEIGHT, WIDTH, chart, ticks, track
 from dynreg.report.html import page, write_report
-from dynreg.results import Neighbours, TrialTable
+from dynreg.results import Neighbours, Result, TrialTable
 
 RESULTS = {
     "synthesised": made_up_results.neighbours(),
@@ -138,6 +143,49 @@ def test_what_has_no_page_is_an_error_that_says_so(tmp_path: Path) -> None:
         write_report(made_up_results.recording(), tmp_path / "page.html")
     with pytest.raises(UsageError, match="cannot write"):
         write_report(made_up_results.neighbours(), tmp_path / "missing" / "page.html")
+
+
+class Counted(Result):
+    """The answer of a verb that came later."""
+
+    schema_: Literal["dynreg/counted/1"] = Field(default="dynreg/counted/1", alias="schema")
+    robot: str
+    counts: dict[str, float | None]
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [{"what": what, "count": count} for what, count in self.counts.items()]
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        return {"What there is": self.rows(), "What there is not": []}
+
+
+def test_a_verb_that_came_later_needs_no_template_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = ModuleType("dynreg.report.counted")
+    room.__spec__ = ModuleSpec(room.__name__, None)
+    room.page = lambda result: {
+        "result": result,
+        "title": f"Counts · {result.robot}",
+        "verdict": "Two <b>rows</b>.",
+        "tiles": [("2", "rows")],
+        "steps": ("Count again.",),
+        "charts": [chart("rise", "time [s]", [0.0, 1.0], {"answer": [0.0, 2.0]})],
+    }
+    monkeypatch.setitem(sys.modules, room.__name__, room)
+    html = page(Counted(robot="leg", counts={"[rows]": 2.25, "gaps": None}))
+    text = words(html)
+    for said in (
+        "Counts · leg",
+        "Two <b>rows</b>.",
+        "2rows",
+        "Count again.",
+        "What there is",
+        "[rows]2.25",
+        "gaps-",
+    ):
+        assert said in text, said
+    assert "What there is not" not in text and "None" not in text and "<svg" in html
+    room.page = lambda result: {"result": result, "title": "Counts"}
+    assert "What there is" in words(page(Counted(robot="leg", counts={"rows": 2.0})))
 
 
 def test_curves_stay_in_their_box_and_break_at_missing_values() -> None:
