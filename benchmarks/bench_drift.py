@@ -162,7 +162,9 @@ def rows(robot: Robot, some: list[Case], splits: int) -> list[dict]:
             still = case.change == NOTHING
             settings = DriftSettings(splits=splits if still else 0)
             began = time.perf_counter()
-            result = document(robot, recent, earlier, settings, drift(robot, recent, earlier, settings.plan))
+            result = document(
+                robot, recent, earlier, settings.plan, drift(robot, recent, earlier, settings.plan)
+            )
             row = _row(case, result) | {"seconds": time.perf_counter() - began}
             if still:
                 row["pieces"] = piece_by_piece(robot, recent, earlier, settings.plan)

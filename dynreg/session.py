@@ -16,7 +16,7 @@ from dynreg.verbs.settings import taking
 from dynreg.verbs.verb import Verb, about_recording
 
 if TYPE_CHECKING:
-    from dynreg import results
+    import dynreg.results as results
     from dynreg.data.recording import Recording
     from dynreg.distance.population import Training
     from dynreg.registry import Registry

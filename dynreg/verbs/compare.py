@@ -76,7 +76,7 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
     )
     replayed = {name: (one.robot, one.config) for name, one in chosen.items()}
     found = compare_all(asked.robot, asked.recording, replayed, plan, progress)
-    return document(asked, settings, chosen, found, time.perf_counter() - began)
+    return document(asked, plan, chosen, found, time.perf_counter() - began)
 
 
 def named(asked: "Recorded", refs: tuple[str, ...]) -> "dict[str, Simulator]":

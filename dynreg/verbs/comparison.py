@@ -5,9 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from dynreg.compare.compare import Compared
-from dynreg.compare.contenders import Made, Predicts
+from dynreg.compare.contenders import Made, Plan, Predicts
 from dynreg.results import Comparison, Contender, Cost
-from dynreg.verbs.compare import CompareSettings
 from dynreg.verbs.simulators import Simulator, made
 from dynreg.verbs.subjects import Recorded
 
@@ -16,7 +15,7 @@ SHORT = 0.1  # s: the shortest command of the published ones
 
 def document(
     asked: Recorded,
-    settings: CompareSettings,
+    plan: Plan,
     simulators: Mapping[str, Simulator],
     found: Compared,
     seconds: float,
@@ -29,10 +28,10 @@ def document(
         recording_name=asked.name,
         parts={"fit": fit.stop, "validation": validation.stop - fit.stop, "test": test.stop - test.start},
         track=found.told.track,
-        longest=settings.longest,
-        seed=settings.seed,
-        starts=settings.starts,
-        generations=settings.generations,
+        longest=plan.longest,
+        seed=plan.seed,
+        starts=plan.starts,
+        generations=plan.generations,
         contenders=tuple(_contender(n, c, simulators.get(n)) for n, c in found.contenders.items()),
         best=found.errors.best,
         errors=found.errors,

@@ -75,15 +75,15 @@ def drift(
     first = earlier or _first(recent)
     _require_one_robot(recent, first)
     old, new = (Held(one.recording, one.name) for one in (first, recent))
-    found = held_against(recent.robot, new, old, settings.plan, progress)
-    result = document(recent.robot, new, old, settings, found)
+    plan = settings.plan
+    found = held_against(recent.robot, new, old, plan, progress)
+    result = document(recent.robot, new, old, plan, found)
     if out is not None:
         write_file(Path(out), parquet(found))
     told = {"chosen": earlier is None, "kept": out is not None, "seconds": time.perf_counter() - began}
     result = result.model_copy(update=told)
-    for one in (first, recent):
-        one.register()
-    recent.registry.put_result("drift", recent.recording.id, result.to_dict())
+    first.register()
+    recent.keep(result)
     return result
 
 

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from dynreg.drift.compared import Held
+from dynreg.drift.compared import Held, Plan
 from dynreg.drift.drift import Drifted
 from dynreg.results import Drift, DriftCell, DriftPattern, FalseAlarms, Separating, Shift, Taken
 from dynreg.sim.robot import Robot
@@ -13,12 +13,11 @@ from dynreg.timed.commands import AXES
 from dynreg.timed.drift import Shifts, Split
 from dynreg.timed.patterns import HIGHEST, LOWEST
 from dynreg.timed.reference import Reference
-from dynreg.verbs.drift import DriftSettings
 
 UNITS = ("m", "m", "rad")
 
 
-def document(robot: Robot, recent: Held, earlier: Held, settings: DriftSettings, found: Drifted) -> Drift:
+def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drifted) -> Drift:
     """The verdict with all that it stands on."""
     both, clear = found.both, found.clear
     return Drift(
@@ -29,23 +28,23 @@ def document(robot: Robot, recent: Held, earlier: Held, settings: DriftSettings,
         recent=_taken(recent, both.new),
         chosen=False,
         verdict=found.verdict,
-        test="welch" if settings.welch else "student",
-        together=settings.together,
+        test="welch" if plan.rules.welch else "student",
+        together=plan.rules.together,
         tests=found.tests,
         rejected=found.rejected,
-        false_alarms=_false_alarms(settings.level, found.tests, found.itself),
+        false_alarms=_false_alarms(plan.rules.level, found.tests, found.itself),
         pattern=clear[0] if len(clear) == 1 else None,
         rivals=clear if len(clear) > 1 else (),
         separate_by=tuple(Separating(left=a, right=b, apart=c, known=d) for a, b, c, d in found.apart),
         patterns=tuple(DriftPattern(**asdict(judged)) for judged in found.order),
         cells=_cells(both.grid, found.shifts),
-        sample=settings.sample,
+        sample=plan.sample,
         grid=both.grid.each,
         low=both.grid.low,
         high=both.grid.high,
         reference=_reference(both.reference),
-        seed=settings.seed,
-        notes=_notes(found, settings.splits),
+        seed=plan.seed,
+        notes=_notes(found, plan.splits),
         seconds=0.0,
     )
 

@@ -77,19 +77,21 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     from dynreg.replay.known import command_rate, known_values
     from dynreg.verbs.gait_document import document, journal
     from dynreg.verbs.gait_simulators import choose
+    from dynreg.verbs.query import QuerySettings
 
     began = time.perf_counter()
     robot, search = asked.robot, settings.search
     task = task_of(robot, settings.task)
     gait_space(robot)  # before anything is asked of the registry
-    chosen = choose(asked, settings, progress)
+    wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
+    chosen = choose(asked, settings.on, wanted, settings.seed, progress)
     known = known_values(robot, asked.recording)
-    simulators = simulators_of(robot, [one.config for one in chosen], known)
+    simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
     rate = command_rate(robot, known)
     trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
     key, path = journal(asked, chosen, trials, search)
     sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
-    found = document(asked, settings, chosen, trials, sought, time.perf_counter() - began)
-    asked.registry.put_result("gait", asked.recording.id, found.to_dict())
+    found = document(asked, chosen, trials, search, sought, time.perf_counter() - began)
+    asked.keep(found)
     path.unlink(missing_ok=True)  # not before the gait is stored
     return found

@@ -13,20 +13,19 @@ from dynreg.gait.seek import QUARTILE, SearchSettings, Sought, accepted
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
 from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitStep, GaitTrial
-from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.subjects import Recorded
 
 
 def journal(
-    asked: Recorded, chosen: tuple[Chosen, ...], trials: Trials, search: SearchSettings
+    asked: Recorded, chosen: Chosen, trials: Trials, search: SearchSettings
 ) -> tuple[dict[str, Any], Path]:
     """What makes this search the one that it is, and the file by which it can go on."""
     key = {
         "robot": asked.robot.hash,
         "recording": asked.recording.id,
         "task": trials.task.name,
-        "simulators": tuple(one.id for one in chosen),
+        "simulators": tuple(one.id for one in chosen.simulators),
         "values": trials.simulators.values.tolist(),
         **asdict(search),
     }
@@ -36,24 +35,24 @@ def journal(
 
 def document(
     asked: Recorded,
-    settings: GaitSettings,
-    chosen: tuple[Chosen, ...],
+    chosen: Chosen,
     trials: Trials,
+    search: SearchSettings,
     sought: Sought,
     seconds: float,
 ) -> Gait:
     """The gait with all that was found of it. seconds : that it took."""
     robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
-    values, how, finals = sought.fitness, settings.search.accept, sought.finals
+    values, how, finals = sought.fitness, search.accept, sought.finals
     stood = not sought.fell.any() and not (finals and finals.falls)
     return Gait(
         robot=robot.name,
         robot_hash=robot.hash,
         recording=asked.recording.id,
         recording_name=asked.name,
-        on=settings.on,
+        on=chosen.on,
         k=len(trials.simulators),
-        source=chosen[0].source,
+        source=chosen.source,
         task=task.name,
         unit=task.unit,
         success=task.success,
@@ -74,8 +73,8 @@ def document(
         finals=finals,
         succeeded=bool(stood and values.min() >= task.success),
         trials=_trials(chosen, trials, sought),
-        method=settings.method,
-        seed=settings.seed,
+        method=search.method,
+        seed=search.seed,
         ended=found.ended,
         history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
@@ -85,12 +84,14 @@ def document(
     )
 
 
-def _trials(chosen: tuple[Chosen, ...], trials: Trials, sought: Sought) -> tuple[GaitTrial, ...]:
+def _trials(chosen: Chosen, trials: Trials, sought: Sought) -> tuple[GaitTrial, ...]:
     as_dict = trials.robot.space.as_dict
-    each = zip(chosen, trials.simulators.values, ways(sought, trials.rate), strict=True)
+    each = zip(
+        chosen.simulators, chosen.kinds, trials.simulators.values, ways(sought, trials.rate), strict=True
+    )
     return tuple(
-        GaitTrial(simulator=one.id, kind=one.kind, parameters=as_dict(values), **asdict(way))
-        for one, values, way in each
+        GaitTrial(simulator=one.id, kind=kind, parameters=as_dict(values), **asdict(way))
+        for one, kind, values, way in each
     )
 
 

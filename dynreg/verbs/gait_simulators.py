@@ -1,6 +1,6 @@
 """The simulators in which a gait is sought."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,43 +9,56 @@ from dynreg.errors import NoMatchError, UsageError
 from dynreg.results import Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
-from dynreg.verbs.gait import GaitSettings, Progress
 from dynreg.verbs.query import QuerySettings, query
-from dynreg.verbs.simulators import NOMINAL, WORDS, own, simulator
+from dynreg.verbs.simulators import NOMINAL, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
+
+Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """A registered simulator: its id, how it came to be chosen, its configuration, and the result that named it."""
+    """Registered simulators, how each came to be chosen, and the result that named them. on : as was asked for."""
 
-    id: str
-    kind: str
-    config: SimConfig
+    on: str
+    kinds: tuple[str, ...]
+    simulators: tuple[Simulator, ...]
     source: str | None = None
 
 
-def choose(asked: Recorded, settings: GaitSettings, progress: Progress | None) -> tuple[Chosen, ...]:
-    """The simulators that `settings.on` names.
+def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progress: Progress | None) -> Chosen:
+    """The simulators that `on` names, `settings.k` where it names no single ones.
 
-    What a query tells is asked anew. Raises NoMatchError where no simulator is close enough or there is none of that
-    name, UsageError where one is of another robot or there are too few.
+    What a query tells is asked anew, by `settings`. Raises NoMatchError where no simulator is close enough or there is
+    none of that name, UsageError where one is of another robot or there are too few.
     """
-    on = settings.on
     if on in _MADE:
-        return _MADE[on](asked, settings)
+        return _MADE[on](asked, settings, seed)
     if on in WORDS and WORDS[on].made_by == "query":
         found = _close_enough(asked, settings, progress)
         if on == "nearest":
+            named = _named(asked, [n.entry for n in found.neighbours])
             source = asked.registry.latest("neighbours", asked.recording.id).id
-            return tuple(_named(asked, n.entry, "neighbour", source) for n in found.neighbours)
-    return tuple(_named(asked, ref.strip()) for ref in on.split(","))
+            return Chosen(on, ("neighbour",) * len(named), named, source)
+    refs = [ref.strip() for ref in on.split(",")]
+    named = _named(asked, refs)
+    kinds = tuple(ref if ref in WORDS else _kind(one) for ref, one in zip(refs, named, strict=True))
+    return Chosen(on, kinds, named, named[0].source)
 
 
-def _close_enough(asked: Recorded, settings: GaitSettings, progress: Progress | None) -> Neighbours:
-    wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
-    found = query(asked, wanted, progress)
-    asked.registry.put_result("neighbours", asked.recording.id, found.to_dict())
+def _kind(one: Simulator) -> str:
+    """Whether it is an "entry" of a population or a "simulator"."""
+    return "entry" if one.lineage.get("kind") == "entry" else "simulator"
+
+
+def _named(asked: Recorded, refs: Sequence[str]) -> tuple[Simulator, ...]:
+    found = (simulator(asked.registry, ref, asked.robot, asked.recording.id) for ref in refs)
+    return tuple(own(one, asked.robot) for one in found)
+
+
+def _close_enough(asked: Recorded, settings: QuerySettings, progress: Progress | None) -> Neighbours:
+    found = query(asked, settings, progress)
+    asked.keep(found)
     if not found.fits:
         raise NoMatchError(
             f"no simulator is close enough to {asked.name!r}: {found.alarm}",
@@ -55,24 +68,17 @@ def _close_enough(asked: Recorded, settings: GaitSettings, progress: Progress | 
     return found
 
 
-def _named(asked: Recorded, ref: str, kind: str | None = None, source: str | None = None) -> Chosen:
-    """A simulator by an id or a word; one of a population is an "entry"."""
-    found = own(simulator(asked.registry, ref, asked.robot, asked.recording.id), asked.robot)
-    kind = kind or (ref if ref in WORDS else "entry" if found.lineage.get("kind") == "entry" else "simulator")
-    return Chosen(found.id, kind, found.config, source or found.source)
-
-
-def _nominal(asked: Recorded, settings: GaitSettings) -> tuple[Chosen, ...]:
+def _nominal(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
     return _made(asked, asked.robot.space.nominal[None], NOMINAL)
 
 
-def _population(asked: Recorded, settings: GaitSettings) -> tuple[Chosen, ...]:
+def _population(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
     """Configurations drawn from the parameters' ranges, as those of a population are."""
-    seed = stream_seed(settings.seed, "gait simulators")
+    seed = stream_seed(seed, "gait simulators")
     return _made(asked, asked.robot.space.sample(0, settings.k, seed), "population")
 
 
-def _random(asked: Recorded, settings: GaitSettings) -> tuple[Chosen, ...]:
+def _random(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
     """Registered simulators, drawn at random: what the nearest must beat."""
     identity, many = population_for(asked.registry, asked.recording.id, settings.population)
     if settings.k > many:
@@ -82,21 +88,21 @@ def _random(asked: Recorded, settings: GaitSettings) -> tuple[Chosen, ...]:
             do="ask for fewer, or populate more simulators",
         )
     ids = asked.registry.load(identity, ()).ids
-    rng = stream(settings.seed, "gait simulators")
-    drawn = rng.choice(len(ids), settings.k, replace=False)
-    return tuple(_named(asked, ids[i], "random") for i in drawn)
+    drawn = stream(seed, "gait simulators").choice(len(ids), settings.k, replace=False)
+    return Chosen("random", ("random",) * settings.k, _named(asked, [ids[i] for i in drawn]))
 
 
-_MADE: dict[str, Callable[[Recorded, GaitSettings], tuple[Chosen, ...]]] = {
+_MADE: dict[str, Callable[[Recorded, QuerySettings, int], Chosen]] = {
     NOMINAL: _nominal,
     "population": _population,
     "random": _random,
 }
 
 
-def _made(asked: Recorded, values: np.ndarray, kind: str) -> tuple[Chosen, ...]:
+def _made(asked: Recorded, values: np.ndarray, kind: str) -> Chosen:
     """Simulators with parameters (k, P), registered."""
     robot, lineage = asked.robot, {"made_by": "gait", "kind": kind}
     configs = [SimConfig(robot.hash, robot.name, robot.space.as_dict(row)) for row in values]
-    put = asked.registry.put_simulator
-    return tuple(Chosen(put(c.as_dict() | {"lineage": lineage}), kind, c) for c in configs)
+    ids = [asked.registry.put_simulator(c.as_dict() | {"lineage": lineage}) for c in configs]
+    made = (Simulator(i, kind, lineage, c, robot) for i, c in zip(ids, configs, strict=True))
+    return Chosen(kind, (kind,) * len(ids), tuple(made))

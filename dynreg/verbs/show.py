@@ -5,19 +5,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from dynreg import results
 from dynreg.errors import CorruptError, DynregError, NoMatchError
 from dynreg.registry import Registry, ResultRecord
+from dynreg.results import RESULTS, EntrySummary, Result
 from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
 
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
 
 
-def summary(registry: Registry, kind: str, identity: str) -> results.EntrySummary:
+def summary(registry: Registry, kind: str, identity: str) -> EntrySummary:
     """One thing, with all that is known of it."""
     name, robot, detail = _SHOWN[kind](registry, identity)
-    return results.EntrySummary(id=identity, kind=kind, name=name, robot=robot, detail=detail)
+    return EntrySummary(id=identity, kind=kind, name=name, robot=robot, detail=detail)
 
 
 def _entry(registry: Registry, identity: str) -> Shown:
@@ -72,21 +72,21 @@ _SHOWN = {
 }
 
 
-def stored_result(registry: Registry, ref: str) -> results.Result:
+def stored_result(registry: Registry, ref: str) -> Result:
     """A result by its id, or the newest about a recording; NoMatchError where there is none."""
     if ref == "@last":
         record = registry.latest()
     else:
         kind, identity = registry.resolve(ref, ("result", "recording"))
         record = registry.result(identity) if kind == "result" else registry.latest(None, identity)
-    if record.kind not in results.RESULTS:
+    if record.kind not in RESULTS:
         raise NoMatchError(
             f"result {ref!r} is of kind {record.kind!r}",
-            expected=f"one of {sorted(results.RESULTS)}",
+            expected=f"one of {sorted(RESULTS)}",
             do="name another",
         )
     try:
-        return results.RESULTS[record.kind].model_validate(_document(registry, record))
+        return RESULTS[record.kind].model_validate(_document(registry, record))
     except ValidationError as problem:
         first = problem.errors()[0]
         raise CorruptError(

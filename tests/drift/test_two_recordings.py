@@ -39,7 +39,7 @@ def slower(before: Recording) -> Recording:
 
 def found(owner: Robot, before: Recording, after: Recording, settings: DriftSettings = PIECES) -> Drift:
     recent, earlier = Held(after, "after"), Held(before, "before")
-    return document(owner, recent, earlier, settings, drift(owner, recent, earlier, settings.plan))
+    return document(owner, recent, earlier, settings.plan, drift(owner, recent, earlier, settings.plan))
 
 
 # ---- what changed ----
