@@ -19,7 +19,7 @@ from dynreg.models.base import train_base
 from dynreg.models.mlp import MlpStack, initial
 from dynreg.models.normaliser import fit_normaliser
 from dynreg.models.threads import available_threads
-from dynreg.models.train import train
+from dynreg.models.train import Passes, train
 from dynreg.rng import stream
 
 JOINTS, BODY, EPISODES, STEPS, SUBSTEPS, RATE = 12, 9, 20, 50, 8, 40.0  # RATE in Hz
@@ -80,7 +80,7 @@ def bench_base(inputs: np.ndarray, targets: np.ndarray, test: tuple, grid: list)
     """Base models over a grid of settings; the last one is kept."""
     for epochs, rate, batch in grid:
         flat = inputs.reshape(-1, inputs.shape[-1]), targets.reshape(-1, targets.shape[-1])
-        base, seconds, cpu = timed(train_base, *flat, epochs=epochs, learning_rate=rate, batch_size=batch)
+        base, seconds, cpu = timed(train_base, *flat, Passes(epochs, rate, batch))
         print(
             f"base of {len(inputs)} configurations, {epochs} epochs, rate {rate:g}, batch {batch}: "
             f"held-out {held_out(base, *test):.3f}, {seconds:.1f} s ({cpu:.1f} s of cores)",
@@ -96,7 +96,7 @@ def bench_train(base: MlpStack, inputs: np.ndarray, targets: np.ndarray, grid: l
     for name, epochs, rate, batch in grid:
         models, seconds, cpu = timed(
             train, base if name == "base" else scratch, *rows,
-            epochs=epochs, learning_rate=rate, batch_size=batch,
+            Passes(epochs, rate, batch),
         )  # fmt: skip
         each = 1e3 / len(inputs)
         print(

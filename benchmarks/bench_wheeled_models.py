@@ -27,7 +27,7 @@ from dynreg.results.comparison import Errors
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES, drawn
 from dynreg.timed.compare import FACTORS, compared
-from dynreg.timed.fit import fit_unicycle
+from dynreg.timed.fit import Breeding, fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
 from dynreg.timed.networks import Networks, train
 from dynreg.timed.unicycle import KHEPERA, LAUT, unicycle
@@ -106,7 +106,7 @@ def work(plan: Plan, name: str, path: Path) -> str:
     moved += NOISE * stream(plan.seed, "tracker", number).standard_normal(moved.shape)
     known, unseen, rest = ((commands.take(c), moved[c]) for c in CUT)
     began = time.process_time()
-    fitted = fit_unicycle(*known, unseen, TRACK, generations=plan.generations, seed=number)
+    fitted = fit_unicycle(*known, unseen, TRACK, Breeding(generations=plan.generations, seed=number))
     middle = time.process_time()
     networks = train(*known, unseen, starts=plan.starts, seed=number)
     seconds = (middle - began, time.process_time() - middle)

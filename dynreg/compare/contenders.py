@@ -12,7 +12,7 @@ from dynreg.compare.mlp import train_mlp
 from dynreg.models.threads import available_threads
 from dynreg.timed.cellwise import fit_cellwise
 from dynreg.timed.commands import Commands
-from dynreg.timed.fit import fit_unicycle
+from dynreg.timed.fit import Breeding, fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
 from dynreg.timed.networks import WEIGHTS, train
 from dynreg.timed.told import Told
@@ -99,8 +99,7 @@ def _dynamic(making: Making, report: Callable[[int, int], None]) -> tuple[Model,
         *making.known,
         making.unseen,
         track,
-        generations=making.plan.generations,
-        seed=making.plan.seed,
+        Breeding(generations=making.plan.generations, seed=making.plan.seed),
         threads=making.plan.cores,
         progress=report,
     ).parameters

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.models.losses import predict
 from dynreg.models.mlp import MlpStack, initial
-from dynreg.models.train import train
+from dynreg.models.train import Passes, train
 from dynreg.rng import stream_seed
 from dynreg.timed.commands import AXES, Commands
 from dynreg.timed.networks import scales
@@ -68,10 +68,7 @@ def train_mlp(
             first,
             inputs,
             targets,
-            epochs=epochs,
-            learning_rate=LEARNING_RATE,
-            batch_size=BATCH,
-            seed=stream_seed(seed, "compare", "mlp", epochs),
+            Passes(epochs, LEARNING_RATE, BATCH, stream_seed(seed, "compare", "mlp", epochs)),
             chunk=1,
             threads=threads or None,
             device="cpu",

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.names import joint_of
 from dynreg.replay.windows import Windows
-from dynreg.sim.ports import Ports, nominal_ports, servo_law, takes_positions
+from dynreg.sim.ports import Ports, assigned, nominal_ports, servo_law, takes_positions
 from dynreg.sim.robot import Robot
 
 
@@ -112,12 +112,7 @@ def window_ports(robot: Robot, windows: Windows) -> Ports:
     """Ports of the nominal robot under each window's known settings: W simulators."""
     count = len(windows)
     ports = nominal_ports(robot, count)
-    settings = windows.run.settings
-    if settings is None:
-        settings = np.tile([s.nominal for s in robot.file.settings], (count, 1))
-    columns = [(a, np.full(count, robot.space.nominal[i])) for i, s in enumerate(robot.setters) for a in s]
-    columns += [(a, settings[:, i]) for i, s in enumerate(robot.setting_setters) for a in s]
-    for assignment, column in columns:
+    for assignment, column in assigned(robot, robot.space.nominal[None], windows.run):
         if assignment.root == "port":
             ports.apply(assignment, column)
     return ports

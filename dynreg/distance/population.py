@@ -12,7 +12,7 @@ from dynreg.distance.rows import Rows, bank_rows, recording_rows, thin
 from dynreg.errors import UsageError
 from dynreg.models.mlp import MlpStack
 from dynreg.models.normaliser import Normaliser
-from dynreg.models.train import train
+from dynreg.models.train import Passes, train
 from dynreg.rng import stream_seed
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, motor_noise
@@ -47,10 +47,7 @@ class Training:
             base,
             inputs,
             targets,
-            epochs=self.epochs,
-            learning_rate=self.learning_rate,
-            batch_size=self.batch_size,
-            seed=stream_seed(seed, "train") % 2**31,
+            Passes(self.epochs, self.learning_rate, self.batch_size, stream_seed(seed, "train") % 2**31),
             threads=threads or None,
         )
         return MlpStack.from_arrays(trained.as_arrays())

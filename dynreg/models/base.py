@@ -6,19 +6,17 @@ from numpy import ndarray
 from dynreg.models.mlp import HIDDEN, MlpStack, initial
 from dynreg.models.rows import checked_rows
 from dynreg.models.threads import available_threads, worker_pool
-from dynreg.models.train import Schedule, check_trained, schedule
+from dynreg.models.train import Passes, Schedule, check_trained, schedule
 
+POOLED = Passes(epochs=12, learning_rate=2e-3, batch_size=256)
 SHARDS = 2  # parts of every batch; fixed, so that the sum of their gradients is the same on any machine
 
 
 def train_base(
     inputs: ndarray,
     targets: ndarray,
+    passes: Passes = POOLED,
     *,
-    epochs: int = 12,
-    learning_rate: float = 2e-3,
-    batch_size: int = 256,
-    seed: int = 0,
     hidden: int = HIDDEN,
     threads: int | None = None,
 ) -> MlpStack:
@@ -31,14 +29,13 @@ def train_base(
     ----------
     inputs : (N, D) normalised, the rows of all configurations together.
     targets : (N, S) normalised deltas.
-    learning_rate : of the first step; it falls linearly towards 0.
 
     Raises UsageError where shapes do not agree, a number is not finite, or training diverged.
     """
     sizes = (np.shape(inputs)[-1], hidden, hidden, hidden, np.shape(targets)[-1])
     x, y = checked_rows(sizes, inputs, targets)
-    plan = schedule(x.shape[1], epochs=epochs, learning_rate=learning_rate, batch_size=batch_size, seed=seed)
-    start = initial(sizes[0], sizes[-1], 1, seed, hidden)
+    plan = schedule(x.shape[1], passes)
+    start = initial(sizes[0], sizes[-1], 1, passes.seed, hidden)
     trained = _train_in_shards(start, x, y, plan, min(SHARDS, threads or available_threads()))
     check_trained(trained)
     return trained

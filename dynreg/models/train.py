@@ -19,6 +19,22 @@ GPU_CHUNK = 2048  # models at once on a GPU: 2 GB of weights, gradients and Adam
 
 
 @dataclass(frozen=True)
+class Passes:
+    """How often, how far and in which order a training goes through its rows.
+
+    epochs : times. learning_rate : of the first step; it falls linearly towards 0. batch_size : rows of a step at most.
+    """
+
+    epochs: int = 2
+    learning_rate: float = 1e-3
+    batch_size: int = 40
+    seed: int = 0
+
+
+PASSES = Passes()  # of an entry, warm-started from the base
+
+
+@dataclass(frozen=True)
 class Schedule:
     """Which rows each step takes and how far it goes, the same for every model of a run.
 
@@ -32,42 +48,40 @@ class Schedule:
     rates: ndarray
 
 
-def schedule(rows: int, *, epochs: int, learning_rate: float, batch_size: int, seed: int) -> Schedule:
-    """`epochs` passes over `rows` rows in a new order each.
+def schedule(rows: int, passes: Passes) -> Schedule:
+    """Passes over `rows` rows, in a new order each.
 
     Raises UsageError where there is nothing to do or the learning rate is not positive.
     """
-    if min(rows, epochs, batch_size) < 1 or not 0 < learning_rate < np.inf:
+    epochs, batch_size, rate = passes.epochs, passes.batch_size, passes.learning_rate
+    if min(rows, epochs, batch_size) < 1 or not 0 < rate < np.inf:
         raise UsageError(
-            f"{rows} rows, {epochs} epochs, batch size {batch_size}, learning rate {learning_rate}",
+            f"{rows} rows, {epochs} epochs, batch size {batch_size}, learning rate {rate}",
             expected="at least one of each and a positive learning rate",
             do="start from epochs=2, batch_size=40, learning_rate=1e-3",
         )
     steps = -(-rows // batch_size)
     batches = []
     for epoch in range(epochs):
-        order = stream(seed, "training", "order", epoch).permutation(rows)
+        order = stream(passes.seed, "training", "order", epoch).permutation(rows)
         batches += np.array_split(order, steps)
-    return Schedule(tuple(batches), learning_rate * (1 - np.arange(len(batches)) / len(batches)))
+    return Schedule(tuple(batches), rate * (1 - np.arange(len(batches)) / len(batches)))
 
 
 def train(
     start: MlpStack,
     inputs: ndarray,
     targets: ndarray,
+    passes: Passes = PASSES,
     *,
-    epochs: int = 2,
-    learning_rate: float = 1e-3,
-    batch_size: int = 40,
-    seed: int = 0,
     chunk: int = 8,
     threads: int | None = None,
     device: str | None = None,
 ) -> MlpStack:
     """Train M networks with Adam on the mean squared error of the normalised delta.
 
-    All M see their rows in the same order. A model's weights depend on its start, its rows, `seed` and the
-    settings of training; not on `chunk`, on `threads` or on the other models: the same bytes on the same kind
+    All M see their rows in the same order. A model's weights depend on its start, its rows and the
+    passes over them; not on `chunk`, on `threads` or on the other models: the same bytes on the same kind
     of processor.
 
     Parameters
@@ -75,7 +89,6 @@ def train(
     start : M models, or 1 from which all start (the base model).
     inputs : (M, N, D) normalised, or (1, N, D) shared by all models.
     targets : (M, N, S) normalised deltas, or (1, N, S) shared.
-    learning_rate : of the first step; it falls linearly towards 0.
     chunk : models trained together on one core; 8 keep weights, gradients and moments in the cache.
     threads : cores, all of them by default.
     device : "cpu", "cuda", ...; by default cuda where torch sees one. There, all models train at once.
@@ -91,7 +104,7 @@ def train(
                 expected=f"1 or {models}",
                 do="give every model its rows, or one set to all",
             )
-    plan = schedule(x.shape[1], epochs=epochs, learning_rate=learning_rate, batch_size=batch_size, seed=seed)
+    plan = schedule(x.shape[1], passes)
     from dynreg.models.network import choose_device
 
     device = choose_device(device)

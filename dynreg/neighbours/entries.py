@@ -98,7 +98,7 @@ def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Sh
     Base configurations run commands of their own, eight to a bank: a base that saw the entries' commands alone
     would know those trajectories rather than the dynamics.
     """
-    from dynreg.models.base import train_base
+    from dynreg.models.base import POOLED, train_base
 
     run = excitation(robot, seed=seed)
     firsts = range(0, training.base_configurations, IN_A_BANK)
@@ -109,8 +109,7 @@ def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Sh
     base = train_base(
         inputs,
         targets,
-        epochs=training.base_epochs,
-        seed=stream_seed(seed, "base model") % 2**31,
+        replace(POOLED, epochs=training.base_epochs, seed=stream_seed(seed, "base model") % 2**31),
         threads=threads or None,
     )
     probes = inputs[thin(len(inputs), PROBES, seed, "probes")]

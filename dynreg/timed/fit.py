@@ -32,17 +32,27 @@ class Fitted:
     history: np.ndarray
 
 
+@dataclass(frozen=True)
+class Breeding:
+    """How long, and of how many, the genetic algorithm breeds; by default as published."""
+
+    generations: int = 1000
+    population: int = 200
+    tournament: int = 40
+    seed: int = 0
+
+
+BREEDING = Breeding()
+
+
 def fit_unicycle(
     commands: Commands,
     moved: np.ndarray,
     validation: tuple[Commands, np.ndarray],
     track: float,
+    breeding: Breeding = BREEDING,
     *,
-    generations: int = 1000,
-    population: int = 200,
-    tournament: int = 40,
     step: float = STEP,
-    seed: int = 0,
     threads: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fitted:
@@ -53,7 +63,8 @@ def fit_unicycle(
     threads : that simulate side by side; they change no number. progress : called with generations done and all.
     """
     variance = moved.var(axis=0)
-    search = Genetic(6, rng=stream(seed, "fit unicycle"), population=population, tournament=tournament)
+    rng, generations = stream(breeding.seed, "fit unicycle"), breeding.generations
+    search = Genetic(6, rng=rng, population=breeding.population, tournament=breeding.tournament)
     best: tuple[float, float, np.ndarray] | None = None
     last, history = None, []
     with ThreadPoolExecutor(threads) as pool:

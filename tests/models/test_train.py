@@ -6,7 +6,7 @@ from dynreg.errors import UsageError
 from dynreg.models.base import train_base
 from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack, initial
-from dynreg.models.train import schedule, train
+from dynreg.models.train import Passes, schedule, train
 from dynreg.rng import stream
 
 
@@ -46,9 +46,9 @@ def reference(start, inputs, targets, plan) -> torch.nn.Sequential:
 def test_training_is_that_of_torch_with_adam():
     x, y = planted(3, 210)
     start = initial(3, 2, 3, seed=5)
-    settings = {"epochs": 2, "learning_rate": 1e-3, "batch_size": 40, "seed": 7}
-    trained = train(start, x, y, **settings)
-    net = reference(start[1], x[1], y[1], schedule(210, **settings))
+    passes = Passes(epochs=2, learning_rate=1e-3, batch_size=40, seed=7)
+    trained = train(start, x, y, passes)
+    net = reference(start[1], x[1], y[1], schedule(210, passes))
     for layer, weight, bias in zip(net[::2], trained.weights, trained.biases, strict=True):
         np.testing.assert_allclose(weight[1], layer.weight.detach().numpy().T, atol=1e-5)
         np.testing.assert_allclose(bias[1], layer.bias.detach().numpy(), atol=1e-5)
@@ -56,9 +56,9 @@ def test_training_is_that_of_torch_with_adam():
 
 def test_base_training_is_that_of_torch_too():
     x, y = planted(1, 301)
-    settings = {"epochs": 1, "learning_rate": 1e-3, "batch_size": 50, "seed": 7}
-    trained = train_base(x[0], y[0], **settings)
-    net = reference(initial(3, 2, 1, seed=7), x[0], y[0], schedule(301, **settings))
+    passes = Passes(epochs=1, learning_rate=1e-3, batch_size=50, seed=7)
+    trained = train_base(x[0], y[0], passes)
+    net = reference(initial(3, 2, 1, seed=7), x[0], y[0], schedule(301, passes))
     np.testing.assert_allclose(trained.weights[2][0], net[4].weight.detach().numpy().T, atol=1e-5)
 
 
@@ -70,18 +70,18 @@ def test_a_models_bytes_depend_on_its_own_rows_alone(columns, channels, rows, ba
     x = rng.normal(size=(9, rows, columns))
     y = np.tanh(x @ rng.normal(size=(columns, channels)))
     start = initial(columns, channels, 9, seed=1)
-    settings = {"epochs": 1, "batch_size": batch, "seed": 3}
-    trained = train(start, x, y, chunk=4, threads=1, **settings)
+    passes = Passes(epochs=1, batch_size=batch, seed=3)
+    trained = train(start, x, y, passes, chunk=4, threads=1)
     for chunk in (1, 2, 3, 9):
-        assert same(train(start, x, y, chunk=chunk, threads=2, **settings), trained)
-    assert same(train(start[5], x[5], y[5], **settings), trained[5])
-    assert not same(train(start, x, y, epochs=1, batch_size=batch, seed=4), trained)
+        assert same(train(start, x, y, passes, chunk=chunk, threads=2), trained)
+    assert same(train(start[5], x[5], y[5], passes), trained[5])
+    assert not same(train(start, x, y, Passes(epochs=1, batch_size=batch, seed=4)), trained)
 
 
 def test_base_has_the_same_bytes_on_any_number_of_threads():
     x, y = (table.reshape(-1, table.shape[-1]) for table in planted(4, 251))
-    one = train_base(x, y, epochs=1, batch_size=96, threads=1)
-    assert same(train_base(x, y, epochs=1, batch_size=96, threads=2), one)
+    one = train_base(x, y, Passes(epochs=1, batch_size=96), threads=1)
+    assert same(train_base(x, y, Passes(epochs=1, batch_size=96), threads=2), one)
     assert len(one) == 1
 
 
@@ -95,7 +95,7 @@ def test_threads_of_the_caller_are_left_as_they_were():
 def test_a_planted_system_is_learned_and_a_warm_start_learns_it_better():
     pool = planted(20, 300, seed=1)
     x, y = planted(4, 600, seed=2)
-    base = train_base(*(table.reshape(-1, table.shape[-1]) for table in pool), epochs=8, batch_size=64)
+    base = train_base(*(table.reshape(-1, table.shape[-1]) for table in pool), Passes(8, 2e-3, 64))
     rows, held_out = (x[:, :400], y[:, :400]), (x[:, 400:], y[:, 400:])
     warm = losses(train(base, *rows), *held_out)
     scratch = losses(train(initial(3, 2, 4, seed=0), *rows), *held_out)
@@ -115,7 +115,7 @@ def test_shared_rows_and_a_shared_start_are_those_of_each_model():
 
 
 def test_every_row_is_taken_once_an_epoch_in_steps_of_even_size():
-    plan = schedule(103, epochs=3, learning_rate=1e-3, batch_size=20, seed=0)
+    plan = schedule(103, Passes(epochs=3, batch_size=20))
     assert len(plan.batches) == 18 and {len(b) for b in plan.batches} == {17, 18}
     for epoch in range(3):
         np.testing.assert_array_equal(
@@ -135,10 +135,10 @@ def test_bad_calls_are_refused_with_what_was_expected():
     with pytest.raises(UsageError, match="expected 1 or 3"):
         train(start, x[:2], y)
     with pytest.raises(UsageError, match="0 epochs"):
-        train(start, x, y, epochs=0)
+        train(start, x, y, Passes(epochs=0))
     broken = y.copy()
     broken[1, 2, 0] = np.nan
     with pytest.raises(UsageError, match=r"targets\[1, 2, 0\] is nan"):
         train(start, x, broken)
     with pytest.raises(UsageError, match="diverged"):
-        train(start, x, 1e30 * y, learning_rate=1e30)
+        train(start, x, 1e30 * y, Passes(learning_rate=1e30))

@@ -5,7 +5,7 @@ import numpy as np
 from dynreg.rng import stream
 from dynreg.timed import fit
 from dynreg.timed.commands import drawn
-from dynreg.timed.fit import RANGES, fit_unicycle
+from dynreg.timed.fit import RANGES, Breeding, fit_unicycle
 from dynreg.timed.unicycle import LAUT, unicycle
 
 TRACK = 0.0884
@@ -16,13 +16,13 @@ def test_the_parameters_of_a_robot_are_found() -> None:
     moved = unicycle(commands, LAUT, TRACK)
     cut, rest = slice(0, 40), slice(40, 60)
     unseen = (commands.take(rest), moved[rest])
-    given = {"generations": 25, "population": 40, "tournament": 8}
-    found = fit_unicycle(commands.take(cut), moved[cut], unseen, TRACK, **given)
+    given = Breeding(generations=25, population=40, tournament=8)
+    found = fit_unicycle(commands.take(cut), moved[cut], unseen, TRACK, given)
     assert found.history.shape == (25,) and found.history[-1] < 0.1 * found.history[0]
     scale = np.ptp(RANGES, axis=1)
     assert (np.abs(found.parameters - LAUT) / scale)[[0, 1, 3, 5]].max() < 0.15  # the couplings hardly show
     assert found.validation < 0.02 and found.error >= found.history.min()
-    again = fit_unicycle(commands.take(cut), moved[cut], unseen, TRACK, threads=2, **given)
+    again = fit_unicycle(commands.take(cut), moved[cut], unseen, TRACK, given, threads=2)
     assert np.array_equal(again.parameters, found.parameters)
 
 
@@ -39,8 +39,8 @@ def test_a_first_guess_that_diverges_on_the_validation_part_does_not_stay(monkey
         return np.array([np.nan]) if len(seen) == 1 else real(parameters, *rest, **more)
 
     monkeypatch.setattr(fit, "_errors", first_diverges)
-    given = {"generations": 8, "population": 40, "tournament": 8}
-    found = fit_unicycle(commands, moved, (commands, moved), TRACK, **given)
+    given = Breeding(generations=8, population=40, tournament=8)
+    found = fit_unicycle(commands, moved, (commands, moved), TRACK, given)
     assert len(seen) > 1 and np.isfinite(found.validation)
 
 
@@ -49,6 +49,6 @@ def test_what_the_validation_likes_best_is_kept() -> None:
     commands = drawn(60, stream(6, "commands"), seconds=(0.1, 0.6))
     moved, other = unicycle(commands, LAUT, TRACK), unicycle(commands, LAUT * [6, 3, 1, 1, 1, 1], TRACK)
     cut, rest = slice(0, 40), slice(40, 60)
-    given = {"generations": 25, "population": 40, "tournament": 8, "seed": 1}
-    found = fit_unicycle(commands.take(cut), moved[cut], (commands.take(rest), other[rest]), TRACK, **given)
+    given = Breeding(generations=25, population=40, tournament=8, seed=1)
+    found = fit_unicycle(commands.take(cut), moved[cut], (commands.take(rest), other[rest]), TRACK, given)
     assert found.error > found.history.min()
