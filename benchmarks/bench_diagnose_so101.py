@@ -22,6 +22,7 @@ from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settings import Settings
 from dynreg.replay.parts import Parts
+from dynreg.rng import stream
 from dynreg.search.cmaes import CmaEs
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms, term
@@ -58,7 +59,7 @@ def plain(problem: Problem, split: Parts, joint: str, budget: int, seed: int = 0
     )
     many = len(problem.coordinates)
     start = np.concatenate([np.zeros(many), [0.0, 0.03 / scale]])
-    search = CmaEs((start - limits[:, 0]) / np.ptp(limits, axis=1), sigma=0.2, seed=seed)
+    search = CmaEs((start - limits[:, 0]) / np.ptp(limits, axis=1), sigma=0.2, rng=stream(seed, "refit"))
     spent = 0
     while spent < budget and not search.stopped:
         z = limits[:, 0] + search.ask() * np.ptp(limits, axis=1)

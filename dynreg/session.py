@@ -6,6 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
 from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite
@@ -118,37 +119,7 @@ class Session:
 
     query = about_recording(query, QuerySettings, ingest=True)
 
-    def calibrate(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        *,
-        method: str = "cmaes",
-        seed: int = 0,
-        budget: int = 600,
-        hold_out: str | None = None,
-        robot: "str | Path | Robot | None" = None,
-        log_map: str | Path | None = None,
-        threads: int = 0,
-        progress: Progress | None = None,
-    ) -> "results.Calibration":
-        """Fit the robot's parameters to a recording by a search over replays; the reference for `query`."""
-        from dynreg.adapt.calibrate import calibrate
-        from dynreg.verbs.subjects import recorded
-
-        asked = recorded(self.registry, recording, robot, log_map, ingest=True)
-        result = calibrate(
-            self.registry,
-            asked.robot,
-            asked.recording,
-            method=method,
-            seed=seed,
-            budget=budget,
-            hold_out=hold_out,
-            threads=threads,
-            progress=progress,
-        )
-        self.registry.put_result("calibration", asked.recording.id, result.to_dict())
-        return result
+    calibrate = about_recording(calibrate, CalibrateSettings, ingest=True)
 
     def diagnose(
         self,

@@ -1,149 +1,80 @@
-"""Calibrate: fit a robot's parameters to a recording by a search over replays, the usual way.
+"""Calibrate: fit a robot's parameters to a recording by a search over replays, the usual way."""
 
-The reference for `query`: the same parameters, the same replays, hundreds of simulations.
-"""
-
-import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.adapt.methods import METHODS
-from dynreg.data.recording import Recording
-from dynreg.errors import UsageError
-from dynreg.registry import Registry
-from dynreg.replay.cut import windows
-from dynreg.replay.known import known_values
-from dynreg.replay.parts import parts
+from dynreg.replay.data import Data
 from dynreg.replay.windows import Replayer, errors
-from dynreg.results import Calibration, CalibrationStep, Cost, Estimate
-from dynreg.search.cmaes import CmaEs
-from dynreg.sim.config import SimConfig
-from dynreg.sim.robot import Robot
+from dynreg.rng import stream
+from dynreg.search.drive import Limits, drive
+from dynreg.search.screened import after
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
 
-Progress = Callable[[str, int, int], None]
+DIVERGED = 10.0  # replay error of a simulation that did; climbers take what is below for ground
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """What a search found: unit parameters (P,), and replay errors of what it began with and of these.
+
+    train, test : (2,) on what it looked at and on what was held out, NaN where nothing was. history : (replays, lowest
+    error) whenever it fell, and at the end. rollouts, test_rollouts : replays in all.
+    """
+
+    unit: np.ndarray
+    train: tuple[float, float]
+    test: tuple[float, float]
+    history: tuple[tuple[int, float], ...]
+    rollouts: int
+    test_rollouts: int
 
 
 def calibrate(
-    registry: Registry,
-    robot: Robot,
-    recording: Recording,
+    data: Data,
+    search: str,
     *,
-    method: str = "cmaes",
-    seed: int = 0,
-    budget: int = 600,
-    hold_out: str | None = None,
-    threads: int = 0,
-    progress: Progress | None = None,
-) -> Calibration:
-    """The parameters with the lowest replay error on everything that is not held out.
-
-    method : "cmaes" (from the nominal values) or "random" (uniform in the ranges).
-    budget : replays, each one candidate through all windows that are not held out.
-    Raises UsageError for an unknown method or a budget below 1.
-    """
-    if method not in METHODS or budget < 1:
-        raise UsageError(
-            f"method {method!r} with a budget of {budget}",
-            expected=f"one of {list(METHODS)} and a budget of at least 1",
-            do="correct it",
-        )
-    began = time.perf_counter()
-    cut = windows(robot, recording)
-    split = parts(recording, cut, hold_out)
-    cut = cut.scaled_by(robot, split.chosen)
-    replayer = Replayer(robot, cut, threads)
-    fixed, start = _start(robot, recording)
-    train = _losses(replayer, split.chosen)
-    best, history = _search(train, robot, fixed, start, method, seed, budget, progress)
-    rollouts = replayer.rollouts
-    pair = np.stack([start, best])
-    train_errors = train(pair)
-    test = _losses(replayer, np.flatnonzero(split.test))(pair) if split.test.any() else [None, None]
-    values = robot.space.from_unit(best)
-    config = SimConfig(robot.hash, robot.name, robot.space.as_dict(values)).as_dict()
-    simulator = registry.put_simulator(
-        config | {"lineage": {"made_by": f"calibrate {method}", "recording": recording.id}}
-    )
-    return Calibration(
-        robot=robot.name,
-        recording=recording.id,
-        method=method,
-        simulator=simulator,
-        parameters=_estimates(robot, best, values),
-        train_error=float(train_errors[1]),
-        test_error=None if test[1] is None else float(test[1]),
-        nominal_train_error=float(train_errors[0]),
-        nominal_test_error=None if test[0] is None else float(test[0]),
-        history=tuple(CalibrationStep(simulations=n, error=e) for n, e in history),
-        cost=Cost(
-            evaluations=0,
-            rollouts=rollouts,
-            test_rollouts=2 * bool(split.test.any()),
-            seconds=time.perf_counter() - began,
-        ),
-    )
-
-
-def _start(robot: Robot, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Which parameters are known (P,) and the unit parameters to start from (P,)."""
-    known = known_values(robot, recording)
-    fixed = ~np.isnan(known)
-    return fixed, robot.space.to_unit(np.where(fixed, known, robot.space.nominal))
-
-
-def _losses(replayer: Replayer, chosen: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    def losses(unit: np.ndarray) -> np.ndarray:
-        values = replayer.robot.space.from_unit(unit)
-        return errors(replayer.residuals(values, chosen)).mean(axis=1)
-
-    return losses
-
-
-def _search(
-    train: Callable[[np.ndarray], np.ndarray],
-    robot: Robot,
-    fixed: np.ndarray,
-    start: np.ndarray,
-    method: str,
-    seed: int,
     budget: int,
-    progress: Progress | None,
-) -> tuple[np.ndarray, list[tuple[int, float]]]:
-    """The best unit parameters (P,) and (simulations, best error) after each generation."""
-    from dynreg.rng import stream
+    seed: int = 0,
+    threads: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Calibrated:
+    """The parameters with the lowest replay error on everything that is not held out, never worse than `data.start`.
 
-    free = np.flatnonzero(~fixed)
-    search = CmaEs(start[free], seed=seed) if method == "cmaes" else None
-    rng = stream(seed, "calibrate", robot.name)
-    best, lowest, spent, history = start, np.inf, 0, []
-    while spent < budget and not (search and search.stopped):
-        asked = search.ask() if search else rng.uniform(size=(20, len(free)))
-        unit = np.tile(start, (len(asked), 1))
-        unit[:, free] = asked
-        losses = train(unit)
-        if search:
-            search.tell(losses)
-        spent += len(asked)
-        if losses.min() < lowest:
-            best, lowest = unit[int(losses.argmin())], float(losses.min())
-        history.append((spent, lowest))
-        if progress:
-            progress("calibrate", min(spent, budget), budget)
-    return best, history
+    search : one of the table. What it begins with is tried first; what the recording tells stays as it is. budget :
+    replays at most, each one candidate through all windows that are not held out.
+    """
+    space, replayer = data.robot.space, Replayer(data.robot, data.windows, threads)
+    free, start = np.flatnonzero(np.isnan(data.known)), space.to_unit(data.start)
 
+    def whole(some: np.ndarray) -> np.ndarray:
+        unit = np.tile(start, (len(some), 1))
+        unit[:, free] = some
+        return unit
 
-def _estimates(robot: Robot, unit: np.ndarray, values: np.ndarray) -> dict[str, Estimate]:
-    """A search gives no intervals: low and high are the value itself."""
-    return {
-        p.name: Estimate(
-            value=float(v),
-            low=float(v),
-            high=float(v),
-            unit=p.unit,
-            nominal=p.nominal,
-            limits=(p.low, p.high),
-            at_bound=bool(u < 0.005 or u > 0.995),
-        )
-        for p, u, v in zip(robot.space.parameters, unit, values, strict=True)
-    }
+    def losses(unit: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        return errors(replayer.residuals(space.from_unit(unit), chosen)).mean(axis=1)
+
+    kind = SEARCHES[search]
+    begin = Start(len(free), stream(seed, "calibrate", data.robot.name), kind.batch)
+    found = drive(
+        after(start[None, free], kind, begin),
+        lambda some: losses(whole(some), data.parts.chosen)[:, None],
+        lambda grades: (-grades[:, 0], grades[:, 0] - DIVERGED),
+        Limits(budget if len(free) else 1, cut=True),
+        progress=progress,
+    )
+    pair = np.stack([start, whole(found.best[None])[0]])
+    test = np.flatnonzero(data.parts.test)
+    tested = losses(pair, test) if len(test) else np.full(2, np.nan)
+    history = tuple((spent, -value) for spent, value in (*found.history, (found.evaluations, found.value)))
+    return Calibrated(
+        unit=pair[1],
+        train=(history[0][1], history[-1][1]),
+        test=(float(tested[0]), float(tested[1])),
+        history=history,
+        rollouts=found.evaluations,
+        test_rollouts=2 * bool(len(test)),
+    )

@@ -4,10 +4,9 @@ from typing import Annotated
 
 import typer
 
-from dynreg.adapt.methods import METHODS
-from dynreg.cli.call import Call, at_least, one_of, verb
-from dynreg.cli.completion import methods, recording_names
-from dynreg.cli.options import HoldOut, Threads
+from dynreg.cli.call import Call, verb
+from dynreg.cli.completion import recording_names
+from dynreg.verbs.calibrate import CalibrateSettings
 
 
 def register(app: typer.Typer) -> None:
@@ -25,32 +24,15 @@ def calibrate(
             autocompletion=recording_names,
         ),
     ],
-    method: Annotated[
-        str, typer.Option(help=f"One of {', '.join(METHODS)}.", autocompletion=methods)
-    ] = METHODS[0],
-    seed: Annotated[int | None, typer.Option(help="Seed of the search [0].")] = None,
-    budget: Annotated[int, typer.Option(help="Simulations that the search may run.")] = 600,
-    hold_out: HoldOut = None,
-    threads: Threads = None,
+    settings: CalibrateSettings,
 ) -> None:
     """Fit a robot's parameters by a search.
 
-    The reference that a query is compared with: it needs no population.
+    The reference that a query is compared with: it needs no population. It begins with the robot's own
+    values, and never ends with worse ones.
 
-    Example: dynreg calibrate monday --method cmaes --hold-out kp=400
+    Example: dynreg calibrate monday --method cma --hold-out kp=400
     """
-    one_of("--method", method, METHODS)
-    at_least("--budget", budget, 1)
-    at_least("--seed", seed, 0)
-    at_least("--threads", threads, 0)
     with call.open() as session, call.progress() as progress:
-        result = session.calibrate(
-            recording,
-            method=method,
-            seed=call.pick("seed", seed, 0),
-            budget=budget,
-            hold_out=hold_out,
-            threads=call.pick("threads", threads, 0),
-            progress=progress,
-        )
+        result = session.calibrate(recording, **vars(settings), progress=progress)
     call.emit(result, hint="dynreg report @last")

@@ -4,8 +4,6 @@ import os
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from dynreg.adapt.methods import METHODS
-
 KINDS = ("population", "recording", "simulator", "result", "robot")
 
 
@@ -21,11 +19,6 @@ def robot_names(incomplete: str) -> list[str]:
 def kinds(incomplete: str) -> list[str]:
     """Kinds of stored things."""
     return [kind for kind in KINDS if kind.startswith(incomplete)]
-
-
-def methods(incomplete: str) -> list[str]:
-    """Searches that a calibration can run."""
-    return [method for method in METHODS if method.startswith(incomplete)]
 
 
 def one_of(choices: Collection[str]) -> Callable[[str], list[str]]:

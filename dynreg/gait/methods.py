@@ -1,4 +1,6 @@
 """Names of the searches for gaits, and of what they may raise; without heavy imports."""
 
-METHODS = ("cma", "hill", "random")
+from dynreg.search.table import SEARCHES
+
+METHODS = tuple(SEARCHES)
 ACCEPT = ("min", "mean", "quantile")

@@ -8,23 +8,21 @@ from typing import Any
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.gait.methods import ACCEPT, METHODS
+from dynreg.gait.methods import ACCEPT
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness
 from dynreg.gait.trials import Trials
 from dynreg.rng import stream
 from dynreg.search.drive import Found, Limits, Search, drive
 from dynreg.search.journal import Journal
+from dynreg.search.screened import after, around
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
 from dynreg.sim.run import Walk
 
 QUARTILE = 0.25
-RESTARTS = 5  # climbers of the paper
-STEP = 0.1  # of the range, 1 sigma, of the paper
-SCREENED = (
-    0.2  # of the candidates, drawn before CMA-ES sets out from the best: most gaits fall, and cost little
-)
-BATCH = 10  # candidates at a time
-SIGMA = 0.12  # first step of CMA-ES, of the range
+# of the candidates, drawn before a search sets out from one of them, the best: most gaits fall, and cost little
+SCREENED = 0.2
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
 ROUNDS = (
     3  # of that: each keeps the better half and tries them twice as often (successive halving, Jamieson 2016)
@@ -42,7 +40,7 @@ class SearchSettings:
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
 
-    method: str = METHODS[0]
+    method: str = "cma"
     accept: str = ACCEPT[0]
     rollouts: int = 750
     seed: int = 0
@@ -51,7 +49,10 @@ class SearchSettings:
     again: float = 0.0
 
     def __post_init__(self):
-        for name, value, choices in (("method", self.method, METHODS), ("accept", self.accept, ACCEPT)):
+        for name, value, choices in (
+            ("method", self.method, tuple(SEARCHES)),
+            ("accept", self.accept, ACCEPT),
+        ):
             if value not in choices:
                 raise UsageError(
                     f"{name} {value!r}", expected=f"one of {list(choices)}", do="choose one of them"
@@ -111,13 +112,12 @@ def seek(
     """
     space, k = trials.space, len(trials.simulators)
     finals = settings.finals(k)
-    asked, batch = _search(trials, settings)
-    search = _Seen(asked)
+    kind, search = SEARCHES[settings.method], _Seen(_search(trials, settings))
     evaluations = settings.rollouts // k - sum(gaits * draws for gaits, draws in finals)
-    if evaluations < batch:
+    if evaluations < kind.batch:
         raise UsageError(
             f"{settings.rollouts} rollouts in {k} simulators",
-            expected=f"at least {batch * k}: {batch} gaits at a time in each",
+            expected=f"at least {kind.batch * k}: {kind.batch} gaits at a time in each",
             do="raise --rollouts or lower -k",
         )
     kept = Journal(journal, key or {}, resume=resume) if journal else None
@@ -128,10 +128,10 @@ def seek(
         helpless[:] &= fallen(grades).all(axis=0)
         return judge(grades)
 
-    # CMA-ES lives with noise that is another for every batch, and finds what walks whatever the noise. Climbers
-    # compare candidates of different batches; so does who ends a search early
+    # who learns from one batch alone lives with noise that is another for every batch, and finds what walks whatever
+    # the noise. Climbers compare candidates of different batches; so does who ends a search early
     early = settings.patience is not None or settings.target is not None
-    draws_anew = bool(finals) and settings.method == "cma" and not early
+    draws_anew = bool(finals) and kind.by_order and not early
     found = drive(
         search,
         lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
@@ -220,33 +220,21 @@ def accepted(values: np.ndarray, how: str) -> np.ndarray:
 def _judge(settings: SearchSettings) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     def judge(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values = accepted(fitness(grades), settings.accept)
-        # CMA-ES ranks its candidates, the fallen ones too; the hill climber is the paper's
-        return values, -accepted(grades, settings.accept) if settings.method == "cma" else -values
+        # some rank their candidates, the fallen ones too; the hill climber is the paper's
+        ranked = SEARCHES[settings.method].by_order
+        return values, -accepted(grades, settings.accept) if ranked else -values
 
     return judge
 
 
-def _search(trials: Trials, settings: SearchSettings) -> tuple[Search, int]:
-    """The search and its number of candidates at a time; all try the robot's own gaits, where it has some, first."""
-    from dynreg.search.at_random import AtRandom
-    from dynreg.search.cmaes import CmaEs
-    from dynreg.search.hill import HillClimber
-    from dynreg.search.screened import Screened, around
-
-    space = trials.space
-    rng, size, turns = stream(settings.seed, "gait", settings.method), len(space), space.periodic
-    starts = space.starts
-
-    def climb(best: np.ndarray) -> Search:
-        first = best if len(starts) else None
-        return HillClimber(size, rng=rng, restarts=RESTARTS, step=STEP, periodic=turns, start=first)
-
-    if settings.method == "hill":
-        return Screened(starts, climb, batch=RESTARTS), RESTARTS
-    if settings.method == "random":
-        return Screened(starts, lambda _: AtRandom(size, rng=rng, batch=BATCH), batch=BATCH), BATCH
-    screen = int(SCREENED * settings.rollouts / len(trials.simulators))
-    whole = BATCH * max(screen // BATCH, -(-len(starts) // BATCH), 1)
-    candidates = np.concatenate([starts, around(starts, whole - len(starts), rng, turns)])
-    begin = lambda best: CmaEs(best, sigma=SIGMA, rng=rng, batch=BATCH, periodic=turns)  # noqa: E731
-    return Screened(candidates, begin, batch=BATCH), BATCH
+def _search(trials: Trials, settings: SearchSettings) -> Search:
+    """The search; all try the robot's own gaits, where it has some, first."""
+    space, kind = trials.space, SEARCHES[settings.method]
+    rng = stream(settings.seed, "gait", settings.method)
+    candidates = space.starts
+    if kind.from_one:
+        screen = int(SCREENED * settings.rollouts / len(trials.simulators))
+        whole = kind.batch * max(screen // kind.batch, -(-len(candidates) // kind.batch), 1)
+        draws = around(candidates, whole - len(candidates), rng, space.periodic)
+        candidates = np.concatenate([candidates, draws])
+    return after(candidates, kind, Start(len(space), rng, kind.batch, periodic=space.periodic))

@@ -117,7 +117,8 @@ def track(
 
 def estimate_track(e: Estimate, others: Iterable[float] = ()) -> Track:
     """The track of a parameter, with the values of others as dots."""
-    return track(e.value, e.low, e.high, e.nominal, others, e.limits)
+    low, high = (e.value, e.value) if e.low is None else (e.low, e.high)
+    return track(e.value, low, high, e.nominal, others, e.limits)
 
 
 def ruler(value: float, low: float, high: float, marks: dict[str, float]) -> Ruler:

@@ -29,9 +29,10 @@ def count(how_many: int, what: str) -> str:
 
 
 def interval(estimate: Estimate | EffectEstimate) -> str:
-    """Value with its 90 % interval, marked where it lies on the edge of the range."""
+    """Value with its 90 % interval, where it has one, marked where it lies on the edge of the range."""
     edge = " (at the edge)" if estimate.at_bound else ""
-    return f"{number(estimate.value)} [{number(estimate.low)}, {number(estimate.high)}]{edge}"
+    bounds = "" if estimate.low is None else f" [{number(estimate.low)}, {number(estimate.high)}]"
+    return f"{number(estimate.value)}{bounds}{edge}"
 
 
 def cost_words(cost: Cost) -> str:

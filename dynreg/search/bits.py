@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.search.start import Start
 from dynreg.search.turns import may_ask, may_tell, ranked
 
 BITS = 10  # of a number
@@ -188,3 +189,13 @@ class Operon(_Bits):
         at = np.arange(LIST)
         source = np.where(at < length, length - 1 - at, at)
         self._values[child, loci] = np.take_along_axis(self._values[child, loci], source, axis=1)
+
+
+def begin_plain(start: Start) -> BitGenetic:
+    """A small population, for budgets of hundreds; what is known is not in it."""
+    return BitGenetic(start.dimensions, rng=start.rng, population=start.batch, tournament=3)
+
+
+def begin_operon(start: Start) -> Operon:
+    """The same of the operon algorithm."""
+    return Operon(start.dimensions, rng=start.rng, population=start.batch, tournament=3)

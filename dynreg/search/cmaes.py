@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from dynreg.search.start import Start
 from dynreg.search.turns import may_ask, may_tell
+
+SIGMA = 0.12  # first step, of the range
 
 
 class CmaEs:
@@ -10,18 +13,16 @@ class CmaEs:
 
     Parameters
     ----------
-    start : (P,) where to begin. sigma : first step size in the unit cube. seed : of its random draws, which come
-    from numpy's global generator; with `rng` they come from that one alone. batch : candidates of one ask.
-    periodic : (P,) dimensions that run round: they have no bounds, and what is asked lies in [0, 1) all the same.
+    start : (P,) where to begin. rng : of all draws. sigma : first step size in the unit cube. batch : candidates of one
+    ask. periodic : (P,) dimensions that run round: they have no bounds, and what is asked lies in [0, 1) all the same.
     """
 
     def __init__(
         self,
         start: np.ndarray,
         *,
-        sigma: float = 0.3,
-        seed: int = 0,
-        rng: np.random.Generator | None = None,
+        rng: np.random.Generator,
+        sigma: float = SIGMA,
         batch: int | None = None,
         periodic: np.ndarray | None = None,
     ):
@@ -29,9 +30,9 @@ class CmaEs:
 
         self._round = np.zeros(len(start), dtype=bool) if periodic is None else periodic
         bounds = [[None if free else edge for free in self._round] for edge in (0.0, 1.0)]
-        options = {"bounds": bounds, "seed": seed % (2**31 - 1) + 1, "verbose": -9, "tolflatfitness": 50}
-        if rng is not None:
-            options |= {"seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape)}
+        options = {"bounds": bounds, "verbose": -9, "tolflatfitness": 50}
+        # no draw comes from numpy's global generator
+        options |= {"seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape)}
         if batch is not None:
             options["popsize"] = batch
         self._search = cma.CMAEvolutionStrategy(np.clip(start, 0.0, 1.0), sigma, options)
@@ -71,3 +72,9 @@ class CmaEs:
 
     def _inside(self, x: np.ndarray) -> np.ndarray:
         return np.where(self._round, np.mod(x, 1.0), x)
+
+
+def begin(start: Start) -> CmaEs:
+    """About the point that is known, else the middle of the cube."""
+    point = np.full(start.dimensions, 0.5) if start.point is None else start.point
+    return CmaEs(point, rng=start.rng, batch=start.batch, periodic=start.periodic)

@@ -26,13 +26,15 @@ class Search(Protocol):
 class Limits:
     """When a search ends.
 
-    evaluations : candidates at most (a batch that would not fit is not begun; the first one always is). patience :
-    candidates without a better one after which to give up, None for never. target : value that is good enough.
+    evaluations : candidates at most. cut : of a batch that would not fit, those are tried that do; else it is not begun
+    (the first one always is). patience : candidates without a better one after which to give up, None for never.
+    target : value that is good enough.
     """
 
     evaluations: int
     patience: int | None = None
     target: float | None = None
+    cut: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +70,11 @@ def drive(
     best, top, spent, resumed, last, history = None, None, 0, 0, 0, []
     while True:
         asked = search.ask()
-        if best is not None and spent + len(asked) > limits.evaluations:
+        room = limits.evaluations - spent
+        cut = limits.cut and room < len(asked)
+        if best is not None and room < len(asked) and not cut:
             return Found(*best, tuple(history), spent, resumed, "budget")
+        asked = asked[:room] if cut else asked
         known = journal.next(asked) if journal else None
         found = grades(asked) if known is None else known
         if known is not None:
@@ -77,7 +82,8 @@ def drive(
         elif journal:
             journal.add(asked, found)
         values, losses = judge(found)
-        search.tell(losses)
+        if not cut:
+            search.tell(losses)
         at = int(np.lexsort((losses, -values))[0])  # of equals the one that the search likes best
         rank = (float(values[at]), -float(losses[at]))
         if best is None or rank > top:
@@ -88,15 +94,17 @@ def drive(
         spent += len(asked)
         if progress:
             progress(spent, limits.evaluations)
-        ended = _ended(search, limits, best[2], spent - last)
+        ended = _ended(search, limits, best[2], spent, spent - last)
         if ended:
             return Found(*best, tuple(history), spent, resumed, ended)
 
 
-def _ended(search: Search, limits: Limits, value: float, since: int) -> str:
-    """Why a search is over before its budget is, "" where it is not."""
+def _ended(search: Search, limits: Limits, value: float, spent: int, since: int) -> str:
+    """Why a search is over, "" where it is not: `since` so many candidates of those spent nothing was better."""
     if limits.target is not None and value >= limits.target:
         return "target"
     if limits.patience is not None and since >= limits.patience:
         return "patience"
+    if spent >= limits.evaluations:
+        return "budget"
     return "converged" if search.stopped else ""

@@ -8,6 +8,7 @@ the width of a mutation, and how a gene beyond its range ends at the bound.
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.search.start import Start
 from dynreg.search.turns import may_ask, may_tell, ranked
 
 
@@ -102,3 +103,19 @@ class Genetic:
         draw = self._rng.uniform(size=genes.shape)
         moved = np.where(self._width >= 1.0, draw, genes + self._width * (2.0 * draw - 1.0))
         return np.clip(np.where(hit, moved, genes), 0.0, 1.0)
+
+
+def begin(start: Start) -> Genetic:
+    """A small population, for budgets of hundreds; what is known is in it, and the best one stays.
+
+    One gene in P is moved: crossing a few candidates alone would soon make them all alike.
+    """
+    return Genetic(
+        start.dimensions,
+        rng=start.rng,
+        population=start.batch,
+        tournament=3,
+        mutation=max(1.0 / start.dimensions, 0.05),
+        elite=1,
+        start=start.point,
+    )

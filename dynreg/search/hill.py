@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynreg.search.start import Start
 from dynreg.search.turns import may_ask, may_tell
 
 
@@ -61,3 +62,10 @@ class HillClimber:
     def stopped(self) -> bool:
         """Never: climbers do not know when they are at the top."""
         return False
+
+
+def begin(start: Start) -> HillClimber:
+    """As many climbers as a batch has candidates, the first at the point that is known."""
+    return HillClimber(
+        start.dimensions, rng=start.rng, restarts=start.batch, periodic=start.periodic, start=start.point
+    )

@@ -1,10 +1,13 @@
 """A search that looks around before it sets out: for functions of which most of the range is worth nothing."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from dynreg.search.drive import Search
+from dynreg.search.start import Start
+from dynreg.search.table import Kind
 from dynreg.search.turns import may_ask, may_tell
 
 AROUND = 0.25  # of the range, 1 sigma, of draws about a start
@@ -71,3 +74,12 @@ class Screened:
     def stopped(self) -> bool:
         """Whether the search that set out is over."""
         return self._search is not None and self._search.stopped
+
+
+def after(candidates: np.ndarray, kind: Kind, start: Start) -> Screened:
+    """A search that tries candidates (n, P) first and sets out from the best of them; from `start` where n is 0."""
+
+    def set_out(best: np.ndarray) -> Search:
+        return kind.begin(replace(start, point=best) if len(candidates) else start)
+
+    return Screened(candidates, set_out, batch=start.batch)

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from dynreg.rng import stream
+from dynreg.search.drive import Limits, drive
 from dynreg.search.genetic import Genetic
 from dynreg.timed.commands import Commands
 from dynreg.timed.unicycle import unicycle
@@ -63,28 +64,32 @@ def fit_unicycle(
     threads : that simulate side by side; they change no number. progress : called with generations done and all.
     """
     variance = moved.var(axis=0)
-    rng, generations = stream(breeding.seed, "fit unicycle"), breeding.generations
-    search = Genetic(6, rng=rng, population=breeding.population, tournament=breeding.tournament)
-    best: tuple[float, float, np.ndarray] | None = None
-    last, history = None, []
+    rng, population = stream(breeding.seed, "fit unicycle"), breeding.population
+    search = Genetic(6, rng=rng, population=population, tournament=breeding.tournament)
+    parameters = lambda unit: RANGES[:, 0] + unit * np.ptp(RANGES, axis=1)  # noqa: E731
+    history: list[float] = []
     with ThreadPoolExecutor(threads) as pool:
         errors_of = partial(_errors, variance=variance, track=track, step=step, pool=pool)
-        for generation in range(generations):
-            asked = RANGES[:, 0] + search.ask() * np.ptp(RANGES, axis=1)
+
+        def grades(unit: np.ndarray) -> np.ndarray:
+            """(n, 2) errors on what is fitted, and on the validation part: infinite but for the best of them."""
+            asked, unseen = parameters(unit), np.full(len(unit), np.inf)
             errors = errors_of(asked, commands, moved)
-            search.tell(errors)
             at = int(np.argmin(np.where(np.isfinite(errors), errors, np.inf)))
             history.append(float(errors[at]))
-            if progress:
-                progress(generation + 1, generations)
-            if last is not None and np.array_equal(asked[at], last):
-                continue
-            last = asked[at]
-            unseen = float(errors_of(last[None], *validation)[0])
-            unseen = unseen if np.isfinite(unseen) else np.inf  # it diverges there: anything else is better
-            if best is None or unseen < best[0]:
-                best = (unseen, history[-1], last)
-    return Fitted(best[2], best[1], best[0], np.array(history))
+            found = errors_of(asked[[at]], *validation)[0]
+            unseen[at] = found if np.isfinite(found) else np.inf  # it diverges there: anything else is better
+            return np.stack([errors, unseen], axis=1)
+
+        found = drive(
+            search,
+            grades,
+            lambda both: (-both[:, 1], both[:, 0]),
+            Limits(breeding.generations * population),
+            progress=progress and (lambda done, _: progress(done // population, breeding.generations)),
+        )
+    error, unseen = (float(x) for x in found.grades)
+    return Fitted(parameters(found.best), error, unseen, np.array(history))
 
 
 def _errors(

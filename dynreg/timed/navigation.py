@@ -12,6 +12,7 @@ import numpy as np
 
 from dynreg.errors import UsageError
 from dynreg.rng import stream
+from dynreg.search.drive import Limits, drive
 from dynreg.search.genetic import Genetic
 from dynreg.timed.commands import Commands, pose_after
 from dynreg.timed.models import Model, along
@@ -133,9 +134,11 @@ def evolve(
     mutation: float = 0.15,
     within: float = ROBOT,
     seed: int = 0,
-    progress: Callable[[int, float], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Evolved:
     """Ten commands that do best in a model, by the genetic algorithm; `within` as in `fitness`.
+
+    progress : called with candidates tried and all.
 
     Raises UsageError where no point of a block is so far within.
     """
@@ -151,14 +154,7 @@ def evolve(
         mutation=mutation,
         width=np.tile(WIDTHS, COMMANDS),
     )
-    best: Evolved | None = None
-    for generation in range(generations):
-        asked = search.ask()
-        found, blocks = fitness(driven(Plan.of(asked), model), within)
-        search.tell(-found)
-        at = int(np.nanargmax(found))
-        if best is None or found[at] > best.fitness:
-            best = Evolved(asked[at], float(found[at]), int(blocks[at]))
-        if progress:
-            progress(generation + 1, best.fitness)
-    return best
+    grades = lambda unit: np.stack(fitness(driven(Plan.of(unit), model), within), axis=1)  # noqa: E731
+    judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
+    found = drive(search, grades, judge, Limits(generations * population), progress=progress)
+    return Evolved(found.best, found.value, int(found.grades[1]))

@@ -131,7 +131,7 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("calibrate", ("bench",))
     assert named == {
-        "method": "cmaes",
+        "method": "cma",
         "seed": 2,
         "budget": 40,
         "hold_out": "0.25",
@@ -141,14 +141,17 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
 
 
 def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:
-    from dynreg.adapt.calibrate import METHODS
+    from dynreg.errors import OldWord
+    from dynreg.search.table import SEARCHES
 
-    assert "random" in METHODS
-    for method in METHODS:
+    for method in SEARCHES:
         assert dynreg("calibrate", "bench", "--method", method).status == 0
         assert session.asked[-1][2]["method"] == method
+    with pytest.warns(OldWord, match="'cmaes' is called 'cma' now"):
+        assert dynreg("calibrate", "bench", "--method", "cmaes").status == 0
+    assert session.asked[-1][2]["method"] == "cma"
     ended = dynreg("calibrate", "bench", "--method", "guess")
-    assert ended.status == 2 and "one of cmaes, random" in ended.err
+    assert ended.status == 2 and "one of cma, hill, random" in ended.err
 
 
 def test_quiet_leaves_hints_out(dynreg, session) -> None:

@@ -14,7 +14,7 @@ from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials, simulators_of
 from dynreg.sim.config import SimConfig
 
-BUDGET = {"cma": 84, "hill": 40, "random": 60}  # some batches in two simulators
+BUDGET = dict.fromkeys(METHODS, 60) | {"cma": 84, "hill": 40}  # some batches in two simulators
 
 
 def first_gaits(trials: Trials, count: int = 3) -> np.ndarray:

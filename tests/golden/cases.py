@@ -222,7 +222,7 @@ def calibrate(place: Place) -> Document:
         registry.ingest(log("servo"), "servo_pendulum", name="bench")
         return {
             method: registry.calibrate("bench", method=method, budget=30, threads=place.threads).to_dict()
-            for method in ("cmaes", "random")
+            for method in ("cma", "random")
         }
 
 

@@ -7,13 +7,13 @@ import pytest
 
 from dynreg.errors import CorruptError, UsageError
 from dynreg.rng import stream
-from dynreg.search.at_random import AtRandom
 from dynreg.search.cmaes import CmaEs
 from dynreg.search.drive import Limits, drive
-from dynreg.search.genetic import Genetic
 from dynreg.search.hill import HillClimber
 from dynreg.search.journal import Journal
-from dynreg.search.screened import Screened, around
+from dynreg.search.screened import Screened, after, around
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
 
 
 def screened(rng: np.random.Generator, many: int, *, batch: int = 10, sigma: float = 0.12) -> Screened:
@@ -24,12 +24,8 @@ def screened(rng: np.random.Generator, many: int, *, batch: int = 10, sigma: flo
 
 
 MAKE = {
-    "hill": lambda rng: HillClimber(3, rng=rng, restarts=4),
-    "cma": lambda rng: CmaEs(np.full(3, 0.5), rng=rng),
-    "screened": lambda rng: screened(rng, 40),
-    "genetic": lambda rng: Genetic(3, rng=rng, population=20, tournament=3, elite=1),
-    "random": lambda rng: AtRandom(3, rng=rng, batch=8),
-}
+    name: lambda rng, kind=kind: kind.begin(Start(3, rng, kind.batch)) for name, kind in SEARCHES.items()
+} | {"screened": lambda rng: screened(rng, 40)}
 
 
 def hump(asked: np.ndarray) -> np.ndarray:
@@ -66,7 +62,40 @@ def test_searches_beat_chance_at_an_equal_budget(name: str) -> None:
     assert mean[name] > mean["random"]
 
 
-@pytest.mark.parametrize("name", ["hill", "cma", "genetic"])
+@pytest.mark.parametrize("budget", [1, 7, 10, 33])
+@pytest.mark.parametrize("name", MAKE)
+def test_a_batch_is_cut_to_what_the_budget_has_left(name: str, budget: int) -> None:
+    tried = []
+    limits = Limits(budget, cut=True)
+    found = drive(MAKE[name](stream(2, name)), lambda x: tried.append(x) or hump(x), judge, limits)
+    tried = np.concatenate(tried)
+    assert found.evaluations == len(tried) == budget and found.ended == "budget"
+    assert found.value == hump(tried).max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", SEARCHES)
+def test_what_is_known_is_tried_first_and_nothing_worse_comes_back(name: str, seed: int) -> None:
+    known = np.array([[0.21, 0.69, 0.4]])
+    rng = stream(seed, name)
+    tried = []
+    search = after(known, SEARCHES[name], Start(3, rng, SEARCHES[name].batch))
+    found = drive(search, lambda x: tried.append(x) or hump(x), judge, Limits(41, cut=True))
+    assert np.array_equal(tried[0], known) and found.value >= hump(known)[0, 0]
+    assert found.history[0] == (1, hump(known)[0, 0]) and len(np.concatenate(tried)) == 41
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_the_same_draws_ask_the_same(name: str) -> None:
+    first, again, other = (MAKE[name](stream(seed, name)) for seed in (0, 0, 1))
+    for _ in range(3):
+        asked = first.ask()
+        assert np.array_equal(asked, again.ask()) and not np.array_equal(asked, other.ask())
+        for search in (first, again, other):
+            search.tell(np.arange(float(len(asked))))
+
+
+@pytest.mark.parametrize("name", SEARCHES)
 def test_ask_and_tell_take_turns(name: str) -> None:
     search = MAKE[name](stream(0, name))
     with pytest.raises(UsageError, match="losses"):
@@ -112,6 +141,7 @@ def journal_of(path: Path, batches: int = 2) -> None:
         asked = search.ask()
         kept.next(asked)
         kept.add(asked, hump(asked))
+        search.tell(-hump(asked)[:, 0])
 
 
 def test_a_journal_gives_back_what_was_found_and_drops_a_torn_line(tmp_path: Path) -> None:
@@ -123,6 +153,7 @@ def test_a_journal_gives_back_what_was_found_and_drops_a_torn_line(tmp_path: Pat
     for _ in range(2):
         asked = search.ask()
         assert np.array_equal(kept.next(asked), hump(asked))
+        search.tell(-hump(asked)[:, 0])
     assert kept.next(search.ask()) is None
     assert path.read_text() == text
     assert Journal(path, {"seed": 1}, resume=False).next(asked) is None  # begun anew

@@ -1,0 +1,87 @@
+"""Calibrate: fit a robot's parameters to a recording by a search, for comparison with a query."""
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dynreg.errors import OldWord
+from dynreg.search.table import OLD, SEARCHES
+from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
+
+if TYPE_CHECKING:
+    from dynreg.results import Calibration
+    from dynreg.verbs.subjects import Recorded
+
+
+@dataclass(frozen=True)
+class CalibrateSettings(Settings):
+    """What `calibrate` can be told."""
+
+    method: str = option("cma", "The search.", choices=tuple(SEARCHES))
+    seed: int = seed()
+    budget: int = option(600, "Simulations that the search may run.", least=1)
+    hold_out: str | None = hold_out()
+    threads: int = threads()
+
+    def __post_init__(self) -> None:
+        if self.method in OLD:
+            warnings.warn(f"{self.method!r} is called {OLD[self.method]!r} now", OldWord, stacklevel=3)
+            object.__setattr__(self, "method", OLD[self.method])
+        super().__post_init__()
+
+
+def calibrate(
+    asked: "Recorded",
+    settings: CalibrateSettings,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> "Calibration":
+    """Fit a robot's parameters by a search.
+
+    The reference that a query is compared with: it needs no population. It begins with the robot's own
+    values, and never ends with worse ones.
+
+    Example: dynreg calibrate monday --method cma --hold-out kp=400
+    """
+    from dynreg.adapt.calibrate import calibrate
+    from dynreg.replay.data import data
+    from dynreg.results import Calibration, CalibrationStep, Cost
+    from dynreg.sim.config import SimConfig
+    from dynreg.verbs.estimates import estimate
+
+    began, robot, space = time.perf_counter(), asked.robot, asked.robot.space
+    found = calibrate(
+        data(robot, asked.recording, settings.hold_out),
+        settings.method,
+        budget=settings.budget,
+        seed=settings.seed,
+        threads=settings.threads,
+        progress=progress and (lambda done, total: progress("calibrate", done, total)),
+    )
+    values = space.from_unit(found.unit)
+    config = SimConfig(robot.hash, robot.name, space.as_dict(values)).as_dict()
+    lineage = {"made_by": f"calibrate {settings.method}", "recording": asked.recording.id}
+    edge = (found.unit < 0.005) | (found.unit > 0.995)
+    tested = (None, None) if not found.test_rollouts else found.test
+    return Calibration(
+        robot=robot.name,
+        recording=asked.recording.id,
+        method=settings.method,
+        simulator=asked.registry.put_simulator(config | {"lineage": lineage}),
+        parameters={
+            p.name: estimate(p, float(values[i]), None, None, at_bound=bool(edge[i]))
+            for i, p in enumerate(space.parameters)
+        },
+        train_error=found.train[1],
+        test_error=tested[1],
+        nominal_train_error=found.train[0],
+        nominal_test_error=tested[0],
+        history=tuple(CalibrationStep(simulations=n, error=e) for n, e in found.history),
+        cost=Cost(
+            evaluations=0,
+            rollouts=found.rollouts,
+            test_rollouts=found.test_rollouts,
+            seconds=time.perf_counter() - began,
+        ),
+    )

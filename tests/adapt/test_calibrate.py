@@ -1,0 +1,105 @@
+"""A calibration keeps its budget, begins with what is known and never ends worse, whatever the search."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import secret_servo
+
+from dynreg.adapt.calibrate import calibrate
+from dynreg.errors import OldWord, UsageError
+from dynreg.replay.data import Data, data
+from dynreg.replay.windows import Replayer, errors
+from dynreg.search.table import SEARCHES
+from dynreg.sim.robot import load_robot
+from dynreg.verbs.calibrate import CalibrateSettings
+
+BUDGET = 33  # no multiple of any batch
+
+
+def recorded(values: np.ndarray, seed: int = 0) -> Data:
+    log = secret_servo.record(values, seed, episodes=4, steps=60)
+    return data(load_robot("servo_pendulum"), log)
+
+
+@pytest.fixture(scope="module")
+def secret() -> Data:
+    return recorded(secret_servo.values_of(7), 7)
+
+
+@pytest.fixture(scope="module")
+def nominal() -> Data:
+    """A robot that is as the folder says: anything else is worse."""
+    return recorded(load_robot("servo_pendulum").space.nominal)
+
+
+@pytest.fixture
+def replayed(monkeypatch) -> list[tuple[np.ndarray, tuple[int, ...]]]:
+    """Simulators and windows of every replay."""
+    calls, states = [], Replayer.states
+
+    def watch(self, values, chosen):
+        calls.append((values, tuple(int(w) for w in chosen)))
+        return states(self, values, chosen)
+
+    monkeypatch.setattr(Replayer, "states", watch)
+    return calls
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("search", SEARCHES)
+def test_it_never_ends_worse_than_it_began(nominal: Data, search: str, seed: int) -> None:
+    found = calibrate(nominal, search, budget=BUDGET, seed=seed)
+    assert found.train[1] <= found.train[0]
+
+
+@pytest.mark.parametrize("budget", [1, 2, BUDGET])
+@pytest.mark.parametrize("search", SEARCHES)
+def test_the_budget_is_kept_to_the_last_replay_and_the_nominal_is_in_it(
+    secret: Data, search: str, budget: int, replayed
+) -> None:
+    found = calibrate(secret, search, budget=budget)
+    chosen, test = (tuple(np.flatnonzero(m)) for m in (~secret.parts.test, secret.parts.test))
+    train = np.concatenate([values for values, windows in replayed if windows == chosen])
+    assert found.rollouts == len(train) == budget
+    np.testing.assert_allclose(train[0], secret.robot.space.nominal)
+    assert replayed[-1][1] == test and len(replayed[-1][0]) == found.test_rollouts == 2
+    assert [windows for _, windows in replayed].count(test) == 1, (
+        "what is held out is looked at once, at the end"
+    )
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+def test_errors_are_those_of_what_comes_back(secret: Data, search: str) -> None:
+    found = calibrate(secret, search, budget=BUDGET)
+    values = secret.robot.space.from_unit(np.stack([secret.robot.space.to_unit(secret.start), found.unit]))
+    replayer = Replayer(secret.robot, secret.windows)
+    for told, part in ((found.train, ~secret.parts.test), (found.test, secret.parts.test)):
+        np.testing.assert_allclose(
+            told, errors(replayer.residuals(values, np.flatnonzero(part))).mean(axis=1)
+        )
+    spent, lowest = zip(*found.history, strict=True)
+    assert spent[0] == 1 and spent == tuple(sorted(spent)) and lowest == tuple(sorted(lowest, reverse=True))
+    assert (lowest[0], lowest[-1]) == found.train and spent[-1] == BUDGET
+
+
+def test_a_planted_servo_is_fitted() -> None:
+    log = secret_servo.record(secret_servo.values_of(7), 7)
+    found = calibrate(data(load_robot("servo_pendulum"), log), "cma", budget=200)
+    assert found.train[1] < 0.3 * found.train[0] and found.test[1] < 0.3 * found.test[0]
+
+
+def test_what_the_log_tells_stays(secret: Data) -> None:
+    known = np.full(len(secret.robot.space), np.nan)
+    known[0] = 0.9 * secret.robot.space.bounds[0, 1]
+    one = calibrate(replace(secret, known=known), "random", budget=12)
+    assert secret.robot.space.from_unit(one.unit)[0] == pytest.approx(known[0])
+    every = calibrate(replace(secret, known=secret.robot.space.nominal), "cma", budget=12)
+    assert every.rollouts == 1 and every.train[0] == every.train[1]
+
+
+def test_an_old_word_still_works_and_says_what_it_is_called_now() -> None:
+    with pytest.warns(OldWord, match="'cmaes' is called 'cma' now"):
+        assert CalibrateSettings(method="cmaes").method == "cma"
+    with pytest.raises(UsageError, match="method 'ants'"):
+        CalibrateSettings(method="ants")
