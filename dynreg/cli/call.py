@@ -125,11 +125,13 @@ class Call:
         self.emit(result, hint=None if page else "dynreg report @last")
 
 
-def verb(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def verb(
+    app: typer.Typer, name: str, help: str | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register `function(call, ...)` as a command, with the global options among its own.
 
-    Its docstring is the help: what it does, and an example. A parameter whose type is a verb's `Settings` stands for
-    an option for each of them.
+    Its help, else its docstring, is what it does and an example. A parameter whose type is a verb's `Settings` stands
+    for an option for each of them.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
@@ -142,7 +144,7 @@ def verb(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callabl
 
         run.__signature__ = _signature(function)
         run.__annotations__ = {p.name: p.annotation for p in run.__signature__.parameters.values()}
-        app.command(name)(run)
+        app.command(name, help=help)(run)
         return function
 
     return register

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, can_write, one_of, verb
-from dynreg.cli.options import AnyRecording, MapOfLog, Population, RobotOfLog, Seed, Threads
+from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog
 from dynreg.errors import PictureError, UsageError
-from dynreg.gait.methods import ACCEPT, METHODS
-from dynreg.verbs.gait import OF_POPULATION, SOURCES
+from dynreg.session import rows
+from dynreg.verbs.gait import GaitSettings
 
 if TYPE_CHECKING:
     from dynreg.results import Gait
@@ -19,74 +19,25 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add `gait` to the program."""
-    verb(app, "gait")(gait)
+    verb(app, "gait", rows()["gait"].help)(gait)
 
 
 def gait(
     call: Call,
     recording: AnyRecording,
-    k: Annotated[int | None, typer.Option("-k", help="Simulators that the gait must walk in [5].")] = None,
-    on: Annotated[
-        str,
-        typer.Option(help=f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them."),
-    ] = SOURCES[0],
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = METHODS[0],
-    accept: Annotated[
-        str | None,
-        typer.Option(
-            help=f"What the search raises over the simulators: {', '.join(ACCEPT)}"
-            f" [{ACCEPT[0]}; of a population the {OF_POPULATION}]."
-        ),
-    ] = None,
-    task: Annotated[str | None, typer.Option(help="One of the robot's [[tasks]] [its first].")] = None,
-    rollouts: Annotated[int, typer.Option(help="Runs of one simulator that the search may cost.")] = 750,
-    patience: Annotated[
-        int | None, typer.Option(help="Give up after so many gaits without a better one [never].")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted search.")] = False,
-    seed: Seed = None,
+    settings: GaitSettings,
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
-    population: Population = None,
-    threads: Threads = None,
     film: Annotated[
         Path | None,
         typer.Option(help="Draw the gait, too, into this new file: .gif, or .png for four stills."),
     ] = None,
 ) -> None:
-    """Seek a gait that walks in the simulators nearest to a recording.
-
-    The gait is stored; a search that was interrupted goes on where it was with --resume.
-
-    Example: dynreg gait monday -k 5 --rollouts 2500
-    """
-    one_of("--method", method, METHODS)
-    if accept is not None:
-        one_of("--accept", accept, ACCEPT)
-    for flag, value in (("-k", k), ("--rollouts", rollouts), ("--patience", patience)):
-        at_least(flag, value, 1)
-    at_least("--seed", seed, 0)
-    at_least("--threads", threads, 0)
+    """Seek a gait, and draw it where a film is asked for."""
     _can_film(film)
     with call.open(create=robot is not None) as session:
         with call.progress() as progress:
-            found = session.gait(
-                recording,
-                k=call.pick("k", k, 5),
-                on=on,
-                method=method,
-                accept=accept,
-                task=task,
-                rollouts=rollouts,
-                patience=patience,
-                resume=resume,
-                seed=call.pick("seed", seed, 0),
-                robot=robot,
-                log_map=log_map,
-                population=population,
-                threads=call.pick("threads", threads, 0),
-                progress=progress,
-            )
+            found = session.gait(recording, **vars(settings), robot=robot, log_map=log_map, progress=progress)
         call.emit(found, hint="dynreg export @last --as python --to gait.py")
         if film is not None:
             _film(session, found, film)

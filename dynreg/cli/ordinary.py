@@ -26,8 +26,7 @@ def register(app: typer.Typer, commands: Sequence[ModuleType | str]) -> None:
 
 def _command(app: typer.Typer, name: str, row: Verb) -> None:
     command = {"recording": _about_recording, "robot": _about_robot}[row.about](name, row)
-    command.__doc__ = row.help
-    verb(app, name)(command)
+    verb(app, name, row.help)(command)
 
 
 def _about_recording(name: str, row: Verb) -> Callable[..., None]:

@@ -27,7 +27,7 @@ class GaitSettings(Settings):
     method: str = option(METHODS[0], f"One of {', '.join(METHODS)}.", choices=METHODS)
     accept: str | None = option(
         None,
-        f"What the search raises over the simulators: {', '.join(ACCEPT)}.",
+        "What the search raises over the simulators.",
         choices=ACCEPT,
         usual=f"{ACCEPT[0]}; of a population the {OF_POPULATION}",
     )

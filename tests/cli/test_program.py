@@ -179,3 +179,16 @@ def test_an_opengl_that_does_not_work_is_no_hindrance() -> None:
     """MuJoCo cannot be imported with it; the program needs none."""
     ended = subprocess_of("robots", "check", "servo_pendulum", env=os.environ | {"MUJOCO_GL": "crayons"})
     assert ended.returncode == 0, ended.stderr
+
+
+def test_an_old_word_still_works_and_one_line_says_what_it_is_called_now(tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [*PROGRAM, "gait", "monday", "--on", "neighbours"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    note, error = ended.stderr.splitlines()
+    assert note == "note: 'neighbours' is called 'nearest' now"
+    assert ended.returncode == 1 and error.startswith("error: there is no registry")

@@ -67,3 +67,15 @@ def test_a_wrong_file_names_itself(text: str, tmp_path: Path) -> None:
 def test_a_wrong_variable_names_itself() -> None:
     with pytest.raises(UsageError, match="DYNREG_K='abc'.*expected"):
         read_settings(None, {"DYNREG_K": "abc"})
+
+
+def test_every_option_of_every_verb_is_told_with_its_help_and_its_default(dynreg) -> None:
+    from dynreg.session import rows
+    from dynreg.verbs.settings import options
+
+    for name, row in rows().items():
+        told = " ".join(dynreg(name, "--help").out.split())
+        for one, how in options(row.settings):
+            flag = (how.flag or f"--{one.name.replace('_', '-')}").split("/")[0]
+            assert how.flag is None or (f"{flag} " in told and how.help.split(".")[0].split()[0] in told)
+            assert not how.usual or how.usual.split()[0] in told
