@@ -49,13 +49,14 @@ def populate(
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results import PopulationSummary
     from dynreg.sim.robot import with_population
-    from dynreg.verbs.populations import begin, fill, link
+    from dynreg.verbs.populations import Plan, begin, fill, link
 
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
+    plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
-    identity, shared = begin(registry, robot, n, settings, training or Training(), watch, report)
+    identity, shared = begin(registry, robot, plan, watch, report)
     added = fill(
         registry,
         identity,

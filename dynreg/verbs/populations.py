@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -24,33 +24,41 @@ from dynreg.neighbours.entries import (
 )
 from dynreg.registry import PopulationRecord, Registry, ShardData
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs.populate import PopulateSettings
 from dynreg.verbs.subjects import population_for
 
 _READY: WeakKeyDictionary[Registry, tuple[tuple[str, int], Population]] = WeakKeyDictionary()
 WAIT = 0.1  # seconds between looks at what other processes have left
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a population shall be: n entries or more, drawn by a seed, trained so, stored so many to a shard."""
+
+    n: int
+    seed: int
+    training: Training
+    shard_size: int
+    threads: int
+
+
 def begin(
     registry: Registry,
     robot: Robot,
-    n: int,
-    settings: PopulateSettings,
-    training: Training,
+    plan: Plan,
     watch: Stopwatch,
     report: Callable[[str, int, int], None],
 ) -> tuple[str, Shared]:
-    """The id of a population of n or more, and what its entries share: as the registry holds it, else made."""
-    identity = population_id(robot, settings.seed, training)
+    """The id of a population, and what its entries share: as the registry holds it, else made."""
+    identity = population_id(robot, plan.seed, plan.training)
     registry.put_robot(robot.folder, robot.hash, robot.name)
     known = {record.id: record for record in registry.populations()}.get(identity)
     if known is not None:
-        if n > known.size:
-            registry.put_population(replace(known, size=n))
+        if plan.n > known.size:
+            registry.put_population(replace(known, size=plan.n))
         return identity, shared_from(robot, known.spec, known.arrays)
     report("base model", 0, 1)
     with watch.of("base"):
-        shared = make_shared(robot, settings.seed, training, settings.threads)
+        shared = make_shared(robot, plan.seed, plan.training, plan.threads)
     report("base model", 1, 1)
     record = PopulationRecord(
         id=identity,
@@ -58,11 +66,11 @@ def begin(
         name=robot.name,
         channels=tuple(Channel(c.name, c.unit) for c in robot.file.channels),
         parameters=robot.space.names,
-        size=n,
-        seed=settings.seed,
-        spec=population_spec(robot, settings.seed, training),
+        size=plan.n,
+        seed=plan.seed,
+        spec=population_spec(robot, plan.seed, plan.training),
         arrays=shared_arrays(shared),
-        shard_size=settings.shard_size,
+        shard_size=plan.shard_size,
     )
     registry.put_population(record)
     return identity, shared
