@@ -11,7 +11,7 @@ from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.residual import scaled
 from dynreg.replay.samples import effective_samples
 from dynreg.replay.windows import Windows
-from dynreg.sim.effects import Term, Terms
+from dynreg.sim.effects import Terms, stacked
 from dynreg.sim.engine import ENGINES
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
@@ -229,19 +229,12 @@ class Problem:
         groups: dict[tuple, list[int]] = {}
         for i, point in enumerate(points):
             groups.setdefault(point.hypothesis.terms, []).append(i)
-        table: dict[str, tuple[Term, np.ndarray]] = {}
+        parts = []
         for terms, members in groups.items():
-            if not terms:
-                continue
             z = np.array([points[i].effect for i in members])
             values = self.coordinates.effect_values(points[members[0]].hypothesis, z)
-            for term, columns in zip(terms, values, strict=True):
-                if term.key not in table:
-                    table[term.key] = (term, np.full((len(points), columns.shape[1]), np.nan))
-                table[term.key][1][members] = columns
-        if not table:
-            return None
-        return Terms(tuple(t for t, _ in table.values()), tuple(v for _, v in table.values()))
+            parts.append((members, Terms(terms, tuple(values))))
+        return stacked(len(points), parts)
 
 
 def mean_squares(residuals: np.ndarray, floor: np.ndarray) -> np.ndarray:

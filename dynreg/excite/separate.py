@@ -15,7 +15,7 @@ from dynreg.excite.candidates import Pool, joint_range
 from dynreg.replay.known import nominal_known
 from dynreg.replay.samples import effective_samples
 from dynreg.rng import stream
-from dynreg.sim.effects import Term, Terms
+from dynreg.sim.effects import Term, Terms, stacked
 from dynreg.sim.engines import rollout
 from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, noise_term
 from dynreg.sim.robot import Robot
@@ -73,20 +73,17 @@ class Pair:
         """Rollouts of rows (hypothesis, coordinates (D,)); `disturbed` by noise of the drives, as hidden ones."""
         c = self.coordinates
         free = len(c)
-        terms, values = [], []
-        for number, (one, hypothesis) in enumerate(zip(self.terms, self.hypotheses, strict=True)):
-            z = np.full((len(rows), len(one.effect.parameters)), np.nan)
-            for i, (which, at) in enumerate(rows):
-                if which == number:
-                    z[i] = at[free:]
-            if np.isfinite(z).any():
-                terms.append(one)
-                values.append(c.effect_values(hypothesis, z)[0])
+        parts = []
+        for number, hypothesis in enumerate(self.hypotheses):
+            members = [i for i, (which, _) in enumerate(rows) if which == number]
+            z = np.array([rows[i][1][free:] for i in members])
+            if members:
+                parts.append((members, Terms(hypothesis.terms, tuple(c.effect_values(hypothesis, z)))))
         if disturbed:
-            terms.append(self._disturbance(run))
-            values.append(np.full((len(rows), 1), DISTURBANCE * c.drive_limit))
+            noise = np.full((len(rows), 1), DISTURBANCE * c.drive_limit)
+            parts.append((np.arange(len(rows)), Terms((self._disturbance(run),), (noise,))))
         nominal = c.values(np.array([at[:free] for _, at in rows]))
-        acting = Terms(tuple(terms), tuple(values))
+        acting = stacked(len(rows), parts)
         return rollout(self.robot, nominal, run, engine=self.engine, threads=self.threads, terms=acting)
 
     def _disturbance(self, run: Run) -> Term:

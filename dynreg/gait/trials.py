@@ -11,7 +11,7 @@ from dynreg.gait.space import GaitSpace, gait_space
 from dynreg.gait.tasks import Task
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig, terms_of
-from dynreg.sim.effects import Term, Terms
+from dynreg.sim.effects import Terms, stacked
 from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk, motor_noise
@@ -40,17 +40,7 @@ def simulators_of(robot: Robot, configs: Sequence[SimConfig], known: np.ndarray 
     values = np.array([robot.space.from_dict(dict(config.values)) for config in configs])
     if known is not None:
         values = np.where(np.isnan(known), values, known)
-    each = [terms_of(config) for config in configs]
-    table: dict[str, Term] = {term.key: term for terms in each for term in terms.terms}
-    columns = []
-    for key, term in table.items():
-        column = np.full((len(configs), len(term.effect.parameters)), np.nan)
-        for row, terms in enumerate(each):
-            for own, found in zip(terms.terms, terms.values, strict=True):
-                if own.key == key:
-                    column[row] = found[0]
-        columns.append(column)
-    return Simulators(values, Terms(tuple(table.values()), tuple(columns)) if table else None)
+    return Simulators(values, stacked(len(configs), (([i], terms_of(c)) for i, c in enumerate(configs))))
 
 
 class Trials:

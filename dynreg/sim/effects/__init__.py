@@ -17,6 +17,7 @@ from dynreg.sim.effects.effect import (
     Terms,
     Values,
     one_group,
+    stacked,
 )
 from dynreg.sim.robot import Robot
 
@@ -125,5 +126,6 @@ __all__ = [
     "effects",
     "one_group",
     "placed",
+    "stacked",
     "term",
 ]

@@ -4,7 +4,7 @@ An effect changes a simulator at the ports that it overrides, for the simulators
 engine that offers a port calls it there, so an effect is written once. Rows are independent of each other.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal
@@ -226,6 +226,17 @@ class Terms:
         values = np.repeat(self.values[number], repeat, axis=0)[self.rows(number, repeat)]
         names = [p.name for p in self.terms[number].effect.parameters]
         return MappingProxyType({name: values[:, i, None].copy() for i, name in enumerate(names)})
+
+
+def stacked(count: int, groups: Iterable[tuple[Sequence[int], Terms]]) -> Terms | None:
+    """The effects of so many simulators, from those of groups of them: (their numbers, theirs); None without any."""
+    table: dict[str, tuple[Term, np.ndarray]] = {}
+    for members, own in groups:
+        for term, values in zip(own.terms, own.values, strict=True):
+            if term.key not in table:
+                table[term.key] = (term, np.full((count, values.shape[1]), np.nan))
+            table[term.key][1][members] = values
+    return Terms(*zip(*table.values(), strict=True)) if table else None
 
 
 def undriven(robot: Robot) -> str | None:
