@@ -16,11 +16,6 @@ def robot_names(incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-def kinds(incomplete: str) -> list[str]:
-    """Kinds of stored things."""
-    return [kind for kind in KINDS if kind.startswith(incomplete)]
-
-
 def one_of(choices: Collection[str]) -> Callable[[str], list[str]]:
     """Offers these; behind a comma, the next one of a list."""
 

@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, one_of, verb
-from dynreg.cli.completion import KINDS, kinds
+from dynreg.cli.call import Call, verb
+from dynreg.cli.completion import KINDS, one_of
+from dynreg.verbs.settings import Option
 
 
 def register(app: typer.Typer) -> None:
@@ -15,14 +16,13 @@ def register(app: typer.Typer) -> None:
 
 def list_(
     call: Call,
-    kind: Annotated[str | None, typer.Option(help="Only this kind.", autocompletion=kinds)] = None,
+    kind: Annotated[str | None, typer.Option(help="Only this kind.", autocompletion=one_of(KINDS))] = None,
 ) -> None:
     """List what the registry holds.
 
     Example: dynreg list --kind recording
     """
-    if kind is not None:
-        one_of("--kind", kind, KINDS)
+    Option("A kind.", choices=KINDS).check("--kind", kind)
     with call.open() as session:
         result = session.list(kind)
     call.emit(result, hint="dynreg show ID" if result.items else "dynreg populate servo_pendulum -n 1000")

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from dynreg.cli import (
-    calibrate,
     diagnose,
     doctor,
     drift,
@@ -98,7 +97,7 @@ _COMMANDS = (
     gait,
     excite,
     trial,
-    calibrate,
+    "calibrate",
     "compare",
     drift,
     report,

@@ -4,9 +4,10 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, at_least, verb
+from dynreg.cli.call import Call, verb
 from dynreg.cli.options import RobotFolder
 from dynreg.verbs.populate import PopulateSettings
+from dynreg.verbs.settings import Option
 
 
 def register(app: typer.Typer) -> None:
@@ -29,7 +30,7 @@ def populate(
     """
     from dynreg.sim.robot import load_robot
 
-    at_least("-n", n, 1)
+    Option("A number.", least=1).check("-n", n)
     load_robot(robot, settings.ranges)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
         result = session.populate(robot, n, **vars(settings), progress=progress)

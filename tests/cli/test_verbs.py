@@ -127,7 +127,7 @@ def test_verify_exits_3_on_faults(dynreg, session) -> None:
 
 
 def test_calibrate_passes_its_options_on(dynreg, session) -> None:
-    dynreg(*"calibrate bench --seed 2 --budget 40 --hold-out 0.25".split())
+    dynreg(*"calibrate bench --seed 2 --budget 40 --hold-out 0.25 --robot leg --map m.toml".split())
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("calibrate", ("bench",))
     assert named == {
@@ -136,6 +136,8 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
         "budget": 40,
         "hold_out": "0.25",
         "threads": 0,
+        "robot": "leg",
+        "log_map": Path("m.toml"),
         "progress": None,
     }
 
