@@ -105,17 +105,10 @@ class Session:
         gait : a stored gait that was played, by id or `@last`; its id goes into the recording's provenance.
         Raises LogError, MapError with what is wrong and where; nothing is registered then.
         """
-        from dynreg.data.recording import Recording
-        from dynreg.verbs.ingest import ingested
-        from dynreg.verbs.subjects import loaded_robot, read_log
+        from dynreg.verbs.ingest import ingest
+        from dynreg.verbs.subjects import loaded_robot
 
-        loaded = loaded_robot(robot)
-        recording = logs if isinstance(logs, Recording) else read_log(logs, loaded, log_map)
-        if gait is not None:
-            from dynreg.verbs.gaits import trial_of
-
-            recording = trial_of(self.registry, recording, gait, loaded)
-        return ingested(self.registry, recording, loaded, name)
+        return ingest(self.registry, logs, loaded_robot(robot), log_map=log_map, name=name, gait=gait)
 
     query = about_recording(query, QuerySettings, ingest=True)
 

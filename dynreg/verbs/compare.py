@@ -1,12 +1,12 @@
 """Which model or simulator says best what a wheeled robot does?"""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.results import Comparison
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from dynreg.verbs.subjects import Recorded
 
 MODELS = ("kinematic", "dynamic", "table", "network", "mlp")  # of `compare.contenders`
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

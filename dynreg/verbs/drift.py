@@ -1,7 +1,6 @@
 """Is an earlier recording still true of a wheeled robot?"""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -9,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.verbs.settings import Settings, option, seed
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.drift.compared import Plan
     from dynreg.results import Drift
     from dynreg.verbs.subjects import Recorded
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

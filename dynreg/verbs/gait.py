@@ -1,12 +1,12 @@
 """Gait: joint commands that walk in the simulators that stand for a recording's robot."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.gait.methods import ACCEPT, METHODS
 from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.gait.seek import SearchSettings
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 SOURCES = ("nearest", "synthesised", "@answer", "calibrated", "diagnosed", "nominal", "random", "population")
 OF_POPULATION = "mean"  # is raised: some draws of the ranges cannot even stand, and their minimum is 0
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.simulators import NOMINAL, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
-
-Progress = Callable[[str, int, int], None]
+from dynreg.verbs.verb import Progress
 
 
 @dataclass(frozen=True)

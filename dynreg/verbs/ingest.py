@@ -1,16 +1,38 @@
 """Logs of a robot as a registered recording."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.registry import Registry
 from dynreg.results import RecordingSummary
 from dynreg.sim.robot import Robot
-from dynreg.verbs.subjects import register
+from dynreg.verbs.subjects import read_log, register
 
 
-def ingested(registry: Registry, recording: Recording, robot: Robot, name: str | None) -> RecordingSummary:
-    """Register a recording under a name, which may be left out, and say what was found in it."""
+def ingest(
+    registry: Registry,
+    logs: str | Path | Sequence[str | Path] | Recording,
+    robot: Robot,
+    *,
+    log_map: str | Path | None = None,
+    name: str | None = None,
+    gait: str | None = None,
+) -> RecordingSummary:
+    """Read logs of a robot, check them and register them as one recording, under a name where one is given.
+
+    log_map : as for `subjects.read_log`. gait : the stored gait that was played, by id or `@last`; its id goes into the
+    recording's provenance.
+    Raises LogError, MapError with what is wrong and where, NoMatchError and UsageError for a gait that is not there or
+    another robot's; nothing is registered then.
+    """
+    recording = logs if isinstance(logs, Recording) else read_log(logs, robot, log_map)
+    if gait is not None:
+        from dynreg.verbs.gaits import trial_of
+
+        recording = trial_of(registry, recording, gait, robot)
     identity = register(registry, robot, recording, name)
     return recording_summary(identity, recording, robot.name, name or registry.recording_info(identity).name)
 

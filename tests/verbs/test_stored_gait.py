@@ -371,7 +371,7 @@ def test_in_registered_simulators_at_random_and_more_than_there_are(brief, tmp_p
         assert [t.kind for t in found.trials] == ["random"] * 2
         assert len({opened.registry.resolve(t.simulator, ("entry",)) for t in found.trials}) == 2
         assert found != opened.gait("log", on="random", k=2, rollouts=44, seed=5, threads=1)
-        for on in ("random", "neighbours"):
+        for on in ("random", "nearest"):
             with pytest.raises(UsageError, match="k = 4.*1 to 3") as caught:
                 opened.gait("log", on=on, k=4, threads=1)
             assert caught.value.exit_status == 2
