@@ -65,7 +65,7 @@ def compared(robot: Robot, effect: str, seed: int, given: argparse.Namespace) ->
         table = reg.compare(
             identity,
             models=RIVALS,
-            simulators=("diagnosis",),
+            simulators=("diagnosed",),
             starts=given.starts,
             generations=given.generations,
             threads=given.threads,

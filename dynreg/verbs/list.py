@@ -6,6 +6,7 @@ from typing import Any
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.results import EntrySummary, Listing
+from dynreg.verbs.simulators import made
 
 KINDS = ("population", "recording", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
@@ -29,9 +30,8 @@ def simulator_name(identity: str, config: Mapping[str, Any]) -> str:
     >>> simulator_name("ab12" * 16, {"robot_name": "leg", "lineage": {"made_by": "query", "kind": "synthesised"}})
     'leg synthesised ab12ab12'
     """
-    lineage = config.get("lineage", {})
-    made = lineage.get("kind") or lineage.get("made_by", "").replace("calibrate", "calibrated by")
-    return " ".join(part for part in (config.get("robot_name"), made, identity[:8]) if part)
+    parts = (config.get("robot_name"), made(config.get("lineage", {})), identity[:8])
+    return " ".join(part for part in parts if part)
 
 
 def _populations(registry: Registry) -> Iterator[Row]:
