@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.replay.data import Data
+from dynreg.replay.residual import MOST
 from dynreg.replay.windows import Replayer, errors
 from dynreg.rng import stream
 from dynreg.search.drive import Limits, drive
 from dynreg.search.screened import after
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
-
-DIVERGED = 10.0  # replay error of a simulation that did; climbers take what is below for ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,8 @@ def calibrate(
     found = drive(
         after(start[None, free], kind, begin),
         lambda some: losses(whole(some), data.parts.chosen)[:, None],
-        lambda grades: (-grades[:, 0], grades[:, 0] - DIVERGED),
+        # climbers take losses below 0 for ground, and a diverged simulation's is 0
+        lambda grades: (-grades[:, 0], grades[:, 0] - MOST),
         Limits(budget if len(free) else 1, cut=True),
         progress=progress,
     )

@@ -5,6 +5,8 @@ and Agrawal, Complex Systems 9, 1995), and genes are moved at random by mutation
 the width of a mutation, and how a gene beyond its range ends at the bound.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from dynreg.errors import UsageError
@@ -12,16 +14,42 @@ from dynreg.search.start import Start
 from dynreg.search.turns import may_ask, may_tell, ranked
 
 
-class Genetic:
-    """Generations of `population` candidates, each bred from the one before; the first is drawn evenly.
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """How one generation is bred from another; as published, but for what is ours.
 
-    Parameters
-    ----------
-    dimensions : P. rng : of all draws. population : candidates of one ask, an even number. tournament : drawn with
-    replacement, the best of them becomes a parent. crossover : share of the pairs that are crossed. eta : how near
-    children of a crossing stay to their parents, from 0. mutation : chance of every gene to be moved. width : (P,) or
-    one: by up to so much of the range; 1 draws it anew (what is chosen, not tuned). elite : the best so many go on as
-    they are, in place of children. start : (P,) the first candidate, random without it.
+    population : candidates of a generation, an even number. tournament : drawn with replacement, the best of them
+    becomes a parent. crossover : share of the pairs that are crossed. eta : how near children of a crossing stay to
+    their parents, from 0. mutation : chance of every gene to be moved. width : (P,) or one: by up to so much of the
+    range; 1 draws it anew (what is chosen, not tuned). elite : the best so many go on as they are, no children.
+    Raises UsageError for sizes that do not fit each other.
+    """
+
+    population: int = 200
+    tournament: int = 40
+    crossover: float = 0.8
+    eta: float = 5.0
+    mutation: float = 0.05
+    width: float | np.ndarray = 0.1
+    elite: int = 0
+
+    def __post_init__(self) -> None:
+        even = self.population >= 2 and not self.population % 2
+        if not even or self.tournament < 1 or not 0 <= self.elite < self.population:
+            raise UsageError(
+                f"population {self.population}, tournament {self.tournament}, elite {self.elite}",
+                expected="an even population, a tournament of at least 1, an elite smaller than the population",
+                do="correct them",
+            )
+
+
+PUBLISHED = Rules()
+
+
+class Genetic:
+    """Generations of candidates, each bred from the one before by `rules`; the first is drawn evenly.
+
+    dimensions : P. rng : of all draws. start : (P,) the first candidate, random without it.
     """
 
     def __init__(
@@ -29,25 +57,12 @@ class Genetic:
         dimensions: int,
         *,
         rng: np.random.Generator,
-        population: int = 200,
-        tournament: int = 40,
-        crossover: float = 0.8,
-        eta: float = 5.0,
-        mutation: float = 0.05,
-        width: float | np.ndarray = 0.1,
-        elite: int = 0,
+        rules: Rules = PUBLISHED,
         start: np.ndarray | None = None,
     ):
-        if population < 2 or population % 2 or not 1 <= tournament or not 0 <= elite < population:
-            raise UsageError(
-                f"population {population}, tournament {tournament}, elite {elite}",
-                expected="an even population, a tournament of at least 1, an elite smaller than the population",
-                do="correct them",
-            )
-        self._rng, self._size, self._tournament, self._elite = rng, population, tournament, elite
-        self._crossover, self._eta, self._mutation = crossover, eta, mutation
-        self._width = np.broadcast_to(width, (dimensions,))
-        self._next = rng.uniform(size=(population, dimensions))
+        self._rng, self._rules = rng, rules
+        self._width = np.broadcast_to(rules.width, (dimensions,))
+        self._next = rng.uniform(size=(rules.population, dimensions))
         if start is not None:
             self._next[0] = start
         self._asked: np.ndarray | None = None
@@ -66,7 +81,7 @@ class Genetic:
         may_tell(self._asked, losses)
         order, rank = ranked(losses, self._rng)
         children = self._mutated(self._crossed(self._parents(rank)))
-        children[: self._elite] = self._asked[order[: self._elite]]
+        children[: self._rules.elite] = self._asked[order[: self._rules.elite]]
         self._next, self._asked = children, None
 
     @property
@@ -80,17 +95,18 @@ class Genetic:
 
     def _parents(self, rank: np.ndarray) -> np.ndarray:
         """(population, P) winners of as many tournaments; `rank` (population,) is 0 for the best."""
-        drawn = self._rng.integers(0, self._size, (self._size, self._tournament))
-        winners = drawn[np.arange(self._size), rank[drawn].argmin(axis=1)]
+        size = self._rules.population
+        drawn = self._rng.integers(0, size, (size, self._rules.tournament))
+        winners = drawn[np.arange(size), rank[drawn].argmin(axis=1)]
         return self._asked[winners]
 
     def _crossed(self, parents: np.ndarray) -> np.ndarray:
         """Pairs of neighbours replaced by their two children, about the same mean, gene by gene near or far apart."""
         first, second = parents[::2], parents[1::2]
         u = self._rng.uniform(size=first.shape)
-        power = 1.0 / (self._eta + 1.0)
+        power = 1.0 / (self._rules.eta + 1.0)
         beta = np.where(u <= 0.5, (2.0 * u) ** power, (0.5 / (1.0 - u)) ** power)
-        crossed = self._rng.uniform(size=(len(first), 1)) < self._crossover
+        crossed = self._rng.uniform(size=(len(first), 1)) < self._rules.crossover
         mean, apart = 0.5 * (first + second), 0.5 * beta * (first - second)
         out = parents.copy()
         out[::2] = np.where(crossed, mean + apart, first)
@@ -99,7 +115,7 @@ class Genetic:
 
     def _mutated(self, genes: np.ndarray) -> np.ndarray:
         """Every gene moved with the chance of a mutation; those of width 1 are drawn anew."""
-        hit = self._rng.uniform(size=genes.shape) < self._mutation
+        hit = self._rng.uniform(size=genes.shape) < self._rules.mutation
         draw = self._rng.uniform(size=genes.shape)
         moved = np.where(self._width >= 1.0, draw, genes + self._width * (2.0 * draw - 1.0))
         return np.clip(np.where(hit, moved, genes), 0.0, 1.0)
@@ -110,12 +126,6 @@ def begin(start: Start) -> Genetic:
 
     One gene in P is moved: crossing a few candidates alone would soon make them all alike.
     """
-    return Genetic(
-        start.dimensions,
-        rng=start.rng,
-        population=start.batch,
-        tournament=3,
-        mutation=max(1.0 / start.dimensions, 0.05),
-        elite=1,
-        start=start.point,
-    )
+    mutation = max(1.0 / start.dimensions, PUBLISHED.mutation)
+    rules = Rules(population=start.batch, tournament=3, mutation=mutation, elite=1)
+    return Genetic(start.dimensions, rng=start.rng, rules=rules, start=start.point)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.rng import stream
 from dynreg.search.drive import Limits, drive
-from dynreg.search.genetic import Genetic
+from dynreg.search.genetic import Genetic, Rules
 from dynreg.timed.commands import Commands
 from dynreg.timed.unicycle import unicycle
 
@@ -65,7 +65,7 @@ def fit_unicycle(
     """
     variance = moved.var(axis=0)
     rng, population = stream(breeding.seed, "fit unicycle"), breeding.population
-    search = Genetic(6, rng=rng, population=population, tournament=breeding.tournament)
+    search = Genetic(6, rng=rng, rules=Rules(population, breeding.tournament))
     parameters = lambda unit: RANGES[:, 0] + unit * np.ptp(RANGES, axis=1)  # noqa: E731
     history: list[float] = []
     with ThreadPoolExecutor(threads) as pool:

@@ -13,7 +13,7 @@ import numpy as np
 from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.search.drive import Limits, drive
-from dynreg.search.genetic import Genetic
+from dynreg.search.genetic import Genetic, Rules
 from dynreg.timed.commands import Commands, pose_after
 from dynreg.timed.models import Model, along
 
@@ -146,14 +146,8 @@ def evolve(
         raise UsageError(
             f"within = {within:g} m", expected=f"0 to less than {BLOCK / 2:g}, half a block", do="correct it"
         )
-    search = Genetic(
-        4 * COMMANDS,
-        rng=stream(seed, "navigation"),
-        population=population,
-        tournament=tournament,
-        mutation=mutation,
-        width=np.tile(WIDTHS, COMMANDS),
-    )
+    rules = Rules(population, tournament, mutation=mutation, width=np.tile(WIDTHS, COMMANDS))
+    search = Genetic(4 * COMMANDS, rng=stream(seed, "navigation"), rules=rules)
     grades = lambda unit: np.stack(fitness(driven(Plan.of(unit), model), within), axis=1)  # noqa: E731
     judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
     found = drive(search, grades, judge, Limits(generations * population), progress=progress)

@@ -6,12 +6,12 @@ import pytest
 from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.search.drive import Limits, drive
-from dynreg.search.genetic import Genetic
+from dynreg.search.genetic import Genetic, Rules
 
 
 def bred(losses: np.ndarray | None = None, **settings) -> tuple[np.ndarray, np.ndarray]:
     """A first generation, and the next one; by default the first gene is the loss."""
-    search = Genetic(3, rng=stream(0, "genes"), **settings)
+    search = Genetic(3, rng=stream(0, "genes"), rules=Rules(**settings))
     first = search.ask()
     search.tell(first[:, 0] if losses is None else losses)
     return first, search.ask()
@@ -32,7 +32,7 @@ def test_a_tournament_of_one_chooses_nothing():
 
 def test_children_of_a_crossing_have_the_mean_of_their_parents_and_keep_their_spread_on_average():
     """The median of beta is 1; half of the children lie between their parents, half outside."""
-    search = Genetic(1, rng=stream(0, "pairs"), population=20000, crossover=1.0)
+    search = Genetic(1, rng=stream(0, "pairs"), rules=Rules(20000, crossover=1.0))
     parents = np.tile([[0.45], [0.55]], (10000, 1))
     children = search._crossed(parents)
     assert np.allclose(children[::2] + children[1::2], 1.0)
@@ -44,14 +44,14 @@ def test_children_of_a_crossing_have_the_mean_of_their_parents_and_keep_their_sp
 
 
 def test_a_share_of_the_pairs_is_crossed():
-    search = Genetic(4, rng=stream(0, "share"), population=4000, crossover=0.8)
+    search = Genetic(4, rng=stream(0, "share"), rules=Rules(4000, crossover=0.8))
     parents = stream(0, "parents").uniform(0.4, 0.6, (4000, 4))
     same = (search._crossed(parents) == parents).all(axis=1)
     assert np.mean(same) == pytest.approx(0.2, abs=0.03) and (same[::2] == same[1::2]).all()
 
 
 def test_mutations_move_a_share_of_the_genes_within_their_width_or_draw_them_anew():
-    search = Genetic(2, rng=stream(0, "moves"), population=20000, mutation=0.05, width=np.array([0.1, 1.0]))
+    search = Genetic(2, rng=stream(0, "moves"), rules=Rules(20000, width=np.array([0.1, 1.0])))
     genes = np.full((20000, 2), 0.5)
     moved = search._mutated(genes)
     assert np.allclose((moved != genes).mean(axis=0), 0.05, atol=0.006)
@@ -73,7 +73,7 @@ def test_it_finds_the_top_of_a_crooked_valley():
         a, b = 4.0 * x[:, 0] - 2.0, 4.0 * x[:, 1] - 1.0
         return -((1.0 - a) ** 2 + 100.0 * (b - a**2) ** 2)[:, None]  # Rosenbrock, at (1, 1)
 
-    search = Genetic(2, rng=stream(0, "valley"), population=100, tournament=5, elite=1)
+    search = Genetic(2, rng=stream(0, "valley"), rules=Rules(100, tournament=5, elite=1))
     found = drive(search, grades, lambda g: (g[:, 0], -g[:, 0]), Limits(20000))
     assert found.value > -0.01 and found.evaluations == 20000
 
@@ -81,4 +81,4 @@ def test_it_finds_the_top_of_a_crooked_valley():
 @pytest.mark.parametrize("wrong", [{"population": 3}, {"tournament": 0}, {"population": 4, "elite": 4}])
 def test_generations_that_cannot_be_are_refused(wrong):
     with pytest.raises(UsageError, match="population"):
-        Genetic(2, rng=stream(0, "wrong"), **wrong)
+        Rules(**wrong)
