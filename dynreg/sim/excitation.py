@@ -6,6 +6,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dynreg.rng import stream
+from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -130,8 +131,6 @@ def bank_period(robot: Robot) -> float | None:
 
 def reset_pose(robot: Robot) -> np.ndarray:
     """(A,) commands that hold the reset pose: joint positions for position-like drives, else zero."""
-    from dynreg.sim.ports import nominal_ports
-
     if not robot.actions:
         return np.zeros(0)
     model = robot.model
@@ -151,8 +150,6 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
 
     Empty for floating robots, whose joints cannot be put anywhere without moving the base.
     """
-    from dynreg.sim.ports import nominal_ports
-
     types = nominal_ports(robot, 1).types if robot.actions else []
     if any(model_type == 0 for model_type in robot.model.jnt_type):
         return []

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.rng import stream
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,13 @@ class Run:
     def steps(self) -> int:
         return self.actions.shape[-2]
 
+    def of_all(self, n: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """(n, T, A) commands and motor noise (None without) of n simulations: every simulator's episodes in a row."""
+        steps, count = self.actions.shape[-2:]
+        actions = self.actions.reshape(int(np.prod(self.actions.shape[:-2])), steps, count)
+        actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
+        return actions, None if self.noise is None else self.noise.reshape(n, steps, count)
+
     def take(self, episodes: np.ndarray) -> "Run":
         """Only these episodes (indexes)."""
         pick = lambda a: None if a is None else a[episodes]  # noqa: E731
@@ -105,8 +113,6 @@ class Walk:
 
 def motor_noise(seeds: np.ndarray, episodes: int, steps: int, actions: int) -> np.ndarray:
     """(B, E, T, A) standard normal draws; those of a simulator depend on its seed alone."""
-    from dynreg.rng import stream
-
     return np.stack(
         [stream(int(s), "motor noise").standard_normal((episodes, steps, actions)) for s in seeds]
     )

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from dynreg.sim.effects.body import at_reset
 from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
 from dynreg.sim.robot import Robot
 
@@ -82,8 +83,6 @@ def grounds(robot: Robot) -> np.ndarray:
 
 def left_feet(robot: Robot) -> np.ndarray:
     """Touching spheres and capsules on the side of positive y at the reset pose, where both sides have some."""
-    from dynreg.sim.effects.body import at_reset
-
     model = robot.model
     touching = np.setdiff1d(touching_geoms(robot), grounds(robot))
     round_ones = [int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE)]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.sim.effects.body import driven_dofs
 from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values, drives
 from dynreg.sim.robot import Robot
 
@@ -26,8 +27,6 @@ class _Transmission(Effect):
     acts_on = "transmission"
 
     def configure(self, site: Site, p: Values) -> None:
-        from dynreg.sim.effects.body import driven_dofs
-
         armature = site.expand("dof_armature")[site.rows]  # parameters set it too
         site.memory["rotor"] = ROTOR * armature[:, driven_dofs(site.robot)[site.joints]]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
-from dynreg.sim.effects.effect import Effect, Moment, Site, Terms, Values
+from dynreg.sim.effects import Effect, Moment, Site, Terms, Values, effects
 from dynreg.sim.ports import Ports, ServoLaw
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -75,8 +75,6 @@ def acting(robot: Robot, terms: Terms | None, episodes: int, n: int) -> list[Act
         joints = np.array(robot.drives_of(term.joints), dtype=int)
         where = _where(rows, joints, len(robot.joints))
         out.append(Acting(term.effect, rows, joints, where, terms.at(number, episodes)))
-    from dynreg.sim.effects import effects
-
     order = {name: i for i, name in enumerate(effects())}
     return sorted(out, key=lambda a: order.get(a.effect.id, len(order)))
 

@@ -216,12 +216,8 @@ def _walk(
 
 def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run) -> np.ndarray:
     """(B E, T, A) what the actuators are told; position commands stay inside the joints' own ranges."""
-    n = batch.nsim
-    steps, count = run.actions.shape[-2:]
-    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), steps, count)
-    actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
+    actions, noise = run.of_all(batch.nsim)
     low, high = limited_range(layout, batch.get_model(0), batch, ports)
-    noise = None if run.noise is None else run.noise.reshape(n, steps, count)
     start = np.where(takes_positions(ports), batch.bind("qpos")[:, layout.action_qpos], 0.0)
     return shaped_commands(actions, start, low, high, ports, noise)
 

@@ -86,7 +86,7 @@ def rollout(
     substeps = robot.substeps(period)
     commands = _commands(layout, model, batch, ports, run, q)
     clock = Clock(commands, period, period / substeps, begin)
-    drives = _drives(robot, run)
+    drives = np.array(robot.drives_of(run.joints), dtype=int)
     clock.commands = np.ascontiguousarray(commands[..., drives])
     motion = _Motion(ports.take(drives), plant.take(drives), inputs, on_drives(active, drives), clock)
     positions, velocities = motion.integrate(q[:, drives], v[:, drives], substeps)
@@ -228,17 +228,9 @@ def _start(
 
 
 def _commands(layout, model, batch: Batch, ports: Ports, run: Run, q: np.ndarray) -> np.ndarray:
-    steps, count = run.actions.shape[-2:]
-    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), steps, count)
-    actions = np.tile(actions, (batch.nsim // len(actions), 1, 1))
+    actions, noise = run.of_all(batch.nsim)
     low, high = limited_range(layout, model, batch, ports)
-    noise = None if run.noise is None else run.noise.reshape(batch.nsim, steps, count)
     return shaped_commands(actions, np.where(takes_positions(ports), q, 0.0), low, high, ports, noise)
-
-
-def _drives(robot: Robot, run: Run) -> np.ndarray:
-    """Numbers of the drives that the run looks at."""
-    return np.array(robot.drives_of(run.joints), dtype=int)
 
 
 def _observe(

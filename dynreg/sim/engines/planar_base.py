@@ -250,9 +250,7 @@ def _velocities_after(
 def _commands(base: Base, ports: Ports, run: Run, state: np.ndarray) -> np.ndarray:
     """(n, T, A) commands within their ranges and largest steps."""
     n = state.shape[1]
-    actions = run.actions.reshape(int(np.prod(run.actions.shape[:-2])), *run.actions.shape[-2:])
-    actions = np.tile(actions, (n // len(actions), 1, 1))
-    noise = None if run.noise is None else run.noise.reshape(actions.shape)
+    actions, noise = run.of_all(n)
     low, high = (np.tile(base.ranges[:, i], (n, 1)) for i in (0, 1))
     moving = _wheel_speeds(ports, *state[:2]) if base.wheels else state[:2]
     return shaped_commands(actions, moving[base.commands].T, low, high, ports, noise)
