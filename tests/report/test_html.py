@@ -185,7 +185,8 @@ def test_a_verb_that_came_later_needs_no_template_of_its_own(monkeypatch: pytest
         assert said in text, said
     assert "What there is not" not in text and "None" not in text and "<svg" in html
     room.page = lambda result: {"result": result, "title": "Counts"}
-    assert "What there is" in words(page(Counted(robot="leg", counts={"rows": 2.0})))
+    html = page(Counted(robot="leg", counts={"rows": 2.0}))
+    assert "<h1>Counts</h1>" in html and "What there is" in words(html) and "schema_" not in words(html)
 
 
 def test_curves_stay_in_their_box_and_break_at_missing_values() -> None:
