@@ -31,9 +31,10 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | No
 
 
 def estimate_table(parameters: dict[str, Estimate], title: str) -> RenderableType:
-    """Parameters with their intervals beside the nominal values."""
+    """Parameters with their intervals, where they have some, beside the nominal values."""
+    value = "value" if all(e.low is None for e in parameters.values()) else "value [90 % interval]"
     rows = [(name, e.nominal, interval(e), e.unit) for name, e in parameters.items()]
-    return table(("parameter", "nominal", "value [90 % interval]", "unit"), rows, title)
+    return table(("parameter", "nominal", value, "unit"), rows, title)
 
 
 def value_text(value: Any) -> str:
