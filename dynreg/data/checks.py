@@ -243,17 +243,14 @@ def velocity_slope(position: Series, velocity: Series) -> float | None:
     edges = time[:: max(len(time) // max(len(time) // 20, 1), 1)]
     spans = np.diff(edges)
     rate = np.diff(np.interp(edges, time, values))
-    travel = np.concatenate([[0.0], np.cumsum(_trapezoids(velocity.time[good], velocity.values[good]))])
-    mean = np.diff(np.interp(edges, velocity.time[good], travel))
+    stamps, speeds = velocity.time[good], velocity.values[good]
+    travel = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(stamps))])
+    mean = np.diff(np.interp(edges, stamps, travel))
     keep = spans > 0
     rate, mean = rate[keep] / spans[keep], mean[keep] / spans[keep]
     if np.std(rate) == 0 or np.std(mean) == 0 or abs(np.corrcoef(rate, mean)[0, 1]) < 0.8:
         return None
     return float(np.dot(rate, mean) / np.dot(rate, rate))
-
-
-def _trapezoids(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return 0.5 * (values[1:] + values[:-1]) * np.diff(time)
 
 
 def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:

@@ -1,7 +1,6 @@
 """Training dynamics MLPs by the thousand, a few at a time as batched matrix products (paper D)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -11,9 +10,6 @@ from dynreg.models.mlp import MlpStack, stack_of
 from dynreg.models.rows import checked_rows
 from dynreg.models.threads import in_threads
 from dynreg.rng import stream
-
-if TYPE_CHECKING:
-    import torch
 
 GPU_CHUNK = 2048  # models at once on a GPU: 2 GB of weights, gradients and Adam's moments
 
@@ -113,7 +109,8 @@ def train(
 
     def train_chunk(first: int) -> MlpStack:
         ids = np.arange(first, min(first + step, models))
-        return _train_together(*(_part(part, ids) for part in (start, x, y)), len(ids), plan, device)
+        own = (whole if len(whole) == 1 else whole[ids] for whole in (start, x, y))
+        return _train_together(*own, len(ids), plan, device)
 
     trained = stack_of(in_threads(train_chunk, range(0, models, step), threads if on_cpu else 1))
     check_trained(trained)
@@ -145,15 +142,7 @@ def _train_together(
     passes = {len(b): Backprop(models, len(b), net) for b in plan.batches}
     for batch, rate in zip(plan.batches, plan.rates, strict=True):
         rows = torch.from_numpy(batch).to(device)
-        x_batch, y_batch = (_gather(table, rows, models) for table in (x, y))
+        x_batch, y_batch = (table.index_select(1, rows).expand(models, -1, -1) for table in (x, y))
         passes[len(batch)].gradient(net, x_batch, y_batch, 1.0, gradient)
         adam.step(gradient, float(rate))
     return net.stack()
-
-
-def _gather(table: "torch.Tensor", rows: "torch.Tensor", models: int) -> "torch.Tensor":
-    return table.index_select(1, rows).expand(models, -1, -1)
-
-
-def _part(whole: MlpStack | ndarray, ids: ndarray) -> MlpStack | ndarray:
-    return whole if len(whole) == 1 else whole[ids]

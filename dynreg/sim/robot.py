@@ -198,7 +198,9 @@ def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
             expected="the MJCF model that robot.toml names",
             do="add it or correct `model`",
         )
-    space = ParameterSpace(tuple(_parameter(table) for table in file.parameters))
+    space = ParameterSpace(
+        tuple(Parameter(**dict(table) | {"sets": tuple(table.sets)}) for table in file.parameters)
+    )
     robot = Robot(file.robot.name, folder.resolve(), file, space, _hash(folder))
     return robot if ranges is None else with_population(robot, ranges)
 
@@ -224,20 +226,6 @@ def require_commands(robot: Robot, recording: Recording) -> None:
             expected=f"the channels {list(robot.actions)}",
             do="log the commands too and map them; until then it can only be checked, listed and exported",
         )
-
-
-def _parameter(table) -> Parameter:
-    return Parameter(
-        table.name,
-        table.unit,
-        table.nominal,
-        table.low,
-        table.high,
-        table.scale,
-        table.tolerance,
-        tuple(table.sets),
-        table.known,
-    )
 
 
 def _hash(folder: Path) -> str:

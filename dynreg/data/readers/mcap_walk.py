@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import IO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -198,11 +197,8 @@ def _summary(path: Path):
 
     with path.open("rb") as file:
         try:
-            return _get_summary(SeekingReader(file, record_size_limit=RECORD_LIMIT), file)
+            reader = SeekingReader(file, record_size_limit=RECORD_LIMIT)
+            file.seek(0)
+            return reader.get_summary()
         except Exception:  # a cut or damaged end: there is no summary to be had
             return None
-
-
-def _get_summary(reader, file: IO[bytes]):
-    file.seek(0)
-    return reader.get_summary()
