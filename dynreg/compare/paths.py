@@ -53,17 +53,13 @@ def runs(told: Told, first: int) -> np.ndarray:
     """(R, 10) commands from number `first` on that follow each other without a gap, in runs that share none."""
     out, begin = [], first
     for at in range(first, len(told.commands)):
-        if at > begin and not _follows(told, at):
+        follows = told.episode[at] == told.episode[at - 1] and abs(told.begin[at] - told.end[at - 1]) <= SAME
+        if at > begin and not follows:
             begin = at
         if at - begin + 1 == COMMANDS:
             out.append(np.arange(begin, at + 1))
             begin = at + 1
     return np.array(out, dtype=int).reshape(-1, COMMANDS)
-
-
-def _follows(told: Told, at: int) -> bool:
-    same = told.episode[at] == told.episode[at - 1]
-    return bool(same and abs(told.begin[at] - told.end[at - 1]) <= SAME)
 
 
 def ends(told: Told, contenders: Mapping[str, Predicts], runs: np.ndarray) -> Paths | None:

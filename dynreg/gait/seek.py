@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.gait.methods import ACCEPT
+from dynreg.gait.accept import ACCEPT, USUAL
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness
 from dynreg.gait.trials import Trials
@@ -20,7 +20,6 @@ from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 from dynreg.sim.run import Walk
 
-QUARTILE = 0.25
 # of the candidates, drawn before a search sets out from one of them, the best: most gaits fall, and cost little
 SCREENED = 0.2
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
@@ -41,7 +40,7 @@ class SearchSettings:
     """
 
     method: str = "cma"
-    accept: str = ACCEPT[0]
+    accept: str = USUAL
     rollouts: int = 750
     seed: int = 0
     patience: int | None = None
@@ -122,11 +121,13 @@ def seek(
         )
     kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
-    judge, helpless = _judge(settings), np.ones(k, dtype=bool)
+    accepted, helpless = ACCEPT[settings.accept], np.ones(k, dtype=bool)
 
     def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         helpless[:] &= fallen(grades).all(axis=0)
-        return judge(grades)
+        values = accepted(fitness(grades))
+        # some rank their candidates, the fallen ones too; the hill climber is the paper's
+        return values, -accepted(grades) if kind.by_order else -values
 
     # who learns from one batch alone lives with noise that is another for every batch, and finds what walks whatever
     # the noise. Climbers compare candidates of different batches; so does who ends a search early
@@ -202,29 +203,12 @@ def _best_again(
         genes = space.feasible(space.from_unit(finalists))
         new = trials.again(genes, draws, first=seen.shape[1], doubt=DOUBT)
         seen = np.concatenate([seen, new], axis=1)
-        values = accepted(fitness(seen).mean(axis=1), settings.accept)
+        values = ACCEPT[settings.accept](fitness(seen).mean(axis=1))
         falls = fallen(seen).sum(axis=(1, 2))
         short = values < trials.task.success
         order = np.lexsort((-values, falls, short) if settings.accept == "min" else (-values,))
         finalists, seen, values, falls = finalists[order], seen[order], values[order], falls[order]
     return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
-
-
-def accepted(values: np.ndarray, how: str) -> np.ndarray:
-    """(n,) of fitness (n, k): the minimum, the mean or the lower quartile over the simulators."""
-    if how == "mean":
-        return values.mean(axis=1)
-    return values.min(axis=1) if how == "min" else np.quantile(values, QUARTILE, axis=1)
-
-
-def _judge(settings: SearchSettings) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    def judge(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values = accepted(fitness(grades), settings.accept)
-        # some rank their candidates, the fallen ones too; the hill climber is the paper's
-        ranked = SEARCHES[settings.method].by_order
-        return values, -accepted(grades, settings.accept) if ranked else -values
-
-    return judge
 
 
 def _search(trials: Trials, settings: SearchSettings) -> Search:

@@ -12,14 +12,13 @@ from dynreg.timed.cells import Grid, Pieces
 from dynreg.timed.commands import AXES
 from dynreg.timed.drift import Shifts, Split
 from dynreg.timed.patterns import HIGHEST, LOWEST
-from dynreg.timed.reference import Reference
 
 UNITS = ("m", "m", "rad")
 
 
 def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drifted) -> Drift:
     """The verdict with all that it stands on."""
-    both, clear = found.both, found.clear
+    both, clear, r = found.both, found.clear, found.both.reference
     return Drift(
         robot=robot.name,
         recording=recent.recording.id,
@@ -42,7 +41,13 @@ def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drift
         grid=both.grid.each,
         low=both.grid.low,
         high=both.grid.high,
-        reference=_reference(both.reference),
+        reference={
+            "left": r.left,
+            "right": r.right,
+            "turns": r.turns,
+            "speed_lag": float(r.parameters[0]),
+            "yaw_lag": float(r.parameters[1]),
+        },
         seed=plan.seed,
         notes=_notes(found, plan.splits),
         seconds=0.0,
@@ -59,11 +64,6 @@ def _false_alarms(level: float, tests: int, itself: Split | None) -> FalseAlarms
         one_by_one=itself and itself.one_by_one,
         alarms=itself and itself.alarms,
     )
-
-
-def _reference(r: Reference) -> dict[str, float]:
-    lags = {"speed_lag": float(r.parameters[0]), "yaw_lag": float(r.parameters[1])}
-    return {"left": r.left, "right": r.right, "turns": r.turns, **lags}
 
 
 def _taken(held: Held, taken: Pieces) -> Taken:

@@ -4,7 +4,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dynreg.gait.methods import ACCEPT, METHODS
+from dynreg.gait.accept import ACCEPT, USUAL
+from dynreg.search.table import SEARCHES
 from dynreg.verbs.settings import Settings, option, seed, threads
 from dynreg.verbs.verb import Progress
 
@@ -23,12 +24,12 @@ class GaitSettings(Settings):
 
     k: int = option(5, "Simulators that the gait must walk in.", flag="-k", least=1, shared=True)
     on: str = option(SOURCES[0], f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.")
-    method: str = option(METHODS[0], f"One of {', '.join(METHODS)}.", choices=METHODS)
+    method: str = option("cma", "The search.", choices=SEARCHES)
     accept: str | None = option(
         None,
         "What the search raises over the simulators.",
-        choices=ACCEPT,
-        usual=f"{ACCEPT[0]}; of a population the {OF_POPULATION}",
+        choices=tuple(ACCEPT),
+        usual=f"{USUAL}; of a population the {OF_POPULATION}",
     )
     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
     rollouts: int = option(750, "Runs of one simulator that the search may cost.", least=1)
@@ -53,7 +54,7 @@ class GaitSettings(Settings):
         """How the gait is sought."""
         from dynreg.gait.seek import AGAIN, SearchSettings
 
-        accept = self.accept or (OF_POPULATION if self.on == "population" else ACCEPT[0])
+        accept = self.accept or (OF_POPULATION if self.on == "population" else USUAL)
         return SearchSettings(
             self.method, accept, self.rollouts, self.seed, patience=self.patience, again=AGAIN
         )

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import QUARTILE, SearchSettings, Sought, accepted
+from dynreg.gait.seek import SearchSettings, Sought
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
 from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitStep, GaitTrial
@@ -43,7 +44,7 @@ def document(
 ) -> Gait:
     """The gait with all that was found of it. seconds : that it took."""
     robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
-    values, how, finals = sought.fitness, search.accept, sought.finals
+    finals, fitness = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
     stood = not sought.fell.any() and not (finals and finals.falls)
     return Gait(
         robot=robot.name,
@@ -65,13 +66,11 @@ def document(
             for g, v in zip(space.genes, sought.genes, strict=True)
         },
         joints=joints(space, sought.genes),
-        accept=how,
-        value=float(accepted(values[None], how)[0]),
-        fitness=Fitness(
-            min=float(values.min()), mean=float(values.mean()), quantile=float(np.quantile(values, QUARTILE))
-        ),
+        accept=search.accept,
+        value=fitness[search.accept],
+        fitness=Fitness(**fitness),
         finals=finals,
-        succeeded=bool(stood and values.min() >= task.success),
+        succeeded=bool(stood and fitness["min"] >= task.success),
         trials=_trials(chosen, trials, sought),
         method=search.method,
         seed=search.seed,
@@ -79,7 +78,7 @@ def document(
         history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
         resumed=found.resumed,
-        notes=_notes(sought.helpless, how),
+        notes=_notes(sought.helpless, search.accept),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
     )
 

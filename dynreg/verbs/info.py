@@ -10,6 +10,8 @@ from dynreg.verbs.list import KINDS, listing
 
 def information(registry: Registry) -> dict[str, Any]:
     """Versions, device, cores, and counts of what the registry holds."""
+    import torch
+
     listed = listing(registry)
     counts = {kind: sum(i.kind == kind for i in listed.items) for kind in KINDS}
     packages = {name: version(name) for name in ("dynreg", "mujoco", "torch", "numpy", "pyarrow")}
@@ -19,12 +21,6 @@ def information(registry: Registry) -> dict[str, Any]:
         "holds": counts,
         "entries": sum(registry.count(p.id) for p in registry.populations()),
         "versions": packages,
-        "device": _device(),
+        "device": torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu",
         "cores": os.cpu_count(),
     }
-
-
-def _device() -> str:
-    import torch
-
-    return torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu"

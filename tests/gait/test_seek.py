@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from dynreg.errors import RobotError, UsageError
-from dynreg.gait.methods import METHODS
-from dynreg.gait.seek import Finals, SearchSettings, _best_again, accepted, seek
+from dynreg.gait.accept import ACCEPT
+from dynreg.gait.seek import Finals, SearchSettings, _best_again, seek
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials, simulators_of
+from dynreg.search.table import SEARCHES
 from dynreg.sim.config import SimConfig
 
-BUDGET = dict.fromkeys(METHODS, 60) | {"cma": 84, "hill": 40}  # some batches in two simulators
+BUDGET = dict.fromkeys(SEARCHES, 60) | {"cma": 84, "hill": 40}  # some batches in two simulators
 
 
 def first_gaits(trials: Trials, count: int = 3) -> np.ndarray:
@@ -59,10 +60,10 @@ def test_commands_too_rare_for_a_sine_are_refused(brief) -> None:
 
 def test_what_is_accepted() -> None:
     values = np.array([[1.0, 2.0, 3.0, 4.0, 5.0]])
-    assert [accepted(values, how)[0] for how in ("min", "mean", "quantile")] == [1.0, 3.0, 2.0]
+    assert {how: of(values)[0] for how, of in ACCEPT.items()} == {"min": 1.0, "mean": 3.0, "quantile": 2.0}
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SEARCHES)
 def test_a_search_is_the_same_again_and_keeps_its_budget(method: str, trials) -> None:
     settings = SearchSettings(method, rollouts=BUDGET[method], seed=3)
     first = seek(trials, settings)
@@ -78,7 +79,7 @@ def test_a_search_is_the_same_again_and_keeps_its_budget(method: str, trials) ->
     assert values == sorted(values)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SEARCHES)
 def test_an_interrupted_search_goes_on_to_the_same_end(method: str, trials, tmp_path: Path) -> None:
     settings = SearchSettings(method, rollouts=BUDGET[method], seed=3)
     whole = seek(trials, settings)
@@ -110,7 +111,7 @@ def test_too_few_rollouts_and_unknown_methods_are_refused(trials) -> None:
         SearchSettings("ants")
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SEARCHES)
 def test_the_robots_own_gaits_are_tried_first(method: str, trials, monkeypatch) -> None:
     tried, grades = [], trials.grades
     monkeypatch.setattr(trials, "grades", lambda genes, **k: tried.append(genes) or grades(genes, **k))
@@ -195,7 +196,7 @@ def test_only_a_search_that_compares_within_batches_draws_noise_anew(
 
 
 @pytest.mark.parametrize("many", [0, 1, 3])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SEARCHES)
 def test_a_robot_brings_any_number_of_gaits(many: int, method: str, trials) -> None:
     trials.space = replace(trials.space, first=trials.space.first[:many])
     found = seek(trials, SearchSettings(method, rollouts=60, seed=1))

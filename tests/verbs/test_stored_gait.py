@@ -21,6 +21,8 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.gait import SOURCES
+from dynreg.verbs.simulators import NAMES
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
 
@@ -139,6 +141,10 @@ def test_over_a_population_the_mean_counts_and_simulators_that_only_fall_are_tol
     assert drawn.accept == "mean" and drawn.value == drawn.fitness.mean
     least = opened.gait("log", on="population", k=2, accept="min", rollouts=44, threads=1)
     assert least.accept == "min" and least.value == least.fitness.min
+
+
+def test_simulators_are_named_by_the_words_of_all_verbs() -> None:
+    assert {*SOURCES} == {*NAMES, "random", "population"}
 
 
 def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session) -> None:
