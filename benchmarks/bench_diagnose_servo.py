@@ -17,8 +17,8 @@ from servo_peers import LADDER, identify, ladder
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.diagnose import pose
-from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.pose import pose
 from dynreg.verbs.subjects import robot_of
 
 HERE = Path(__file__).parent
@@ -106,7 +106,7 @@ def _diagnosed(reg, supply: str, kp: float, seed: int, given: argparse.Namespace
 
 def _peers(robot, recording: Recording, kp: float, given: argparse.Namespace):
     problem, split = pose(
-        None, robot, recording, Settings(hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threads=1)
+        robot, recording, Asked(hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threads=1)
     )
     test = np.flatnonzero(split.test)
     for rung in LADDER:

@@ -22,10 +22,10 @@ from scipy.stats import norm
 
 import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import hide
 from dynreg.errors import LogError
 from dynreg.results import Diagnosis
@@ -199,8 +199,8 @@ def regressed(robot: Robot, recording: Recording) -> tuple[float, float]:
 
 def replayed(robot: Robot, recording: Recording, free: tuple[str, ...]) -> tuple[float, float]:
     """Mass and its standard error [kg] by robust least squares on rollouts; all but `free` as on the plate."""
-    settings = Settings(engine="joint", horizon=HORIZON, threads=1)
-    problem, _ = pose(None, robot, recording, settings)
+    settings = Asked(engine="joint", horizon=HORIZON, threads=1)
+    problem, _ = pose(robot, recording, settings)
     names = [robot.space.parameters[i].name for i in problem.coordinates.free]
     at, every = [names.index(name) for name in free], np.arange(len(problem.windows))
 

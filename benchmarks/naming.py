@@ -14,14 +14,14 @@ from statistics import median
 import numpy as np
 from journal import Journal
 
-from dynreg.diagnose.settings import TrialSettings
 from dynreg.diagnose.threshold import SEARCH, USUAL, level
-from dynreg.diagnose.trial import null_scores, one_trial
+from dynreg.diagnose.trial import Trials, null_scores
 from dynreg.diagnose.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot
+from dynreg.verbs.trials import one_trial
 
 RESULTS = Path(__file__).parent / "results"
 TUNE = 3  # the seed of the development, of the commands and of the threshold
@@ -113,19 +113,17 @@ def threshold(
 def nulls(given: tuple[Robot, Protocol, range]) -> list[float]:
     """[nats] of robots without an effect, by their numbers."""
     robot, plan, numbers = given
-    return null_scores(robot, plan, TrialSettings(seed=TUNE, threads=1), numbers)
+    return null_scores(Trials(robot, plan, seed=TUNE, threads=1), numbers)
 
 
 def run(job: Job) -> TrialResult:
     """The trial, on one core."""
     return one_trial(
-        job.robot,
-        job.plan,
+        Trials(job.robot, job.plan, threads=1),
         tuple(term(key) for key in job.keys),
         job.size,
         job.seed,
         job.needed,
-        TrialSettings(threads=1),
         without=job.without,
         max_causes=job.max_causes,
         share=job.share,

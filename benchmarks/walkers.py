@@ -13,10 +13,11 @@ import numpy as np
 from bench_naming_quadruped import KNOWN, measured, plan_of
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.diagnose import pose, search
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.hypothesis import single_terms
-from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.pose import pose
 from dynreg.gait.tasks import Task, fitness, kinds, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.rng import stream, stream_seed
@@ -186,11 +187,10 @@ def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...
     space = zip(robot.space.parameters, walker.nameplate, strict=True)
     robot = replace(robot, space=ParameterSpace(tuple(replace(p, nominal=float(v)) for p, v in space)))
     tests = ",".join(e.name for e in log.episodes if e.name.startswith("test"))
-    settings = Settings(hold_out=tests, max_causes=CAUSES, effects=effects or None, threads=1)
-    problem, split = pose(None, robot, log, settings)
+    settings = Asked(hold_out=tests, max_causes=CAUSES, effects=effects or None, threads=1)
+    problem, split = pose(robot, log, settings)
     terms = single_terms(robot, effects)
-    fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
-    found = search(None, problem, terms, fit_on, select_on, settings, needed=needed)
+    found = search(problem, terms, split, settings, needed=needed)
     evidence = Evidence.of(found.problem, log, found.extended, split.chosen)
     verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
     simulators = []

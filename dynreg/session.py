@@ -1,20 +1,21 @@
 """The Python door to a registry: `dynreg.open(path)` and what can be asked of it."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
+from dynreg.verbs.diagnose import DiagnoseSettings, diagnose
 from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite
 from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
-from dynreg.verbs.verb import Verb, about_recording
+from dynreg.verbs.trial import TrialSettings, trial
+from dynreg.verbs.verb import Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
     import dynreg.results as results
@@ -114,45 +115,7 @@ class Session:
 
     calibrate = about_recording(calibrate, CalibrateSettings, ingest=True)
 
-    def diagnose(
-        self,
-        recording: "str | Path | results.RecordingSummary",
-        *,
-        start: str = "nominal",
-        hold_out: str | None = None,
-        effects: Sequence[str] | None = None,
-        without: Sequence[str] = (),
-        max_causes: int = 3,
-        engine: str | None = None,
-        seed: int = 0,
-        threshold_runs: int = 20,
-        tolerance: float = 1.0,
-        horizon: float | None = None,
-        joints: Sequence[str] | None = None,
-        windows: int | None = None,
-        robot: "str | Path | Robot | None" = None,
-        log_map: str | Path | None = None,
-        threads: int = 0,
-        progress: Progress | None = None,
-    ) -> "results.Diagnosis":
-        """Which physical causes a simulator of the recording's robot lacks; see `diagnose.settings.Settings`.
-
-        recording : a recording's id, name or `@last`, or the path of a log (then `robot` is needed). The result is
-        stored, and the calibrated and the extended simulator are registered.
-        """
-        from dynreg.diagnose.diagnose import diagnose
-        from dynreg.diagnose.settings import Settings
-        from dynreg.verbs.subjects import recorded
-
-        joints = None if joints is None else dict.fromkeys(joints)
-        settings = _settings(Settings, locals())
-        asked = recorded(self.registry, recording, robot, log_map, ingest=False)
-        found = diagnose(
-            self.registry, asked.robot, asked.recording, settings, name=asked.name, progress=progress
-        )
-        asked.register()
-        self.registry.put_result("diagnosis", asked.recording.id, found.to_dict())
-        return found
+    diagnose = about_recording(diagnose, DiagnoseSettings)
 
     compare = about_recording(compare, CompareSettings)
 
@@ -184,33 +147,7 @@ class Session:
 
     gait = about_recording(gait, GaitSettings, ingest=True)
 
-    def trial(
-        self,
-        robot: "str | Path | Robot",
-        *,
-        hide: str = "drawn",
-        effects: Sequence[str] = (),
-        size: str = "medium",
-        count: int = 1,
-        seed: int = 0,
-        seconds: float = 50.0,
-        engine: str | None = None,
-        threshold_runs: int = 20,
-        threads: int = 0,
-        progress: Progress | None = None,
-    ) -> "results.TrialTable":
-        """Diagnose simulated robots whose truth is known; see `diagnose.settings.TrialSettings`.
-
-        The table is stored; the robots and their logs are not.
-        """
-        from dynreg.diagnose.settings import TrialSettings
-        from dynreg.diagnose.trial import trial
-        from dynreg.verbs.subjects import loaded_robot
-
-        settings = _settings(TrialSettings, locals())
-        table = trial(self.registry, loaded_robot(robot), settings, progress=progress)
-        self.registry.put_result("trials", None, table.to_dict())
-        return table
+    trial = about_robot(trial, TrialSettings)
 
     @staticmethod
     def effects(robot: "str | Path | Robot | None" = None) -> "results.EffectsList":
@@ -297,12 +234,3 @@ class Session:
         from dynreg.verbs.info import information
 
         return information(self.registry)
-
-
-def _settings(kind: type, given: Mapping[str, Any]) -> Any:
-    """Settings of a verb from those of its arguments that they name; sequences as tuples."""
-    return kind(**{field.name: _plain(given[field.name]) for field in fields(kind)})
-
-
-def _plain(value: Any) -> Any:
-    return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else value

@@ -20,8 +20,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 import dynreg
-from dynreg.diagnose.diagnose import pose
-from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.pose import pose
 from dynreg.errors import NoMatchError
 from dynreg.replay.parts import names
 from dynreg.results import Diagnosis
@@ -78,8 +78,8 @@ def held_out(registry: Session, found: Diagnosis, *, horizon: float | None = Non
         )
     recording = registry.recording(found.recording)
     robot = robot_of(registry.registry, found.recording)
-    settings = Settings(engine=found.engine or None, threads=1, horizon=horizon)
-    cut = pose(None, robot, recording, settings)[0].windows
+    settings = Asked(engine=found.engine or None, threads=1, horizon=horizon)
+    cut = pose(robot, recording, settings)[0].windows
     known = names(recording, cut, np.ones(len(cut), dtype=bool))
     strange = sorted({*found.parts["test"]} - {*known})
     if strange:

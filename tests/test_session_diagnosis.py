@@ -1,16 +1,17 @@
 """Diagnoses and trials through a session: what is passed on, kept, found again and taken along."""
 
 import shutil
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import made_up_diagnosis
 import pytest
 
 from dynreg import session
+from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.errors import NoMatchError, RegistryError, UsageError
 from dynreg.session import Session
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
 
 
 @pytest.fixture
@@ -19,58 +20,46 @@ def opened(registry_folder: Path, tmp_path: Path):
         yield made
 
 
+QUICK = {"effects": ["cogging", "payload"], "max_causes": 1, "threshold_runs": 0, "threads": 1}
+TRIAL = {"hide": "chosen", "effects": ["payload"], "count": 1, "seconds": 12.5, "threshold_runs": 0}
+
+
+@pytest.fixture(scope="module")
+def diagnosed(registry_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registry with a diagnosis of a hidden servo."""
+    folder = shutil.copytree(registry_folder, tmp_path_factory.mktemp("diagnosed") / "registry")
+    robot = load_robot("servo_pendulum")
+    recording = log_of(robot, hide(robot, (term("cogging"),), "strong", 11), protocol(robot, seconds=25.0))
+    with session.open(folder) as made:
+        made.ingest(recording, robot, name="hidden")
+        made.diagnose("hidden", **QUICK, seed=4, engine="joint")
+    return folder
+
+
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list:
-    """Stands where the diagnosis, the trial and the experiment would; keeps what they were asked."""
-    kept: list = []
-
-    def stand_in(answer):
-        def called(*given, **named):
-            kept.append((given, named))
-            return answer(*given)
-
-        return called
-
-    made = {
-        "diagnose": stand_in(_diagnosis),
-        "trial": stand_in(lambda *_: made_up_diagnosis.trials()),
-    }
-    for name, function in made.items():
-        module = SimpleNamespace(**{name: function})
-        monkeypatch.setitem(sys.modules, f"dynreg.diagnose.{name}", module)
-    return kept
+def kept(diagnosed: Path, tmp_path: Path):
+    with session.open(shutil.copytree(diagnosed, tmp_path / "registry")) as made:
+        yield made
 
 
-def _diagnosis(registry, robot, recording, settings):
-    """A diagnosis that registered its simulators."""
-    config = {"robot": robot.hash, "robot_name": robot.name, "values": {}}
-    simulators = {
-        f"{kind}_simulator": registry.put_simulator(
-            config | {"lineage": {"made_by": "diagnose", "kind": kind}}
-        )
-        for kind in ("calibrated", "extended")
-    }
-    return made_up_diagnosis.diagnosis().model_copy(
-        update={"recording": recording.id, "robot": robot.name, "simulator": None, **simulators}
+def test_a_diagnosis_is_told_its_settings_robot_and_name(kept: Session) -> None:
+    found = kept.result()
+    assert (found.robot, found.recording_name, found.recording) == (
+        "servo_pendulum",
+        "hidden",
+        kept.show("hidden").id,
     )
+    assert (found.start, found.seed, found.engine, found.threshold.runs) == ("nominal", 4, "joint", 0)
+    assert {r.effect for r in found.ranking} <= {*QUICK["effects"]} and len(found.causes) <= 1
 
 
-def test_a_diagnosis_is_told_its_settings_robot_and_name(opened: Session, asked: list) -> None:
-    opened.diagnose("bench", start="nearest", without=["payload"], max_causes=1, seed=4, engine="joint")
-    (((registry, robot, recording, settings), named),) = asked
-    assert registry is opened.registry and robot.name == "servo_pendulum"
-    assert recording.id == opened.show("bench").id and named == {"name": "bench", "progress": None}
-    told = (settings.start, settings.without, settings.max_causes, settings.seed, settings.engine)
-    assert told == ("nearest", ("payload",), 1, 4, "joint") and settings.effects is None
-
-
-def test_a_diagnosis_is_kept_and_found_by_what_it_is_about(opened: Session, asked: list) -> None:
-    told = opened.diagnose("bench")
-    assert opened.result() == opened.result("bench") == told
-    assert list(opened.result().parameters) == list(told.parameters), "in the robot's order"
-    (item,) = opened.list("result").items
-    assert item.name == "diagnosis" and opened.show(item.id).detail["verdict"] == "named"
-    assert opened.verify().clean
+def test_a_diagnosis_is_kept_and_found_by_what_it_is_about(kept: Session) -> None:
+    found = kept.result()
+    assert kept.result("hidden") == found
+    assert list(found.parameters) == list(load_robot("servo_pendulum").space.names), "in the robot's order"
+    (item,) = kept.list("result").items
+    assert item.name == "diagnosis" and kept.show(item.id).detail["verdict"] == found.verdict
+    assert kept.verify().clean
 
 
 def test_an_interrupted_diagnosis_is_no_last_result_and_keeps_its_threshold(opened: Session) -> None:
@@ -95,45 +84,39 @@ def test_an_interrupted_diagnosis_is_no_last_result_and_keeps_its_threshold(open
     assert opened.result() == table and opened.list() == listed and opened.verify().clean
 
 
-def test_an_exported_diagnosis_brings_its_simulators(opened: Session, asked: list, tmp_path: Path) -> None:
-    told = opened.diagnose("bench")
-    opened.export([opened.list("result").items[0].id], tmp_path / "taken")
+def test_an_exported_diagnosis_brings_its_simulators(kept: Session, tmp_path: Path) -> None:
+    found = kept.result()
+    assert found.extended_simulator
+    kept.export([kept.list("result").items[0].id], tmp_path / "taken")
     with session.open(tmp_path / "taken") as other:
-        assert other.result() == told and other.verify().clean
-        for simulator in (told.calibrated_simulator, told.extended_simulator):
+        assert other.result() == found and other.verify().clean
+        for simulator in (found.calibrated_simulator, found.extended_simulator):
             assert other.show(simulator).kind == "simulator"
 
 
-def test_bad_settings_are_refused_before_the_log_is_read(opened: Session, asked: list) -> None:
+def test_bad_settings_are_refused_before_the_log_is_read(opened: Session) -> None:
     with pytest.raises(UsageError, match="rust"):
         opened.diagnose("nowhere", effects=["rust"])
     with pytest.raises(NoMatchError, match="nowhere"):
         opened.diagnose("nowhere")
-    assert asked == []
 
 
-def test_trials_are_kept_without_a_recording(opened: Session, asked: list, tmp_path: Path) -> None:
-    table = opened.trial("servo_pendulum", hide="chosen", effects=["payload"], count=3)
-    (((registry, robot, settings), named),) = asked
-    assert registry is opened.registry and robot.name == "servo_pendulum" and named == {"progress": None}
-    assert (settings.hide, settings.effects, settings.count) == ("chosen", ("payload",), 3)
-    assert opened.result() == table
-    (item,) = opened.list("result").items
-    assert (item.name, item.robot, item.detail) == ("trials", "servo_pendulum", {})
-    assert opened.result(item.id) == table
-    with pytest.raises(NoMatchError):
-        opened.result("bench")  # it is about no recording
-    opened.export([item.id], tmp_path / "taken")
+def test_trials_are_kept_without_a_recording_and_survive_the_loss_of_the_catalogue(
+    kept: Session, tmp_path: Path
+) -> None:
+    diagnosis = kept.result()
+    table = kept.trial("servo_pendulum", **TRIAL, threads=1)
+    assert [t.hidden for t in table.trials] == ["payload"] and table.robot == "servo_pendulum"
+    assert kept.result() == table and kept.result("hidden") == diagnosis
+    (item,) = [i for i in kept.list("result").items if i.name == "trials"]
+    assert (item.robot, item.detail) == ("servo_pendulum", {})
+    assert kept.result(item.id) == table
+    kept.export([item.id], tmp_path / "taken")
     with session.open(tmp_path / "taken") as other:
         assert other.result() == table and other.verify().clean
         assert not other.list("recording").items
-
-
-def test_trials_survive_the_loss_of_the_catalogue(opened: Session, asked: list) -> None:
-    table = opened.trial("servo_pendulum")
-    diagnosis = opened.diagnose("bench")
-    path = opened.path
-    opened.close()
+    path = kept.path
+    kept.close()
     (path / "catalog.sqlite").write_bytes(b"junk" * 1000)
     with pytest.raises(RegistryError):
         session.open(path, create=False)
@@ -141,8 +124,8 @@ def test_trials_survive_the_loss_of_the_catalogue(opened: Session, asked: list) 
 
     verify(path, repair=True)
     with session.open(path) as again:
-        kept = [again.result(item.id) for item in again.list("result").items]
-        assert table in kept and diagnosis in kept
+        found = [again.result(item.id) for item in again.list("result").items]
+        assert table in found and diagnosis in found
 
 
 def test_an_experiment_and_the_library_need_no_registry() -> None:

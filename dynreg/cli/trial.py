@@ -70,8 +70,8 @@ def trial(
 
 def _checked(robot: str, asked: dict[str, Any]) -> "Robot":
     """The robot; an error in it or in what is asked is said before a registry is made for it."""
-    from dynreg.diagnose.settings import TrialSettings
     from dynreg.sim.robot import load_robot
+    from dynreg.verbs.trial import TrialSettings
 
     TrialSettings(**asked)
     return load_robot(robot)

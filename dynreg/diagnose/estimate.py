@@ -1,5 +1,6 @@
 """Parameters of a term, in its units and with their intervals, from draws of the posterior."""
 
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import mujoco
@@ -8,7 +9,6 @@ import numpy as np
 from dynreg.diagnose.fit import bounds
 from dynreg.diagnose.interval import NINETY, Posterior
 from dynreg.diagnose.problem import Point, Problem
-from dynreg.results.diagnosis import EffectEstimate
 from dynreg.sim.effects import EffectParameter, Term
 from dynreg.sim.robot import Robot
 
@@ -26,9 +26,24 @@ ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinge
 )
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of a term with its 90 % interval, in `unit`; the interval holds if the hypothesis is right.
+
+    at_bound : the value lies on the edge of what a fit may reach. sizes : the weak, medium and strong size.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    at_bound: bool
+    sizes: tuple[float, float, float]
+
+
 def estimates(
     problem: Problem, point: Point, number: int, draws: Posterior, *, median: bool = False
-) -> dict[str, EffectEstimate]:
+) -> dict[str, Estimate]:
     """Parameters of the point's term `number` with 90 % intervals; `draws` are of the same hypothesis.
 
     median : give the posterior's, not the point's own values: along a valley the best point says nothing.
@@ -45,7 +60,7 @@ def estimates(
     for k, p in enumerate(term.effect.parameters):
         z, (least, most) = point.effect[before + k], limits[before + k]
         scale = c.scale(term, p) / p.medium
-        out[p.name] = EffectEstimate(
+        out[p.name] = Estimate(
             value=float(value[k]),
             low=float(min(low[k], value[k])),
             high=float(max(high[k], value[k])),

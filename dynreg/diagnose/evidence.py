@@ -1,6 +1,7 @@
 """What is left after the search, against what no simulator could explain; the verdict that follows."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -10,12 +11,29 @@ from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
-from dynreg.results.diagnosis import Noise, Verdict
 from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # mean squares below it count as this: their logarithm has to be a number
+Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What a simulator leaves of one channel, against what no simulator can explain; both 1 sigma in `unit`.
+
+    left : where contacts make rollouts rough, the mean of its logarithm over the windows. basis : what the floor comes
+    from. ratio : left over floor. white : whether what is left looks like white noise; None where unknown.
+    """
+
+    channel: str
+    unit: str
+    left: float
+    floor: float
+    basis: Literal["repeatability", "stated_noise"]
+    ratio: float
+    white: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -26,7 +44,6 @@ class Evidence:
     """
 
     noise: Noise
-    ratio: float
     repeats: dict[str, Repeatability]
 
     @classmethod
@@ -56,8 +73,7 @@ class Evidence:
                     white=white.white if white.p is not None else None,
                 )
             )
-        worst = max(rows, key=lambda n: n.ratio or 0.0)
-        return cls(worst, float(worst.ratio or 0.0), repeats)
+        return cls(max(rows, key=lambda n: n.ratio), repeats)
 
 
 def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
@@ -103,7 +119,7 @@ def verdict_of(robot: Robot, evidence: Evidence, rounds: tuple[Naming, ...], acc
 
     Without repeated runs the floor is the stated noise, and a residual that is white counts as explained.
     """
-    explained = evidence.ratio <= EXPLAINED
+    explained = evidence.noise.ratio <= EXPLAINED
     if evidence.noise.basis == "stated_noise" and evidence.noise.white:
         explained = True
     if accepted == 0:

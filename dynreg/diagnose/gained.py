@@ -3,11 +3,9 @@
 import numpy as np
 
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.repeatability import Repeatability
 from dynreg.replay import judged as replayed
 from dynreg.replay.judged import Gain
 from dynreg.replay.residual import scaled
-from dynreg.results.diagnosis import RolloutError
 
 
 def gain(problem: Problem, before: np.ndarray, after: np.ndarray, judged: np.ndarray) -> Gain | None:
@@ -23,30 +21,10 @@ def window_errors(problem: Problem, states: np.ndarray, judged: np.ndarray) -> n
     return np.nansum(each * problem.windows.weight[use], axis=1)
 
 
-def channel_errors(
-    problem: Problem, states: np.ndarray, judged: np.ndarray, repeats: dict[str, Repeatability], part: str
-) -> tuple[RolloutError, ...]:
-    """Mean absolute error of every weighted channel: nominal, calibrated and extended are states[0], [1] and [-1]."""
-    robot, out = problem.robot, []
+def channel_errors(problem: Problem, states: np.ndarray, judged: np.ndarray) -> np.ndarray:
+    """(n, C) mean absolute error of states (n, W, T+1, S) in every weighted channel, in its unit."""
+    out = []
     for column in problem.use:
         miss = np.abs(states[:, :, 1:, column] - problem.windows.measured[judged][:, 1:, column])
-        mae = [float(np.nanmean(np.where(np.isfinite(m), m, np.nan))) for m in (miss[0], miss[1], miss[-1])]
-        known = repeats[robot.channels[column]]
-        out.append(
-            RolloutError(
-                channel=robot.channels[column],
-                unit=robot.file.channels[column].unit,
-                nominal=mae[0],
-                calibrated=mae[1],
-                extended=mae[2],
-                repeatability=known.spread,
-                part=part,
-            )
-        )
-    return tuple(out)
-
-
-def worst_of(problem: Problem, errors: tuple[RolloutError, ...]) -> RolloutError:
-    """The channel that the calibrated simulator has most wrong, in units of its spread."""
-    spread = dict(zip(problem.robot.channels, problem.windows.spread, strict=True))
-    return max(errors, key=lambda e: (e.calibrated or 0.0) / max(spread[e.channel], 1e-12))
+        out.append([np.nanmean(np.where(np.isfinite(m), m, np.nan)) for m in miss])
+    return np.array(out).T

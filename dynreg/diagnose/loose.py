@@ -1,5 +1,7 @@
 """What a recording leaves open: parameters that it does not tell, alone or together."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from dynreg.diagnose.hypothesis import Coordinates
@@ -9,36 +11,39 @@ TOGETHER = 0.6  # of the prior's, along a direction of several parameters
 SHARE = 0.5  # of the change of the parameter that leads a direction, from which another belongs to it
 
 
-def loose_ends(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, ...]:
-    """Sentences about parameters whose values come from robot.toml rather than from the recording.
+@dataclass(frozen=True)
+class Loose:
+    """Names of parameters. alone : whose value the recording does not tell. together : whose common scale it hardly
+    tells, those that go up with those that go down meanwhile; the loosest first."""
+
+    alone: tuple[str, ...]
+    together: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
+
+
+def loose_ends(coordinates: Coordinates, covariance: np.ndarray) -> Loose:
+    """The parameters whose values come from robot.toml rather than from the recording.
 
     covariance : (P' + K, P' + K) of the fit coordinates, in which every parameter's prior has variance 1. Directions
-    are sought among the parameters that are not loose alone, the widest first.
+    are sought among the parameters that are not loose alone.
     """
     free = [coordinates.robot.space.parameters[i] for i in coordinates.free]
     block = covariance[: len(free), : len(free)]
     alone = np.sqrt(np.maximum(np.diag(block), 0.0)) >= ALONE
-    out, more = [], "" if coordinates.robot.planar else ", or add a known mass in some runs"
-    if alone.any():
-        names = ", ".join(p.name for p, wide in zip(free, alone, strict=True) if wide)
-        out.append(f"the recording does not tell {names}: what robot.toml states stands")
-    rest = np.flatnonzero(~alone)
+    rest, together = np.flatnonzero(~alone), []
     variances, directions = np.linalg.eigh(block[np.ix_(rest, rest)])
     for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
         if np.sqrt(max(variance, 0.0)) < TOGETHER:
             break
         members = _members(coordinates, rest, direction)
-        if len(members) < 2:
-            continue
-        lead = np.sign(direction[np.argmax(np.abs(direction))])
-        up, down = (
-            ", ".join(free[rest[i]].name for i in members if way * direction[i] > 0) for way in (lead, -lead)
-        )
-        out.append(
-            f"the recording hardly tells the scale of {up}{' against ' + down if down else ''}: they can change "
-            f"together with the motion nearly the same; measure one of them{more}"
-        )
-    return tuple(out)
+        if len(members) > 1:
+            lead = np.sign(direction[np.argmax(np.abs(direction))])
+            together.append(
+                tuple(
+                    tuple(free[rest[i]].name for i in members if way * direction[i] > 0)
+                    for way in (lead, -lead)
+                )
+            )
+    return Loose(tuple(p.name for p, wide in zip(free, alone, strict=True) if wide), tuple(together))
 
 
 def _members(coordinates: Coordinates, rest: np.ndarray, direction: np.ndarray) -> np.ndarray:

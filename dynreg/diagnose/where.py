@@ -12,29 +12,12 @@ from dynreg.diagnose.signals import JointSignals, joint_of_channel, joint_signal
 from dynreg.errors import UsageError
 from dynreg.replay.residual import scaled
 from dynreg.replay.windows import Windows
-from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
 
 REVERSAL = 0.1  # s around a change of direction
 SLOW = 0.1  # of the 95th percentile of the speed
 TURNING = 0.25  # the same, for what still counts as part of a reversal
 TOP = 0.8  # quantile above which speed and load are high
-
-WORDS = {
-    "reversals": "where the motion reverses",
-    "low_speed": "at low speed",
-    "high_speed": "at high speed",
-    "high_load": "under high load",
-    "saturation": "where the drive is at its limit",
-    "drive_off": "while the drive is off",
-    "stance": "while the foot is on the ground",
-    "swing": "while the foot is in the air",
-    "early": "in the first third of the rollouts",
-    "late": "in the last third of the rollouts",
-    "log_begin": "in the first third of the log",
-    "log_end": "in the last third of the log",
-}
-_DRIFT = ("overall", "early", "late")  # a rollout's error grows anyway: that names no place
 
 
 @dataclass(frozen=True)
@@ -133,36 +116,6 @@ def motion_regimes(
     if stance is not None:
         out |= {"stance": stance == 1, "swing": stance == 0}
     return out
-
-
-def finding(rows: tuple[ErrorRow, ...], simulator: int = 0) -> str:
-    """One sentence: where most of a simulator's error is that would not be there at the mean error elsewhere."""
-    own = [r for r in rows if r.simulator == simulator]
-    overall = {r.channel: r for r in own if r.regime == "overall"}
-    excess: dict[str, float] = {}
-    candidates = [r for r in own if r.regime not in _DRIFT and r.ratio and r.ratio > 1.2 and r.samples >= 10]
-    for r in candidates:
-        excess[r.regime] = excess.get(r.regime, 0.0) + _excess(r)
-    regime = max(excess, key=lambda k: excess[k], default=None)
-    if regime is None or excess[regime] < 0.05:
-        worst = max(overall.values(), key=lambda r: r.share, default=None)
-        if worst is None or not worst.share > 0:
-            return "No error was measured."
-        return f"{100 * worst.share:.0f} % of the error is on {worst.channel}; no regime of its motion stands out."
-    inside = [r for r in own if r.regime == regime]
-    top = max((r for r in candidates if r.regime == regime), key=_excess)
-    said = f"{100 * sum(r.share for r in inside):.0f} % of the error lies {WORDS[regime]}"
-    among = "" if len(inside) == 1 else f", most of it on {top.channel}"
-    ahead = "" if not top.step_ratio else f", one step ahead {times(top.step_ratio)} times"
-    return (
-        f"{said}{among}: {top.error:.3g} {top.unit} there in {100 * top.samples / overall[top.channel].samples:.0f} % "
-        f"of the samples of {top.channel}, {times(top.ratio)} times the error elsewhere{ahead}."
-    )
-
-
-def _excess(row: ErrorRow) -> float:
-    """Share of the error that would go if the regime were as good as elsewhere."""
-    return row.share * (1.0 - 1.0 / row.ratio) if row.ratio else 0.0
 
 
 def _measure(

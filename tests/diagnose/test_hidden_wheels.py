@@ -7,15 +7,15 @@ import pytest
 
 from dynreg.diagnose.estimate import _unit
 from dynreg.diagnose.repeatability import repeatability
-from dynreg.diagnose.settings import TrialSettings
 from dynreg.diagnose.signals import joint_signals, joints_of_actions
 from dynreg.diagnose.threshold import USUAL
-from dynreg.diagnose.trial import one_trial
+from dynreg.diagnose.trial import Trials
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.replay.cut import windows
 from dynreg.replay.windows import STILL, standing, starts
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.trials import one_trial
 
 
 @pytest.fixture(scope="module")
@@ -23,15 +23,12 @@ def robot() -> Robot:
     return load_robot("diffdrive")
 
 
-SETTINGS = TrialSettings(hide="nothing", threshold_runs=0, threads=1)
-
-
 @pytest.mark.parametrize("effect", ["wheel_gain", "drive_inertia", "wheel_slip", None])
 def test_a_hidden_cause_is_found_and_no_other(effect: str | None, robot: Robot):
     """The truth runs on the unicycle engine, the diagnosis on the kinematic one; 20 nats are asked for."""
     plan = protocol(robot, seed=1, seconds=25.0)
     terms = (term(effect),) if effect else ()
-    found = one_trial(robot, plan, terms, "medium", 1, USUAL, SETTINGS, share=False)
+    found = one_trial(Trials(robot, plan, threads=1), terms, "medium", 1, USUAL, share=False)
     assert found.named == effect and found.right
     assert found.parameter_error is None or found.parameter_error < 0.2
 

@@ -6,14 +6,15 @@ from scipy.stats import norm, truncnorm
 
 from dynreg.diagnose import interval
 from dynreg.diagnose.apart import neighbours
-from dynreg.diagnose.diagnose import pose, search
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.fit import bounds, fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import Posterior, Proposal, posterior
 from dynreg.diagnose.name import calibrate
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
@@ -41,7 +42,7 @@ def servo():
     robot = load_robot("servo_pendulum")
     hidden = hide(robot, (term("coulomb_friction"),), "medium", 3)
     recording = log_of(robot, hidden, protocol(robot, seed=2, seconds=25.0), engine="mujoco")
-    problem, split = pose(None, robot, recording, Settings(threads=1))
+    problem, split = pose(robot, recording, Asked(threads=1))
     base, effective = calibrate(problem, split.chosen)
     start = Point(Hypothesis((term("coulomb_friction"),)), base.nominal, np.ones(1))
     (point,), _ = fit(problem, [start], split.chosen, effective)
@@ -97,9 +98,8 @@ def test_what_takes_times_is_found_beyond_the_models_time_step(key):
     robot = load_robot("servo_pendulum")
     hidden = hide(robot, (term(key),), "strong", 11)
     recording = log_of(robot, hidden, protocol(robot, seed=2, seconds=25.0), engine="mujoco")
-    problem, split = pose(None, robot, recording, Settings(threads=1))
-    parts = (np.flatnonzero(split.fit), np.flatnonzero(split.select))
-    found = search(None, problem, [term(key)], *parts, Settings(threads=1, max_causes=1), needed=1.0)
+    problem, split = pose(robot, recording, Asked(threads=1))
+    found = search(problem, [term(key)], split, Asked(threads=1, max_causes=1), needed=1.0)
     draws = posterior(found.problem, found.extended, split.chosen)
     size = next(iter(estimates(found.problem, found.extended, 0, draws).values()))
     assert size.low <= hidden.values[0][0] <= size.high

@@ -3,12 +3,12 @@
 import time
 from functools import lru_cache
 
-from dynreg.diagnose.settings import TrialSettings
 from dynreg.diagnose.threshold import USUAL
-from dynreg.diagnose.trial import one_trial
+from dynreg.diagnose.trial import Trials
 from dynreg.diagnose.truth import protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.trials import one_trial
 
 SEED = 20261101  # of the fixed robots
 HIDDEN = (
@@ -39,7 +39,7 @@ def bench():
 def diagnose(key: str | None, size: str | None, seed: int):
     robot, plan = bench()
     terms = () if key is None else (term(key),)
-    return one_trial(robot, plan, terms, size, seed, USUAL, TrialSettings(threads=1))
+    return one_trial(Trials(robot, plan, threads=1), terms, size, seed, USUAL)
 
 
 CASES = [*HIDDEN, *[(None, None)] * NONE]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.name import calibrate, name_one
-from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import USUAL
 from dynreg.sim.effects import term
@@ -26,8 +26,8 @@ def posed(data_dir: Path, tmp_path_factory):
         pytest.skip("no XL330 log in DYNREG_DATA_DIR")
     with dynreg.open(tmp_path_factory.mktemp("registry")) as registry:
         recording = registry.registry.recording(registry.ingest(logs, "servo_pendulum").recording)
-    settings = Settings(hold_out="kp=400", tolerance=5.0, threads=1)
-    return pose(None, load_robot("servo_pendulum"), recording, settings)
+    settings = Asked(hold_out="kp=400", tolerance=5.0, threads=1)
+    return pose(load_robot("servo_pendulum"), recording, settings)
 
 
 @pytest.fixture(scope="module")
@@ -58,4 +58,4 @@ def test_the_scale_of_the_mass_is_left_open(posed, calibrated):
     fit_on = np.flatnonzero(split.fit)
     residual, slopes = sensitivities(problem, [point], fit_on)
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    assert "tip_mass" in loose_ends(problem.coordinates, np.linalg.inv(curvature))[0]
+    assert "tip_mass" in loose_ends(problem.coordinates, np.linalg.inv(curvature)).alone

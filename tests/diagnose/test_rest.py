@@ -7,12 +7,11 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.diagnose import rest as module
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
-from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
 from dynreg.report.diagnosis.words import rest_words
 from dynreg.sim.effects import term
@@ -36,7 +35,7 @@ def recorded(robot: Robot, key: str, value: float | None = None) -> tuple[Hidden
 
 
 def posed(robot: Robot, recording: Recording) -> tuple[Problem, np.ndarray]:
-    problem, split = pose(None, robot, recording, Settings(hold_out=HELD, threads=1))
+    problem, split = pose(robot, recording, Asked(hold_out=HELD, threads=1))
     return problem, split.chosen
 
 
@@ -67,20 +66,18 @@ def test_where_nothing_is_left_nothing_is_asked(robot, verdict):
     assert rest(problem, nominal(problem), chosen, verdict) is None and problem.spent.candidates == before
 
 
-def test_what_a_delay_remembers_is_no_dependence(robot, monkeypatch):
+def test_what_a_delay_remembers_is_no_dependence(robot):
     """A simulator with the right delay leaves next to nothing to tell, though each row is a start of its own."""
     hidden, recording = recorded(robot, "command_delay", 0.025)
     problem, chosen = posed(robot, recording)
     point = replace(nominal(problem), hypothesis=Hypothesis(hidden.terms))
     scale = problem.coordinates.effect_values(point.hypothesis, np.array([[1.0]]))[0][0, 0]
     right = replace(point, effect=np.array([0.025 / scale]))
-    without = rest(problem, nominal(problem), chosen, "unknown")[0][0]
-    with_delay = rest(problem, right, chosen, "partly_explained")[0][0]
-    assert with_delay.told < 0.05 and with_delay.left < 0.7 * without.left and without.told > 0.2
-    monkeypatch.setattr(module, "LONGEST_LEAD", 0)
-    assert rest(problem, right, chosen, "partly_explained")[0][0].told > 0.2, (
-        "the lead is what makes it right"
-    )
+    without = rest(problem, nominal(problem), chosen, "unknown")[0]
+    with_delay = rest(problem, right, chosen, "partly_explained")[0]
+    assert with_delay.explained < 0.05 and with_delay.size < 0.7 * without.size and without.explained > 0.2
+    (at_once,) = rest(problem, right, chosen, "partly_explained", longest_lead=0)
+    assert at_once.explained > 0.2, "the lead is what makes it right"
 
 
 def test_a_state_that_was_never_measured_is_no_start():
@@ -91,5 +88,5 @@ def test_a_state_that_was_never_measured_is_no_start():
     blank = lambda e: np.where(np.isin(np.arange(e.values.shape[1]), base), np.nan, e.values)  # noqa: E731
     episodes = tuple(replace(e, values=blank(e)) for e in recording.episodes)
     recording = Recording(recording.channels, episodes, measured=False)
-    blind, _ = pose(None, robot, recording, Settings(threads=1))
+    blind, _ = pose(robot, recording, Asked(threads=1))
     assert rest(blind, nominal(blind), np.arange(1), "unknown") is None

@@ -7,19 +7,20 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose import diagnose, interval, name, trial
-from dynreg.diagnose.diagnose import pose, search
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.evidence import Evidence
 from dynreg.diagnose.fit import objective
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, single_terms
 from dynreg.diagnose.name import BEYOND, PER_PARAMETER, Scored, select
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import SEGMENT, Point
-from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
-SETTINGS = Settings(hold_out="test_0", threads=1, max_causes=2)
+SETTINGS = Asked(hold_out="test_0", threads=1, max_causes=2)
 FREE = ("torque", "leg_mass")
 
 
@@ -30,7 +31,7 @@ def posed():
     plan = protocol(robot, seed=1, seconds=6.5, episode=1.25, reach=0.3)
     hidden = hide(robot, (term("payload"),), "strong", 11)
     log = log_of(robot, hidden, plan)
-    problem, split = pose(None, robot, log, SETTINGS)
+    problem, split = pose(robot, log, SETTINGS)
     known = hidden.parameters.copy()  # all but two, which takes less time
     known[[robot.space.names.index(name) for name in FREE]] = np.nan
     return replace(problem, coordinates=Coordinates(robot, known)), split, hidden, log
@@ -70,11 +71,11 @@ def test_a_segment_is_as_long_wherever_rollouts_are_cut_and_only_feet_need_it():
     problem, _, _, log = posed()
     rows = problem.windows.measured.shape[1] - 1
     assert problem.segments == round(rows * problem.windows.period / SEGMENT) == 2
-    short, _ = pose(None, problem.robot, log, replace(SETTINGS, horizon=0.5))
+    short, _ = pose(problem.robot, log, replace(SETTINGS, horizon=0.5))
     assert short.segments == 1
     leg = load_robot("leg")
     made = log_of(leg, hide(leg, (), None, 11), protocol(leg, seed=1, seconds=6.5, episode=1.25))
-    assert replace(pose(None, leg, made, Settings(threads=1))[0], rough=True).segments == 1
+    assert replace(pose(leg, made, Asked(threads=1))[0], rough=True).segments == 1
 
 
 def test_what_comes_after_a_slip_does_not_drown_what_came_before():
@@ -140,8 +141,10 @@ def test_with_and_without_a_term_a_standing_robot_is_fitted_on_all_windows_from_
 def test_the_verdict_is_of_whole_rollouts():
     problem, split, hidden, log = posed()
     plain, true = points(problem, hidden)
-    told = [Evidence.of(p, log, true, split.chosen).ratio for p in (problem, replace(problem, whole=True))]
-    assert told[0] == told[1] < Evidence.of(problem, log, plain, split.chosen).ratio
+    told = [
+        Evidence.of(p, log, true, split.chosen).noise.ratio for p in (problem, replace(problem, whole=True))
+    ]
+    assert told[0] == told[1] < Evidence.of(problem, log, plain, split.chosen).noise.ratio
 
 
 def test_zeros_are_of_whole_episodes():
@@ -173,17 +176,15 @@ def test_pulls_of_one_rollout_are_one():
 def test_a_search_and_the_share_of_what_can_be_won_count_in_segments_too(monkeypatch):
     monkeypatch.setattr(diagnose, "DRAWS", 0)  # one start of the calibration takes less time
     problem, split, hidden, _ = posed()
-    parts = [np.flatnonzero(p) for p in (split.fit, split.select)]
     fresh = replace(problem, corrections={})
-    found = search(None, fresh, [], *parts, SETTINGS, needed=5.0)
+    found = search(fresh, [], split, SETTINGS, needed=5.0)
     assert found.accepted == 0 and np.isfinite(found.base.nominal).all()
     plain, true = points(problem, hidden)
-    assert trial._share(fresh, split, hidden, replace(found, base=plain, extended=true)) > 0.5
+    assert trial.attainable_share(fresh, split, hidden, replace(found, base=plain, extended=true)) > 0.5
 
 
 def test_a_long_list_is_searched_finely_and_a_round_that_finds_no_more_is_not_lost(monkeypatch):
     problem, split, *_ = posed()
-    parts = [np.flatnonzero(p) for p in (split.fit, split.select)]
     for module in (diagnose, name):
         monkeypatch.setattr(module, "MANY", 0)
     for steps in ("STANDING_START", "STANDING_RIVAL"):  # fewer take less time
@@ -200,7 +201,7 @@ def test_a_long_list_is_searched_finely_and_a_round_that_finds_no_more_is_not_lo
 
     monkeypatch.setattr(diagnose, "name_one", one_further)
     terms = single_terms(problem.robot, ("payload", "ground_friction"))
-    found = search(None, replace(problem, corrections={}), terms, *parts, SETTINGS, needed=30.0)
+    found = search(replace(problem, corrections={}), terms, split, SETTINGS, needed=30.0)
     assert [t.key for t in found.extended.hypothesis.terms] == ["payload"]
     assert found.accepted == 1 and len(found.rounds) == 2
     assert found.extended is rounds[1].start.point

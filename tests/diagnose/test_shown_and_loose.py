@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Coordinates
-from dynreg.diagnose.loose import loose_ends
-from dynreg.diagnose.settings import Settings
+from dynreg.diagnose.loose import Loose, loose_ends
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.diagnosis_words import loose_words
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +26,10 @@ def covariance_of(coordinates: Coordinates, wide: dict[str, float], deviation: f
     return rest**2 * np.eye(len(direction)) + (deviation**2 - rest**2) * np.outer(direction, direction)
 
 
+def words(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, ...]:
+    return loose_words(coordinates.robot, loose_ends(coordinates, covariance))
+
+
 @pytest.fixture
 def coordinates(robot: Robot) -> Coordinates:
     return Coordinates(robot, np.full(len(robot.space), np.nan))
@@ -32,7 +37,7 @@ def coordinates(robot: Robot) -> Coordinates:
 
 def test_only_a_supply_that_was_measured_while_the_robot_moved_holds_its_sag(robot: Robot):
     recording = log_of(robot, hide(robot, (), None, 3), protocol(robot, seconds=12.5))
-    problem, _ = pose(None, robot, recording, Settings(threshold_runs=0))
+    problem, _ = pose(robot, recording, Asked(threshold_runs=0))
     assert shown(robot, problem.windows) == {}  # one level an episode
     supply = robot.inputs.index("supply")
     problem.windows.run.inputs[0, 5:, supply] -= 0.3
@@ -40,25 +45,26 @@ def test_only_a_supply_that_was_measured_while_the_robot_moved_holds_its_sag(rob
 
 
 def test_a_parameter_as_wide_as_its_nameplate_is_not_told(coordinates: Coordinates):
-    (said,) = loose_ends(coordinates, covariance_of(coordinates, {"resistance": 1.0}, 0.97))
-    assert "does not tell resistance:" in said
+    found = loose_ends(coordinates, covariance_of(coordinates, {"resistance": 1.0}, 0.97))
+    assert found == Loose(("resistance",), ())
+    assert "does not tell resistance:" in loose_words(coordinates.robot, found)[0]
 
 
 def test_parameters_that_scale_together_are_told_with_their_signs(coordinates: Coordinates):
     # the same factor on each: the mass is known to 2 %, friction to 10 %
     wide = {"tip_mass": 1 / 0.02, "coulomb_friction": 1 / 0.1, "resistance": -1 / 0.05}
-    (said,) = loose_ends(coordinates, covariance_of(coordinates, wide, 0.85))
+    (said,) = words(coordinates, covariance_of(coordinates, wide, 0.85))
     assert "the scale of tip_mass, coulomb_friction against resistance" in said
 
 
 def test_a_known_mass_is_advised_to_robots_that_have_masses(coordinates: Coordinates):
     base = load_robot("diffdrive")
     wheels = Coordinates(base, np.full(len(base.space), np.nan))
-    (said,) = loose_ends(wheels, covariance_of(wheels, {"wheel_radius": 1.0, "speed_drag": 1.0}, 0.85))
+    (said,) = words(wheels, covariance_of(wheels, {"wheel_radius": 1.0, "speed_drag": 1.0}, 0.85))
     assert said.endswith("measure one of them")
-    (said,) = loose_ends(coordinates, covariance_of(coordinates, {"tip_mass": 1.0, "resistance": 1.0}, 0.85))
+    (said,) = words(coordinates, covariance_of(coordinates, {"tip_mass": 1.0, "resistance": 1.0}, 0.85))
     assert said.endswith("or add a known mass in some runs")
 
 
 def test_nothing_is_said_where_everything_is_told(coordinates: Coordinates):
-    assert loose_ends(coordinates, covariance_of(coordinates, {"tip_mass": 1.0}, 0.3)) == ()
+    assert loose_ends(coordinates, covariance_of(coordinates, {"tip_mass": 1.0}, 0.3)) == Loose((), ())

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.evidence import EXPLAINED, Evidence, rivals, verdict_of
+from dynreg.diagnose.evidence import EXPLAINED, Evidence, Noise, rivals, verdict_of
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.name import Naming, Scored
 from dynreg.diagnose.problem import Point
-from dynreg.results.diagnosis import Noise
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -26,7 +25,7 @@ def evidence(ratio: float, basis: str = "repeatability", white: bool | None = Fa
     noise = Noise(
         channel="knee/position", unit="rad", left=ratio, floor=1.0, basis=basis, ratio=ratio, white=white
     )
-    return Evidence(noise, ratio, {})
+    return Evidence(noise, {})
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,10 @@ import pytest
 from motions import swing, triangle, windows_of
 
 from dynreg.diagnose.signals import joint_signals
-from dynreg.diagnose.where import finding, motion_regimes, split_errors
+from dynreg.diagnose.where import motion_regimes, split_errors
 from dynreg.errors import UsageError
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.diagnosis_words import finding
 
 
 @pytest.fixture(scope="module")

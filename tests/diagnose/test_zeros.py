@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.settings import Settings
 from dynreg.diagnose.shortlist import REFINED, _probes
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.rng import stream
@@ -45,8 +45,8 @@ def _recording(robot) -> Recording:
 @pytest.fixture(scope="module")
 def posed():
     robot = load_robot("double_pendulum")
-    settings = Settings(hold_out="0", threads=1)
-    return pose(None, robot, _recording(robot), settings)
+    settings = Asked(hold_out="0", threads=1)
+    return pose(robot, _recording(robot), settings)
 
 
 def test_zeros_of_episodes_are_found(posed):

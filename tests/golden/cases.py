@@ -205,13 +205,13 @@ def query_servo(place: Place) -> Document:
 
 
 def query_diffdrive(place: Place) -> Document:
-    """Two wheels by replay, and the diagnosis that starts from the nearest simulator."""
+    """Two wheels by replay, and the diagnosis that starts from its answer."""
     with place.open() as registry:
         registry.populate("diffdrive", 8, training=QUICK, threads=place.threads)
         registry.ingest(log("diffdrive"), "diffdrive", name="wheels")
         found = registry.query("wheels", distance="replay", k=2, budget=12, threads=place.threads)
         missing = registry.diagnose(
-            "wheels", start="nearest", effects=("wheel_gain",), threshold_runs=0, threads=place.threads
+            "wheels", start="@answer", effects=("wheel_gain",), threshold_runs=0, threads=place.threads
         )
         return {"query": found.to_dict(), "diagnosis": missing.to_dict()}
 

@@ -6,17 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dynreg.diagnose.diagnose import pose
+from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.outcome import _parameters
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
-from dynreg.diagnose.settings import Settings
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.real import Budget, SimulatedRobot
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.space import ParameterSpace
+from dynreg.verbs.diagnosis import parameters
 
 TRUE = 0.03  # rad
 
@@ -41,7 +41,7 @@ def standing(robot: Robot, noise: float, effects: dict[str, tuple[float, ...]]) 
     episodes = tuple(
         replace(log.episodes[0], time=log.episodes[0].time + i * apart) for i, log in enumerate(logs)
     )
-    return pose(None, robot, replace(logs[0], episodes=episodes), Settings(threads=1))[0]
+    return pose(robot, replace(logs[0], episodes=episodes), Asked(threads=1))[0]
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_the_simulator_of_a_point_has_its_effects_and_the_noise_that_they_leave(
     draws = SimpleNamespace(
         z=np.zeros((2, len(problem.coordinates))), quantiles=lambda x: (x.min(0), x.max(0))
     )
-    row = _parameters(problem, point, draws, values)["motor_noise"]  # the result tells what the simulator has
+    row = parameters(problem, point, draws, values)["motor_noise"]  # the result tells what the simulator has
     assert row.value == row.low == row.high == values[at] != row.nominal
     assert problem.spent.candidates == 2 * CANDIDATES
 
@@ -112,7 +112,7 @@ def test_more_noise_than_the_range_holds_ends_at_its_bound_and_still_robots_tell
     assert told(problem, values) == values[at]
 
 
-def test_a_robot_without_motor_noise_keeps_its_parameters() -> None:
+def test_a_robot_without_motor_noise_keeps_itsparameters() -> None:
     servo = load_robot("servo_pendulum")
     values = servo.space.nominal
     assert jitter(servo, None, values, None, None) is values

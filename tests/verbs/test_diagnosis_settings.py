@@ -4,8 +4,9 @@ import dataclasses
 
 import pytest
 
-from dynreg.diagnose.settings import Settings, TrialSettings
 from dynreg.errors import UsageError
+from dynreg.verbs.diagnose import DiagnoseSettings
+from dynreg.verbs.trial import TrialSettings
 
 BAD_DIAGNOSES = [
     ({"effects": ("rust",)}, "rust"),
@@ -39,7 +40,7 @@ BAD_TRIALS = [
 @pytest.mark.parametrize("given, says", BAD_DIAGNOSES)
 def test_bad_settings_of_a_diagnosis_are_refused(given: dict, says: str) -> None:
     with pytest.raises(UsageError, match="expected") as error:
-        Settings(**given)
+        DiagnoseSettings(**given)
     assert says in error.value.problem and error.value.exit_status == 2
 
 
@@ -53,6 +54,6 @@ def test_bad_settings_of_a_trial_are_refused(given: dict, says: str) -> None:
 def test_settings_are_frozen_and_can_be_compared() -> None:
     chosen = TrialSettings(hide="chosen", effects=("backlash[arm]", "payload"))
     assert chosen == TrialSettings(hide="chosen", effects=("backlash[arm]", "payload"))
-    for settings in (Settings(), chosen):
+    for settings in (DiagnoseSettings(), chosen):
         with pytest.raises(dataclasses.FrozenInstanceError):
             settings.seed = 1

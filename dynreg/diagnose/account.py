@@ -1,0 +1,91 @@
+"""What the simulators of a diagnosis do on the windows that it is judged by, and what is known of their parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import Diagnosed, Found
+from dynreg.diagnose.estimate import Estimate, estimates
+from dynreg.diagnose.fit import information, sensitivities
+from dynreg.diagnose.gained import channel_errors, gain
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.leftover import Leftover
+from dynreg.diagnose.look import Look, look
+from dynreg.diagnose.loose import Loose, loose_ends
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.rest import rest
+from dynreg.diagnose.where import ErrorRow, split_errors
+from dynreg.replay.judged import Gain
+from dynreg.sim.effects import Terms
+
+
+@dataclass(frozen=True)
+class Account:
+    """Of a diagnosis, by the windows that it is judged by.
+
+    states : (3, W, T+1, S) of the simulator that it began with, the calibrated and the extended one. errors : (3, C)
+    their mean absolute errors in every weighted channel, in its unit. where : the same errors by regime of motion.
+    gains : of each cause over the causes before it; gain : of all together; None where nothing was held out.
+    causes : parameters of each cause. draws : of the extended simulator. simulators : by kind, parameters (P,) and
+    effects. rest : None where nothing is left. simulated : how many simulators were run through the judged windows.
+    """
+
+    states: np.ndarray
+    errors: np.ndarray
+    where: tuple[ErrorRow, ...]
+    gains: tuple[Gain | None, ...]
+    gain: Gain | None
+    causes: tuple[dict[str, Estimate], ...]
+    draws: Posterior
+    simulators: dict[str, tuple[np.ndarray, Terms | None]]
+    loose: Loose
+    look: Look | None
+    rest: tuple[Leftover, ...] | None
+    simulated: int
+
+
+def account(made: Diagnosed, asked: Asked) -> Account:
+    """Simulate the windows that the diagnosis is judged by, once, and say what follows."""
+    problem, found, chosen, judged = made.problem, made.found, made.split.chosen, made.judged
+    begun = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+    states = problem.states([begun, found.base, *_stages(found)], judged)
+    three = np.stack([states[0], states[1], states[-1]])
+    draws = posterior(found.problem, found.extended, chosen, seed=asked.seed)
+    gained = lambda i, j: gain(problem, states[i], states[j], judged) if made.tested else None  # noqa: E731
+    return Account(
+        states=three,
+        errors=channel_errors(problem, three, judged),
+        where=split_errors(problem.robot, problem.windows.take(judged), three),
+        gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
+        gain=gained(1, -1) if found.accepted else None,
+        causes=tuple(estimates(problem, found.extended, i, draws) for i in range(found.accepted)),
+        draws=draws,
+        simulators={
+            kind: problem.simulator(point, chosen, seed=asked.seed) for kind, point in _kinds(found).items()
+        },
+        loose=loose_ends(problem.coordinates, _covariance(found.problem, found.extended, chosen)),
+        look=look(found.problem, found, draws, chosen, asked),
+        rest=rest(found.problem, found.extended, chosen, made.verdict, asked.seed),
+        simulated=len(states),
+    )
+
+
+def _stages(found: Found) -> list[Point]:
+    """The point after each accepted cause; the last is the extended simulator, refitted on fit and select."""
+    after = [naming.chosen.point for naming in found.rounds[: found.accepted]]
+    return [*after[:-1], found.extended] if after else [found.extended]
+
+
+def _kinds(found: Found) -> dict[str, Point]:
+    """The simulators that a diagnosis leaves: the calibrated, and with causes the extended one."""
+    return {"calibrated": found.base} | ({"extended": found.extended} if found.accepted else {})
+
+
+def _covariance(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
+    """(P' + K, P' + K) covariance of the coordinates, from the curvature of the log posterior."""
+    residual, slopes = sensitivities(problem, [point], chosen)
+    effective = problem.effective(residual[0])
+    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
+    return np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))

@@ -1,0 +1,76 @@
+"""How large the cause may be that is looked at most closely, alone and beside the neighbours that are most like it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynreg.diagnose import apart
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import Found, offered
+from dynreg.diagnose.fit import fit
+from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.sim.effects import Term
+
+SIZES = (0.3, 1.0, 2.5, 5.0)  # medium sizes from which a cause that was asked for, and not found, is fitted
+
+
+@dataclass(frozen=True)
+class Look:
+    """A cause, the last term of `point`, with draws of it alone and beside each of its rivals."""
+
+    point: Point
+    draws: Posterior
+    beside: tuple[apart.Together, ...]
+
+    @property
+    def cause(self) -> Term:
+        """What is looked at."""
+        return self.point.hypothesis.terms[-1]
+
+
+def look(
+    problem: Problem, found: Found, extended: Posterior, chosen: np.ndarray, asked: Asked
+) -> Look | None:
+    """At the first cause, or without one at the only effect asked for, or at the best ranked.
+
+    extended : draws of the extended simulator. None where nothing was ranked.
+    """
+    if found.accepted:
+        point, draws = _last(found.extended, extended)
+    else:
+        point = _subject(problem, found, chosen, asked)
+        if point is None:
+            return None
+        draws = posterior(problem, point, chosen, seed=asked.seed)
+    others = {term.key for term in point.hypothesis.terms}
+    terms = [t for t in offered(problem, replace(asked, effects=None)) if t.key not in others]
+    near = apart.neighbours(problem.robot, point.hypothesis.terms[-1], terms)
+    return Look(point, draws, apart.together(problem, point, draws, near, chosen, asked.seed))
+
+
+def _subject(problem: Problem, found: Found, chosen: np.ndarray, asked: Asked) -> Point | None:
+    """Where nothing was named: the point whose last term is looked at."""
+    if asked.effects is not None and len(asked.effects) == 1:
+        term = offered(problem, asked)[0]
+    elif found.rounds and found.rounds[-1].ranking:
+        term = found.rounds[-1].ranking[0].point.hypothesis.terms[-1]
+    else:
+        return None
+    starts = [apart.with_term(found.base, term, size) for size in SIZES]
+    starts += [Point(s.hypothesis, np.zeros(len(s.nominal)), s.effect) for s in starts]
+    effective = problem.effective(problem.residuals([found.base], chosen)[0])
+    points, cost = fit(problem, starts, chosen, effective)
+    return points[int(cost.argmin())]
+
+
+def _last(point: Point, draws: Posterior) -> tuple[Point, Posterior]:
+    """The same point and draws with the first term at the end."""
+    first, *rest = point.hypothesis.terms
+    hypothesis, many, free = Hypothesis((*rest, first)), len(first.effect.parameters), len(point.nominal)
+    effect = np.roll(draws.z[:, free:], -many, axis=1)
+    return (
+        Point(hypothesis, point.nominal, np.roll(point.effect, -many)),
+        replace(draws, hypothesis=hypothesis, z=np.concatenate([draws.z[:, :free], effect], axis=1)),
+    )

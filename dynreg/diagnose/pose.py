@@ -1,0 +1,144 @@
+"""Pose: a recording as a problem to be solved, or the reason why it says nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynreg.data.names import quantity_of
+from dynreg.data.recording import Recording
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.hypothesis import Coordinates
+from dynreg.diagnose.joints import fixed_unseen, only_joints
+from dynreg.diagnose.problem import Problem
+from dynreg.errors import LogError, UsageError
+from dynreg.replay.cut import windows
+from dynreg.replay.holes import hit, holes, sentence
+from dynreg.replay.known import known_values
+from dynreg.replay.parts import Parts, parts, thinned
+from dynreg.replay.windows import Windows
+from dynreg.sim.config import SimConfig
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot, require_commands
+
+LONGEST = 10.0  # s of a rollout, where the robot states no horizon
+FEWEST = 50  # measured rows in each of fit and select: fewer say nothing of any cause
+STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose
+STILL = 3.0  # standard deviations of its noise that a channel must move to say anything
+
+
+def pose(
+    robot: Robot, recording: Recording, asked: Asked, start: SimConfig | None = None
+) -> tuple[Problem, Parts]:
+    """The recording cut into windows, its parts, and the coordinates that begin at the simulator `start`.
+
+    start : by default the nominal one. Windows with holes, where a command, an input or a weighted channel holds no
+    number for long, are left out.
+    Raises LogError where the recording cannot say anything: too short, nothing moves, no commands, one window only;
+    UsageError where what is asked does not fit the robot or the recording.
+    """
+    require_commands(robot, recording)
+    if asked.joints:
+        robot = only_joints(robot, asked.joints)
+    cut, why = _cut(robot, recording, asked)
+    split = parts(recording, cut, asked.hold_out, paired=True)
+    if not split.select.any():
+        raise LogError(
+            f"nothing is left to select a cause by{why}",
+            expected="at least two episodes beside those held out",
+            do="record more episodes, hold out less, or cut it finer with --horizon",
+        )
+    _check_length(robot, cut, split, why)
+    if asked.windows:
+        split = thinned(split, cut.episode, asked.windows, asked.seed)
+    cut = _settled(robot, cut.scaled_by(robot, split.chosen), asked.engine)
+    cut = replace(cut, run=replace(cut.run, joints=asked.joints))
+    _check_motion(robot, cut, split)
+    coordinates = _coordinates(robot, recording, cut.take(split.chosen), asked, start)
+    return Problem(robot, cut, coordinates, asked.engine, asked.threads), split
+
+
+def _cut(robot: Robot, recording: Recording, asked: Asked) -> tuple[Windows, str]:
+    """The recording's windows without holes, and a half sentence on the holes ("" where there are none)."""
+    horizon = asked.horizon or robot.file.replay.horizon or LONGEST
+    rate = robot.file.robot.control_rate
+    if rate is not None and horizon * rate < 2:
+        raise UsageError(
+            f"horizon {horizon:g} s", expected=f"at least two commands, {2 / rate:g} s", do="cut less fine"
+        )
+    table = robot.file.replay.model_copy(update={"horizon": horizon})
+    cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
+    lost = holes(robot, recording)
+    cut = cut.take(np.flatnonzero(~hit(cut, lost)))
+    why = f": {sentence(recording, lost)}" if lost else ""
+    if len(cut) < 2:
+        raise LogError(
+            f"the recording makes {len(cut)} rollout of {horizon:g} s{why}",
+            expected="at least two: one to fit, one to select by, and a third to test the result",
+            do="record more episodes, or cut it finer with --horizon",
+        )
+    return cut, why
+
+
+def _coordinates(
+    robot: Robot, recording: Recording, cut: Windows, asked: Asked, start: SimConfig | None
+) -> Coordinates:
+    """Those of a search that begins at `start`; where only some joints count, without what cannot be seen there."""
+    centre = None if start is None else robot.space.from_dict(dict(start.values))
+    made = Coordinates(robot, known_values(robot, recording), centre, asked.tolerance)
+    if not asked.joints:
+        return made
+    values = made.values(np.zeros(len(made)))
+    moved = tuple(made.values(np.full(len(made), way)) for way in (1.0, -1.0))
+    known = fixed_unseen(robot, cut, made.known, values, moved, asked.engine)
+    return Coordinates(robot, known, centre, asked.tolerance)
+
+
+def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
+    """LogError where fit or select has too few measured rows to tell a cause from chance; `why` is said with it."""
+    weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
+    known = np.isfinite(cut.measured[:, 1:, weighted]).any(axis=2).sum(axis=1)
+    for part in ("fit", "select"):
+        rows = int(known[getattr(split, part)].sum())
+        if rows < FEWEST:
+            raise LogError(
+                f"the {part} part has {rows} measured rows{why}",
+                expected=f"at least {FEWEST}",
+                do="record longer, or more episodes",
+            )
+
+
+def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
+    """Windows in which a floating base begins as it stands after its reset begin at just that state.
+
+    Joints put where their noise has them would lift feet off the ground, and the robot would turn as it lands.
+    """
+    if robot.file.reset.settle <= 0 or not (robot.model.jnt_type == 0).any():  # 0: a free joint
+        return cut
+    run = cut.run
+    inputs = None if run.inputs is None else run.inputs[:, :1]
+    first = replace(run, actions=run.actions[:, :1], inputs=inputs, initial=None)
+    stands = rollout(robot, robot.space.nominal[None], first, engine=engine).states[0][:, 0]
+    joints = [i for i, name in enumerate(robot.channels) if quantity_of(name) == "position"]
+    apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
+    initial = np.where(apart[:, None] < STANDS, np.nan, run.initial)
+    return replace(cut, run=replace(run, initial=initial))
+
+
+def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
+    """LogError where commands never change, or no weighted channel moves beyond its noise."""
+    actions = cut.run.actions[split.chosen]
+    if not (np.ptp(actions, axis=1) > 0).any():
+        raise LogError(
+            "the commands never change",
+            expected="a recording in which the robot is moved",
+            do="record one, such as `dynreg excite` writes",
+        )
+    use = np.flatnonzero(cut.weight > 0)
+    noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])[use]
+    still = cut.spread[use] <= STILL * noise
+    if still.all():
+        raise LogError(
+            f"no measured channel moves by more than its noise ({robot.channels[use[0]]!r}, for one)",
+            expected="motion",
+            do="record larger motions, or correct the noise in robot.toml",
+        )

@@ -1,0 +1,149 @@
+"""Diagnose: which physical causes a simulator of a recorded robot lacks."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from dynreg.errors import UsageError
+from dynreg.verbs.settings import Settings, option, seed, threads
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from dynreg.diagnose.asked import Asked
+    from dynreg.results import Diagnosis
+    from dynreg.sim.effects import Terms
+    from dynreg.sim.robot import Robot
+    from dynreg.verbs.subjects import Recorded
+
+Progress = Callable[[str, int, int], None]
+MOST_CAUSES = 10
+
+
+def threshold_runs() -> int:
+    """The setting of how a threshold is found."""
+    return option(
+        20, "Simulations without an effect that set the threshold; 0 for the usual one.", least=0, metavar="N"
+    )
+
+
+@dataclass(frozen=True)
+class DiagnoseSettings(Settings):
+    """What a diagnosis can be told.
+
+    Raises UsageError for an unknown effect, one that is asked for and left out, or a number that is too small.
+    """
+
+    start: str = option(
+        "nominal",
+        "Simulator to begin from: nominal, nearest, synthesised, calibrated, diagnosed, @answer or an ID.",
+        metavar="ID",
+    )
+    hold_out: str | None = option(None, "Test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
+    effects: tuple[str, ...] | None = option(
+        None, "Only these effects.", usual="all that fit", metavar="A,B", complete="effect_names"
+    )
+    without: tuple[str, ...] = option((), "Not these effects.", metavar="A,B", complete="effect_names")
+    max_causes: int = option(3, "Most causes to name.", least=1, most=MOST_CAUSES)
+    engine: str | None = option(None, "One of the robot's engines.", usual="its first")
+    seed: int = seed()
+    threshold_runs: int = threshold_runs()
+    tolerance: float = option(
+        1.0, "Factor on the nameplate's tolerances; above 1 where parameters are guesses."
+    )
+    horizon: float | None = option(None, "Longest rollout in seconds.", usual="the robot's, or 10")
+    joints: tuple[str, ...] | None = option(
+        None, "Diagnose these joints alone.", usual="all, together", metavar="A,B"
+    )
+    windows: int | None = option(
+        None, "Most rollouts to fit, and as many to select by.", usual="all", least=1
+    )
+    threads: int = threads()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.joints is not None:
+            object.__setattr__(self, "joints", tuple(dict.fromkeys(self.joints)))
+        self._check_effects()
+        if not self.start:
+            raise UsageError(
+                "start ''", expected="nominal, nearest or the id of a simulator", do="name one of these"
+            )
+        if not 0 < self.tolerance < float("inf"):
+            raise UsageError(
+                f"tolerance {self.tolerance:g}", expected="a positive factor", do="give another number"
+            )
+        if self.horizon is not None and not 0 < self.horizon < float("inf"):
+            raise UsageError(f"horizon {self.horizon:g} s", expected="a positive length", do="give another")
+        if self.joints is not None and not self.joints:
+            raise UsageError(
+                "no joints", expected="at least one", do="name some, or leave the choice out for all"
+            )
+
+    def _check_effects(self) -> None:
+        from dynreg.sim.effects import effect
+
+        for name in (*(self.effects or ()), *self.without):
+            effect(name)
+        both = sorted({*(self.effects or ())} & {*self.without})
+        if both:
+            raise UsageError(
+                f"effects {both} are asked for and left out",
+                expected="one of the two",
+                do="drop them from one",
+            )
+        if self.effects is not None and not self.effects:
+            raise UsageError(
+                "no effects", expected="at least one id", do="name some, or leave the choice out"
+            )
+
+    @property
+    def asked(self) -> "Asked":
+        """What the search for causes needs of it: all but the simulator to begin from."""
+        from dynreg.diagnose.asked import Asked
+
+        return Asked(**{one.name: getattr(self, one.name) for one in fields(Asked)})
+
+
+def diagnose(about: "Recorded", settings: DiagnoseSettings, progress: Progress | None = None) -> "Diagnosis":
+    """Name the physical causes that a robot's simulator lacks.
+
+    Parameters and effects are fitted together; an effect is named only above what chance reaches on this
+    robot. A finished diagnosis exits 0 whatever its verdict: named, ambiguous, partly_explained, unknown,
+    none. It needs no population.
+
+    Example: dynreg diagnose monday --hold-out kp=400 --report monday.html
+
+    Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
+    """
+    from dynreg.diagnose.account import account
+    from dynreg.diagnose.diagnose import diagnose as find
+    from dynreg.verbs.diagnosis import document
+    from dynreg.verbs.simulators import NOMINAL, own, simulator
+
+    began = time.perf_counter()
+    registry, robot, recording, asked = about.registry, about.robot, about.recording, settings.asked
+    start = None
+    if settings.start != NOMINAL:
+        start = own(simulator(registry, settings.start, robot, recording.id), robot).config
+    made = find(robot, recording, asked, start, cache=registry, progress=progress)
+    seen = account(made, asked)
+    ids = {kind: _register(about, robot, kind, *one) for kind, one in seen.simulators.items()}
+    found = document(about, settings.start, asked, made, seen, ids)
+    cost = found.cost.model_copy(update={"seconds": time.perf_counter() - began})
+    return found.model_copy(update={"cost": cost})
+
+
+def _register(
+    about: "Recorded", robot: "Robot", kind: str, values: "np.ndarray", terms: "Terms | None"
+) -> str:
+    """The id of a simulator that a diagnosis leaves, registered."""
+    from dynreg.sim.config import SimConfig
+
+    effects = {}
+    for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
+        effects[term.key] = {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}
+    config = SimConfig(robot.hash, robot.name, robot.space.as_dict(values), effects).as_dict()
+    lineage = {"made_by": "diagnose", "kind": kind, "recording": about.recording.id}
+    return about.registry.put_simulator(config | {"lineage": lineage})

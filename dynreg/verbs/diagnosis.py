@@ -1,0 +1,265 @@
+"""The document of a diagnosis: its numbers with their names and units, and what is said about them."""
+
+import numpy as np
+
+from dynreg.diagnose.account import Account
+from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import Diagnosed
+from dynreg.diagnose.evidence import rivals
+from dynreg.diagnose.interval import Posterior
+from dynreg.diagnose.problem import Point, Problem
+from dynreg.replay.judged import Gain as Gained
+from dynreg.replay.judged import traced
+from dynreg.replay.parts import names
+from dynreg.results import Cost, Diagnosis, Gain
+from dynreg.results.diagnosis import (
+    Cause,
+    DiagnosisTrace,
+    EffectEstimate,
+    Moved,
+    Noise,
+    Pulled,
+    Ranked,
+    ResidualShare,
+    Rest,
+    RolloutError,
+    Threshold,
+    Where,
+)
+from dynreg.results.sentence import diagnosis_sentence
+from dynreg.sim.effects import one_group
+from dynreg.verbs.diagnosis_words import experiments, finding, inputs, loose_words, notes, threshold_note
+from dynreg.verbs.looked import inseparable, looked
+from dynreg.verbs.subjects import Recorded
+
+MOVED = 0.5  # of its nameplate's sigma that a parameter must move to be told
+PLACES = 12  # rows of where the error lives
+CHANNELS = 4  # of the traces
+NAMES = ("nominal", "calibrated", "extended")
+
+
+def document(
+    about: Recorded, start: str, asked: Asked, made: Diagnosed, seen: Account, ids: dict[str, str | None]
+) -> Diagnosis:
+    """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind.
+
+    Its cost has no seconds yet.
+    """
+    problem, found = made.problem, made.found
+    causes, errors = _causes(made, seen), _errors(made, seen)
+    of_robot = parameters(problem, found.extended, seen.draws, list(seen.simulators.values())[-1][0])
+    told = {
+        "causes": causes,
+        "error": errors[_worst(problem, seen)],
+        "gain": _gain(seen.gain),
+        "looked": looked(made, seen),
+        "inseparable": inseparable(made, seen),
+        "noise": Noise(**vars(made.evidence.noise)),
+        "residual": _residual(seen),
+        "threshold_nats": found.threshold.nats,
+    }
+    name = about.name or about.recording.id[:12]
+    return Diagnosis(
+        **told,
+        robot=problem.robot.name,
+        recording=about.recording.id,
+        recording_name=name,
+        start=start,
+        simulator=None,
+        verdict=made.verdict,
+        sentence=diagnosis_sentence(name, made.verdict, **told),
+        ranking=_ranking(made),
+        threshold=_threshold(made),
+        parameters=of_robot,
+        moved=_moved(made) if found.accepted else (),
+        errors=errors,
+        where=_where(seen),
+        finding=finding(seen.where, 1),
+        rest=_rest(seen),
+        experiments=experiments(made),
+        parts=_parts(about, made),
+        traces=_traces(about, made, seen),
+        inputs=inputs(problem, about.recording),
+        notes=(
+            *notes(made, about.recording, of_robot, asked),
+            *loose_words(problem.robot, seen.loose),
+        ),
+        calibrated_simulator=ids["calibrated"],
+        extended_simulator=ids.get("extended"),
+        engine=problem.running,
+        seed=asked.seed,
+        cost=Cost(
+            evaluations=0, rollouts=problem.spent.candidates, test_rollouts=seen.simulated, seconds=0.0
+        ),
+    )
+
+
+def _gain(own: Gained | None) -> Gain | None:
+    return None if own is None else Gain(**vars(own))
+
+
+def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
+    robot, found, out = made.problem.robot, made.found, []
+    for number, naming in enumerate(found.rounds[: found.accepted]):
+        term = naming.chosen.point.hypothesis.terms[-1]
+        others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
+        same = tuple(t.key for t in others if one_group(robot, term, t))
+        apart = tuple(rivals(robot, naming))
+        later = made.verdict if made.verdict == "partly_explained" else "ambiguous" if apart else "named"
+        out.append(
+            Cause(
+                effect=term.effect.id,
+                joints=term.joints,
+                title=term.effect.title,
+                verdict=later if number else made.verdict,
+                parameters={name: EffectEstimate(**vars(e)) for name, e in seen.causes[number].items()},
+                evidence_nats=naming.chosen.nats,
+                equivalent=apart + same,
+                inseparable=same,
+                separate_by=term.effect.separate_by,
+                gain=_gain(seen.gains[number]),
+            )
+        )
+    return tuple(out)
+
+
+def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
+    """Of every weighted channel."""
+    robot = made.problem.robot
+    return tuple(
+        RolloutError(
+            channel=robot.channels[column],
+            unit=robot.file.channels[column].unit,
+            **dict(zip(NAMES, map(float, errors), strict=True)),
+            repeatability=made.evidence.repeats[robot.channels[column]].spread,
+            part="test" if made.tested else "select",
+        )
+        for column, errors in zip(made.problem.use, seen.errors.T, strict=True)
+    )
+
+
+def _worst(problem: Problem, seen: Account) -> int:
+    """The channel that the calibrated simulator has most wrong, in units of its spread."""
+    return int((seen.errors[1] / np.maximum(problem.windows.spread[problem.use], 1e-12)).argmax())
+
+
+def parameters(problem: Problem, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
+    """Of the point; what no fit sees is as the simulator (P,) that comes of it has it."""
+    c = problem.coordinates
+    limits = c.nominal_bounds
+    value = c.values(np.clip(point.nominal, *limits.T))
+    low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
+    out = {}
+    for i, p in enumerate(problem.robot.space.parameters):
+        free = np.flatnonzero(c.free == i)
+        pull = float(point.nominal[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
+        at_bound = bool(len(free)) and bool(
+            point.nominal[free[0]] <= limits[free[0], 0] + 1e-3
+            or point.nominal[free[0]] >= limits[free[0], 1] - 1e-3
+        )
+        best, least, most = value[i], min(low[i], value[i]), max(high[i], value[i])
+        if not len(free):
+            best = least = most = simulator[i]
+        out[p.name] = Pulled(
+            value=float(best),
+            low=float(least),
+            high=float(most),
+            unit=p.unit,
+            nominal=float(p.nominal),
+            at_bound=at_bound,
+            limits=(p.low, p.high),
+            pulled_sigma=pull,
+        )
+    return out
+
+
+def _moved(made: Diagnosed) -> tuple[Moved, ...]:
+    """Parameters that took another value when the causes were added."""
+    c, base, extended = made.problem.coordinates, made.found.base, made.found.extended
+    before, after = c.values(base.nominal), c.values(extended.nominal)
+    moved = c.free[np.abs(base.nominal - extended.nominal) > MOVED]
+    parameters = made.problem.robot.space.parameters
+    return tuple(
+        Moved(
+            name=parameters[i].name, before=float(before[i]), after=float(after[i]), unit=parameters[i].unit
+        )
+        for i in moved
+    )
+
+
+def _ranking(made: Diagnosed) -> tuple[Ranked, ...]:
+    out = []
+    for number, naming in enumerate(made.found.rounds, start=1):
+        for scored in naming.ranking:
+            term = scored.point.hypothesis.terms[-1]
+            out.append(
+                Ranked(effect=term.effect.id, joints=term.joints, score_nats=scored.nats, round=number)
+            )
+    return tuple(out)
+
+
+def _threshold(made: Diagnosed) -> Threshold:
+    known = made.found.threshold
+    return Threshold(runs=len(known.scores), cached=known.cached, note=threshold_note(made.found))
+
+
+def _rest(seen: Account) -> tuple[Rest, ...] | None:
+    if seen.rest is None:
+        return None
+    return tuple(
+        Rest(
+            joint=one.joint,
+            unit=one.unit,
+            left=one.size,
+            told=one.explained,
+            chance=one.null,
+            samples=one.samples,
+            trajectories=one.trajectories,
+        )
+        for one in seen.rest
+    )
+
+
+def _residual(seen: Account) -> tuple[ResidualShare, ...] | None:
+    if seen.rest is None:
+        return None
+    return tuple(
+        ResidualShare(joint=row.joint, signal=row.signal, share=row.share)
+        for one in seen.rest
+        for row in one.rows
+    )
+
+
+def _parts(about: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
+    each = {"fit": made.split.fit, "select": made.split.select, "test": made.split.test}
+    return {part: names(about.recording, made.problem.windows, mask) for part, mask in each.items()}
+
+
+def _where(seen: Account) -> tuple[Where, ...]:
+    """Where the calibrated simulator errs, the largest shares first."""
+    rows = sorted(
+        (r for r in seen.where if r.simulator == 1), key=lambda r: (r.regime != "overall", -r.share)
+    )
+    told = ("channel", "regime", "share", "joint", "unit", "error", "ratio")
+    return tuple(
+        Where(simulator=NAMES[r.simulator], **{key: getattr(r, key) for key in told}) for r in rows[:PLACES]
+    )
+
+
+def _traces(about: Recorded, made: Diagnosed, seen: Account) -> tuple[DiagnosisTrace, ...]:
+    """The channels with the largest calibrated error in some windows, thinned."""
+    problem = made.problem
+    each = traced(
+        problem.robot, about.recording, problem.windows, seen.states, made.judged, worst=1, channels=CHANNELS
+    )
+    return tuple(
+        DiagnosisTrace(
+            episode=one.episode,
+            channel=one.channel,
+            unit=one.unit,
+            time=one.time,
+            measured=one.measured,
+            **dict(zip(NAMES, one.simulated, strict=True)),
+        )
+        for one in each
+    )

@@ -1,0 +1,94 @@
+"""Trial: how often a diagnosis is right about simulated robots whose truth is known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dynreg.errors import UsageError
+from dynreg.verbs.diagnose import threshold_runs
+from dynreg.verbs.settings import Settings, option, seed, threads
+
+if TYPE_CHECKING:
+    from dynreg.results import TrialTable
+    from dynreg.verbs.verb import Built
+
+Progress = Callable[[str, int, int], None]
+HIDES = ("drawn", "chosen", "nothing", "every")
+
+
+@dataclass(frozen=True)
+class TrialSettings(Settings):
+    """What a trial can be told: what robots hide, how many there are, and how long their logs.
+
+    hide : "drawn" (each robot hides an effect drawn for it), "chosen" (those of `effects`, together), "nothing", or
+        "every" (each effect that the robot can have, `count` robots with each).
+    Raises UsageError where these do not fit together.
+    """
+
+    hide: str = option("drawn", "What robots hide: drawn, chosen, nothing or every.", flag=None)
+    effects: tuple[str, ...] = option(
+        (),
+        "What to hide; A+B for two together.",
+        flag="--effect",
+        metavar="E[joint]",
+        complete="effect_names",
+    )
+    size: str = option("medium", "weak, medium or strong.")
+    count: int = option(1, "Robots.", flag="-n", least=1)
+    seed: int = seed()
+    seconds: float = option(50.0, "Length of each robot's log [s].")
+    engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
+    threshold_runs: int = threshold_runs()
+    threads: int = threads()
+
+    def __post_init__(self) -> None:
+        from dynreg.sim.effects import SIZES, term
+
+        super().__post_init__()
+        if self.hide not in HIDES:
+            raise UsageError(
+                f"hide {self.hide!r}", expected="drawn, chosen, nothing or every", do="choose one of these"
+            )
+        if (self.hide == "chosen") != bool(self.effects):
+            raise UsageError(
+                f"hide {self.hide!r} with effects {list(self.effects)}",
+                expected="effects with 'chosen', and only there",
+                do="name effects, or choose another way to hide",
+            )
+        for key in self.effects:
+            term(key)
+        if self.size not in SIZES:
+            raise UsageError(
+                f"size {self.size!r}", expected=f"one of {list(SIZES)}", do="choose one of these"
+            )
+        if not 0 < self.seconds < float("inf"):
+            raise UsageError(f"{self.seconds:g} s", expected="a positive length", do="ask for more seconds")
+
+
+def trial(about: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":
+    """Hide an effect in simulated robots and see whether a diagnosis names it.
+
+    The hidden robots have errors of their nameplate, noise and a finer simulation than the model's.
+
+    Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
+    """
+    from dynreg.diagnose.trial import Trials, trial_threshold
+    from dynreg.diagnose.truth import protocol
+    from dynreg.results import TrialTable
+    from dynreg.verbs.trials import jobs, one_trial
+
+    report = progress or (lambda *_: None)
+    plan = protocol(about.robot, seed=settings.seed, seconds=settings.seconds)
+    todo = jobs(about.robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed)
+    how = settings.engine, settings.threshold_runs, settings.threads, settings.seed
+    trials = Trials(about.robot, plan, *how)
+    needed = trial_threshold(trials, about.registry, progress)
+    results = []
+    for number, (terms, size, own) in enumerate(todo):
+        report("trials", number, len(todo))
+        results.append(one_trial(trials, terms, size, own, needed))
+    report("trials", len(todo), len(todo))
+    notes = [f"threshold {needed:.3g} nats, from {settings.threshold_runs} robots without an effect"]
+    table = TrialTable.of(about.robot.name, results, notes)
+    about.registry.put_result("trials", None, table.to_dict())
+    return table

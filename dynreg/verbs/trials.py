@@ -1,0 +1,129 @@
+"""Single trials: which robots hide what, and what was said of each, held against its truth."""
+
+from typing import Any
+
+from dynreg.data.names import joint_of
+from dynreg.diagnose.evidence import rivals
+from dynreg.diagnose.hypothesis import single_terms
+from dynreg.diagnose.trial import (
+    Trials,
+    Tried,
+    attainable_share,
+    covered,
+    joint_right,
+    same_cause,
+    size_error,
+    tried,
+)
+from dynreg.diagnose.truth import Hidden
+from dynreg.errors import UsageError
+from dynreg.results.trials import TrialResult
+from dynreg.rng import stream, stream_seed
+from dynreg.sim.effects import Term, term
+from dynreg.sim.robot import Robot
+
+
+def one_trial(
+    trials: Trials,
+    terms: tuple[Term, ...],
+    size: str | None,
+    seed: int,
+    needed: float,
+    *,
+    share: bool = True,
+    interval: bool = False,
+    **search: Any,
+) -> TrialResult:
+    """Hide `terms` at `size` in the robot of `seed`, diagnose its log, score the first cause.
+
+    share : whether to find the share of the attainable gain, which takes another fit. interval : whether to look if
+    the 90 % interval of a rightly named effect's size holds the truth. search : as in `trial.tried`.
+    """
+
+    one = tried(trials, terms, size, seed, needed, **search)
+    result = _scored(trials.robot, one)
+    if interval and result.parameter_error is not None:
+        result = result.model_copy(update={"covered": covered(one)})
+    if not share or not one.hidden.terms or not one.found.accepted:
+        return result
+    of = attainable_share(one.problem, one.split, one.hidden, one.found)
+    return result.model_copy(update={"share_of_attainable_gain": of})
+
+
+def _scored(robot: Robot, one: Tried) -> TrialResult:
+    """What was said of a hidden robot, held against its truth."""
+
+    hidden, found, first = one.hidden, one.found, one.first
+    first_round = found.rounds[0] if first else None
+    stated = (
+        {first.key, *(s.point.hypothesis.terms[-1].key for s in first_round.equivalent)} if first else set()
+    )
+    causes = tuple(t.key for t in found.extended.hypothesis.terms)
+    truths = [same_cause(robot, t) for t in hidden.terms]
+    right = first is None
+    if hidden.terms:
+        stated_first = first is not None and any(first.key in truth for truth in truths)
+        right = one.verdict in ("named", "ambiguous") and stated_first and all(t & {*causes} for t in truths)
+    same = first is not None and len(hidden.terms) == 1 and first.key == hidden.terms[0].key
+    return TrialResult(
+        robot=robot.name,
+        seed=hidden.seed,
+        hidden="+".join(t.effect.id for t in hidden.terms) or None,
+        size=hidden.size if hidden.terms else None,
+        joints=tuple(j for t in hidden.terms for j in t.joints),
+        hidden_values=_values(hidden),
+        true_parameters=robot.space.as_dict(hidden.parameters),
+        named=first.key if first else None,
+        causes=causes,
+        verdict=one.verdict,
+        right=right,
+        joint_right=joint_right(robot, hidden, first),
+        false_alarm=not hidden.terms and first is not None,
+        in_set=bool(stated & set().union(*truths)) if hidden.terms and first else None,
+        size_of_set=1 + len(rivals(robot, first_round)) if first else 0,
+        parameter_error=size_error(one) if same else None,
+        seconds=one.seconds,
+        core_seconds=one.core_seconds,
+    )
+
+
+def _values(hidden: Hidden) -> dict[str, float]:
+    """Values of what is hidden by name."""
+    return {
+        p.name if len(hidden.terms) == 1 else f"{t.key}.{p.name}": float(v)
+        for t, row in zip(hidden.terms, hidden.values, strict=True)
+        for p, v in zip(t.effect.parameters, row, strict=True)
+    }
+
+
+def jobs(
+    robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: int, seed: int
+) -> list[tuple[tuple[Term, ...], str | None, int]]:
+    """(terms, size, seed) of every robot; the arguments are those of `TrialSettings`."""
+    shared = [t for t in single_terms(robot) if not t.joints]
+    seeds = [stream_seed(seed, "trial", i) % 2**31 for i in range(count)]
+    if hide == "nothing":
+        return [((), None, s) for s in seeds]
+    if hide == "every":
+        return [((t,), size, stream_seed(s, t.key) % 2**31) for t in shared for s in seeds]
+    if hide == "drawn":
+        draw = stream(seed, "hidden effects").integers(0, len(shared), count)
+        return [((shared[d],), size, s) for d, s in zip(draw, seeds, strict=True)]
+    chosen = _chosen(robot, effects)
+    return [(chosen, size, s) for s in seeds]
+
+
+def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:
+    """The terms of these keys; UsageError where one cannot act on the robot."""
+
+    chosen = tuple(term(key) for key in keys)
+    for t in chosen:
+        unknown = set(t.joints) - {joint_of(name) for name in robot.actions}
+        reason = f"it has no joint {min(unknown)!r}" if unknown else t.effect.why_not(robot)
+        if reason:
+            raise UsageError(
+                f"effect {t.key!r} on robot {robot.name!r}: {reason}",
+                expected="an effect that can act there",
+                do=f"see `dynreg effects {robot.name}`",
+            )
+    return chosen
