@@ -11,15 +11,17 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.calibrate import calibrate
+from dynreg.diagnose.effort import FULL, Effort
 from dynreg.diagnose.evidence import Evidence, Verdict, verdict_of
 from dynreg.diagnose.fit import fit, polish
 from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.joints import terms_at
-from dynreg.diagnose.name import DRAWS, Naming, calibrate, name_one
+from dynreg.diagnose.name import name_one
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.score import Naming
 from dynreg.diagnose.settle import revise, settle, unlike
-from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import Cache, Calibrated, threshold
 from dynreg.diagnose.zeros import rezeroed
@@ -109,6 +111,7 @@ def search(
     *,
     needed: float | None = None,
     cache: Cache | None = None,
+    effort: Effort = FULL,
     progress: Progress | None = None,
 ) -> Found:
     """Calibrate, find the threshold, add one cause after the other while they pass it, refit on fit and select.
@@ -118,17 +121,17 @@ def search(
     report = progress or (lambda *_: None)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     report("calibrate", 0, 1)
-    draws = 0 if len(terms) > MANY else DRAWS
-    base, effective = calibrate(problem, fit_on, draws=draws, seed=asked.seed)
+    many = len(terms) > effort.long
+    base, effective = calibrate(problem, fit_on, draws=0 if many else effort.draws, seed=asked.seed)
     report("calibrate", 1, 1)
     if needed is None:
-        of = {"runs": asked.threshold_runs, "seed": asked.seed}
+        of = {"runs": asked.threshold_runs, "seed": asked.seed, "effort": effort}
         limit = threshold(cache, problem, terms, fit_on, select_on, **of, progress=progress)
     else:
         limit = Calibrated(needed, ())
     begun = Found(base, base, (), 0, limit, problem)
-    found = _rounds(problem, begun, terms, (fit_on, select_on), effective, asked.max_causes, report)
-    return _refitted(problem, found, (fit_on, select_on), effective, len(terms) > MANY, asked.seed)
+    found = _rounds(problem, begun, terms, (fit_on, select_on), effective, asked.max_causes, effort, report)
+    return _refitted(problem, found, (fit_on, select_on), effective, many, asked.seed)
 
 
 def _rounds(
@@ -138,6 +141,7 @@ def _rounds(
     parts: tuple[np.ndarray, np.ndarray],
     effective: np.ndarray,
     most: int,
+    effort: Effort,
     report: Progress,
 ) -> Found:
     """One cause after the other, while they pass the threshold; `most` at the most.
@@ -151,7 +155,7 @@ def _rounds(
         left = unlike(problem.robot, terms, current.hypothesis.terms)
         if not left:
             break
-        naming = name_one(zeroed, current, left, *parts, effective)
+        naming = name_one(zeroed, current, left, *parts, effective, effort=effort)
         rounds.append(naming)
         if number == 0:
             base = naming.start.point

@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.name import Naming
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
+from dynreg.diagnose.score import Naming
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
 from dynreg.sim.effects import one_group

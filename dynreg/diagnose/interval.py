@@ -76,18 +76,21 @@ class Proposal:
         return np.atleast_1d(multivariate_t.logpdf(z, self.middle, self.spread, FREEDOM))
 
 
-def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0) -> Posterior:
+def posterior(
+    problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0, limits: np.ndarray | None = None
+) -> Posterior:
     """The posterior about its maximum `point`, by the windows `chosen`.
 
     The prior of nominal coordinates is the nameplate; of shapes, a factor of three; of sizes, normal about zero with
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
-    approximation, cut off at the bounds.
+    approximation, cut off at the bounds. limits : (D, 2) lowest and highest coordinates; by default those of the point.
     """
+    limits = bounds(problem, point) if limits is None else limits
     engine = _vectorised(problem)
     if engine is None or engine == problem.running:
-        return _posterior(problem, point, chosen, engine is not None, seed)
+        return _posterior(problem, point, chosen, limits, engine is not None, seed)
     # the corrections are of the other engine's time step
-    return _posterior(replace(problem, engine=engine, corrections={}), point, chosen, True, seed)
+    return _posterior(replace(problem, engine=engine, corrections={}), point, chosen, limits, True, seed)
 
 
 def _vectorised(problem: Problem) -> str | None:
@@ -99,11 +102,13 @@ def _vectorised(problem: Problem) -> str | None:
     return next((name for name in (problem.running, *others) if ENGINES[name].vectorised), None)
 
 
-def _posterior(problem: Problem, point: Point, chosen: np.ndarray, fast: bool, seed: int) -> Posterior:
+def _posterior(
+    problem: Problem, point: Point, chosen: np.ndarray, limits: np.ndarray, fast: bool, seed: int
+) -> Posterior:
     residual, slopes = sensitivities(problem, [point], chosen)
     effective = problem.effective(residual[0])
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    width, limits = prior_widths(point), bounds(problem, point)
+    width = prior_widths(point)
     curvature += prior_curvature(point)
     agreed = _agreement(problem, residual[0], slopes[0], effective, curvature)
     rng = stream(seed, "interval", point.hypothesis.key)

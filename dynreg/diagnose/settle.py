@@ -6,8 +6,8 @@ import numpy as np
 
 from dynreg.diagnose.fit import bounds, fit
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.name import NEAR, Naming, Scored, select
 from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.score import NEAR, Naming, Scored, select
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
@@ -41,15 +41,26 @@ def revise(
             continue
         fitted, _ = fit(problem, [p for _, p in others], fit_on, effective, iterations=6)
         ranking = select(problem, current.point, fitted, fit_on, select_on).ranking
-        total = sum(r.chosen.nats for r in rounds)
-        more = [max(len(s.point.effect) - len(current.point.effect), 0) for s in ranking]
-        better = [s for s, m in zip(ranking, more, strict=True) if s.nats > NEAR * total * (1 + m)]
-        if not better:
-            continue
-        key = better[0].key
-        other = next(s for (s, _), p in zip(others, fitted, strict=True) if p.hypothesis.key == key)
-        rounds = _exchanged(rounds, number, other, better[0])
+        rounds = exchanged(rounds, number, others, ranking)
     return rounds
+
+
+def exchanged(
+    rounds: list[Naming], number: int, others: list[tuple[Scored, Point]], ranking: list[Scored]
+) -> list[Naming]:
+    """The rounds with the cause of round `number` exchanged for the best equivalent, if any gains enough.
+
+    others : each equivalent, and the last point with it in the place of the cause. ranking : these points refitted, by
+    the nats that they gain on the last one.
+    """
+    total = sum(r.chosen.nats for r in rounds)
+    effect = rounds[-1].chosen.point.effect
+    more = [max(len(s.point.effect) - len(effect), 0) for s in ranking]
+    better = [s for s, m in zip(ranking, more, strict=True) if s.nats > NEAR * total * (1 + m)]
+    if not better:
+        return rounds
+    other = next(s for s, point in others if point.hypothesis.key == better[0].key)
+    return _exchanged(rounds, number, other, better[0])
 
 
 def settle(

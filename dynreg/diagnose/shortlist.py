@@ -10,19 +10,16 @@ from itertools import zip_longest
 
 import numpy as np
 
+from dynreg.diagnose.effort import FULL, Effort
 from dynreg.diagnose.fit import bounds, fit, objective, sensitivities
 from dynreg.diagnose.hypothesis import SMALLEST, effect_bounds
 from dynreg.diagnose.problem import Point, Problem, mean_squares
 from dynreg.sim.effects import Term
 
-MANY = 40  # terms from which a list is long: two joints, and all that can be wrong with each
 PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best,
 HALVED = (1, 1)  # and refitted in rounds of so many iterations, half as many after each
 REFINED = 0.2  # of the medium size, for probes of what acts on joints already: as much friction again, and they stick
-# Nats behind the best of its own start, by the finer time step, from which a term is not refitted with it. On a leg no
-# cause that won was more than 10 behind; the starts cannot be compared: one is calibrated, the other is not.
-BEHIND = 40.0
 PULL = 3.0  # largest first change of a nominal coordinate
 # From the nameplate of a floating base none of many nominal parameters is fitted yet, and one shared step leaves all
 # terms about as bad: so many of the best go on, by so many iterations. A cause that nominal parameters can make up for
@@ -38,40 +35,50 @@ def shortlisted(
     terms: list[Term],
     fit_on: np.ndarray,
     effective: np.ndarray,
-    iterations: int,
     hopeless: float = np.inf,
+    effort: Effort = FULL,
 ) -> list[Point]:
     """`base` with one of `terms`, refitted: the best of them, one point for each term, best first.
 
     Where rollouts are rough, nominal parameters that made up for a cause are hard to walk back: half of the terms that
     are refitted start from the nameplate. Their refit is only begun: the finer time step ends it elsewhere. Those of a
     floating base come in turn from the nameplate and from `base`, for where they are on their way says little.
-    iterations, hopeless : of the last refit where rollouts are smooth; a term that is so many nats behind the best is
-    not fitted to the end.
+    hopeless : where rollouts are smooth, a term that is so many nats behind the best is not fitted to the end.
     """
     nameplate = Point(base.hypothesis, np.zeros(len(base.nominal)), base.effect)
+    start = lambda point, further=0: roughly_from(  # noqa: E731
+        problem, point, terms, fit_on, effective, further, effort.behind
+    )
     if problem.stands:
-        ahead = _roughly_from(problem, nameplate, terms, fit_on, effective, further=FURTHER)
+        ahead = start(nameplate, FURTHER)
         without = objective(problem, [base], problem.fine.residuals([base], fit_on), effective)[0]
-        clear = min(cost for cost, _ in ahead) < without - CLEAR
-        near = [] if clear else _roughly_from(problem, base, terms, fit_on, effective)
-        return _in_turn(ahead, [(c, p) for c, p in near if c < without - GAINED])
+        return in_turn(ahead, [] if clear(ahead, without) else start(base), without)
     if problem.rough:
-        done = _roughly_from(problem, base, terms, fit_on, effective)
-        done += _roughly_from(problem, nameplate, terms, fit_on, effective)
-    else:
-        done = _from(problem, base, terms, fit_on, effective, iterations, hopeless)
+        return best_of_each([*start(base), *start(nameplate)])
+    return best_of_each(_from(problem, base, terms, fit_on, effective, effort.iterations, hopeless))
+
+
+def clear(ahead: list[tuple[float, Point]], without: float) -> bool:
+    """Whether what started at the nameplate is so far ahead of the calibrated model that it needs nothing beside it."""
+    return min(cost for cost, _ in ahead) < without - CLEAR
+
+
+def best_of_each(found: list[tuple[float, Point]]) -> list[Point]:
+    """The best point of each term, best first."""
     best: dict[str, Point] = {}
-    for _, point in sorted(done, key=lambda d: d[0]):
+    for _, point in sorted(found, key=lambda d: d[0]):
         best.setdefault(point.hypothesis.key, point)
     return list(best.values())
 
 
-def _in_turn(*lists: list[tuple[float, Point]]) -> list[Point]:
-    """The best of each list in turn, each of its terms once."""
-    best_first = [[p for _, p in sorted(own, key=lambda d: d[0])] for own in lists]
+def in_turn(ahead: list[tuple[float, Point]], near: list[tuple[float, Point]], without: float) -> list[Point]:
+    """The best from the nameplate and from the calibrated model in turn, each term once.
+
+    near : what started at the calibrated model; what gains too little on it (`without` a term) is left out.
+    """
+    gained = [(cost, point) for cost, point in near if cost < without - GAINED]
     out: dict[str, Point] = {}
-    for row in zip_longest(*best_first):
+    for row in zip_longest(best_of_each(ahead), best_of_each(gained)):
         for point in row:
             if point is not None:
                 out.setdefault(point.hypothesis.key, point)
@@ -105,18 +112,20 @@ def _from(
     return done + [(float(c), p) for c, p in zip(cost, points, strict=True)]
 
 
-def _roughly_from(
+def roughly_from(
     problem: Problem,
     start: Point,
     terms: list[Term],
     fit_on: np.ndarray,
     effective: np.ndarray,
     further: int = 0,
+    behind: float = FULL.behind,
 ) -> list[tuple[float, Point]]:
     """Objective, by the finer time step, and point of each of the most promising terms after one step of its refit.
 
     What the time step does to the start flatters all that stays near it: only the finer one judges.
-    further : iterations by which the best terms go on, with derivatives of their own.
+    further : iterations by which the best terms go on, with derivatives of their own. behind : nats behind the best
+    from which a term is left out.
     """
     points, slopes = _started(problem, start, terms, fit_on, effective)
     points, cost = fit(problem, points[: PROBED // 2], fit_on, effective, iterations=1, leading=slopes)
@@ -125,7 +134,7 @@ def _roughly_from(
         ahead, _ = fit(problem, points[:GO_ON], fit_on, effective, iterations=further)
         points = [*ahead, *points[GO_ON:]]
     cost = objective(problem, points, problem.fine.residuals(points, fit_on), effective)
-    behind = np.inf if further else BEHIND  # those that went on are ahead of the others by that alone
+    behind = np.inf if further else behind  # those that went on are ahead of the others by that alone
     return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + behind]
 
 

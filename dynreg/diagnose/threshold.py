@@ -7,9 +7,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dynreg.diagnose.name import DRAWS, calibrate, name_one
+from dynreg.diagnose.calibrate import calibrate
+from dynreg.diagnose.effort import FULL, Effort
+from dynreg.diagnose.name import name_one
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.shortlist import MANY
 from dynreg.diagnose.truth import hide, measured_states
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
@@ -54,6 +55,7 @@ def threshold(
     *,
     runs: int,
     seed: int = 0,
+    effort: Effort = FULL,
     progress: Progress | None = None,
 ) -> Calibrated:
     """The evidence above which a cause is named: simulated robots of the nameplate, without effects, diagnosed alike.
@@ -68,7 +70,7 @@ def threshold(
         return Calibrated(known["nats"], tuple(known["scores"]), cached=True)
     scores = []
     for i in range(runs):
-        scores.append(null_score(problem, terms, fit_on, select_on, null_seed(seed, i)))
+        scores.append(null_score(problem, terms, fit_on, select_on, null_seed(seed, i), effort))
         if progress:
             progress("threshold", i + 1, runs)
     found = Calibrated(level(scores), tuple(scores))
@@ -102,7 +104,12 @@ def exceeded(scores: Sequence[float]) -> float:
 
 
 def null_score(
-    problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, seed: int
+    problem: Problem,
+    terms: list[Term],
+    fit_on: np.ndarray,
+    select_on: np.ndarray,
+    seed: int,
+    effort: Effort = FULL,
 ) -> float:
     """[nats] of the cause chosen for one simulated robot that has none, under the commands of the problem."""
     chosen = np.concatenate([fit_on, select_on])
@@ -117,8 +124,8 @@ def null_score(
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
     same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)
     fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
-    base, effective = calibrate(same, fits, draws=0 if len(terms) > MANY else DRAWS)
-    chosen = name_one(same, base, terms, fits, selects, effective).chosen
+    base, effective = calibrate(same, fits, draws=0 if len(terms) > effort.long else effort.draws)
+    chosen = name_one(same, base, terms, fits, selects, effective, effort=effort).chosen
     return 0.0 if chosen is None else max(0.0, chosen.nats)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.diagnose import Found, search
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, Verdict, verdict_of
@@ -14,7 +15,6 @@ from dynreg.diagnose.fit import fit
 from dynreg.diagnose.gained import window_errors
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
-from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.threshold import USUAL, Cache, null_score, null_seed, threshold

@@ -7,9 +7,11 @@ import pytest
 
 import dynreg
 from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.calibrate import calibrate
+from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.loose import loose_ends
-from dynreg.diagnose.name import calibrate, name_one
+from dynreg.diagnose.name import name_one
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import USUAL
@@ -40,7 +42,9 @@ def test_load_friction_is_the_cause_and_takes_a_fifth_off_the_held_out_error(pos
     problem, split = posed
     base, effective = calibrated
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
-    naming = name_one(problem, base, [term(e) for e in EFFECTS], fit_on, select_on, effective, iterations=3)
+    naming = name_one(
+        problem, base, [term(e) for e in EFFECTS], fit_on, select_on, effective, effort=Effort(iterations=3)
+    )
     assert naming.chosen.key == "load_friction" and naming.chosen.nats > USUAL
     left = problem.residuals([naming.start.point, naming.chosen.point], np.flatnonzero(split.test))
     before, after = np.nanmean(np.abs(left), axis=(1, 2, 3))

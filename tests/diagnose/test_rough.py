@@ -8,9 +8,9 @@ import pytest
 
 from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.evidence import remaining
+from dynreg.diagnose.finish import POLISHED
 from dynreg.diagnose.fit import objective, polish, uneven
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.name import POLISHED
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.truth import hide, log_of, protocol

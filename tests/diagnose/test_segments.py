@@ -6,15 +6,18 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from dynreg.diagnose import diagnose, interval, name, trial
+from dynreg.diagnose import interval
 from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import search
+from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.evidence import Evidence
+from dynreg.diagnose.finish import standing
 from dynreg.diagnose.fit import objective
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, single_terms
-from dynreg.diagnose.name import BEYOND, PER_PARAMETER, Scored, select
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import SEGMENT, Point
+from dynreg.diagnose.score import BEYOND, PER_PARAMETER, select
+from dynreg.diagnose.trial import attainable_share
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.sim.effects import term
@@ -22,6 +25,7 @@ from dynreg.sim.robot import load_robot
 
 SETTINGS = Asked(hold_out="test_0", threads=1, max_causes=2)
 FREE = ("torque", "leg_mass")
+LITTLE = Effort(draws=0, alone=1, rival=1)  # takes less time
 
 
 @lru_cache
@@ -117,17 +121,13 @@ def test_fitted_on_all_windows_together_what_a_cause_gains_counts_wherever_it_do
     assert scored.nats == pytest.approx(6 * 0.5 * 20.0 * np.log(100.0) - PER_PARAMETER, abs=0.01)
 
 
-def test_with_and_without_a_term_a_standing_robot_is_fitted_on_all_windows_from_where_either_ended(
-    monkeypatch,
-):
+def test_with_and_without_a_term_a_standing_robot_is_fitted_on_all_windows_from_where_either_ended():
     problem, split, hidden, _ = posed()
-    monkeypatch.setattr(name, "STANDING_START", 1)
-    monkeypatch.setattr(name, "STANDING_RIVAL", 1)
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     _, true = points(problem, hidden)
     off = Point(Hypothesis(), true.nominal + 0.7, np.zeros(0))
     half = Point(true.hypothesis, true.nominal, 0.5 * true.effect)
-    start, (found,) = name._standing(problem, off, [half], fit_on, select_on)
+    start, (found,) = standing(problem, off, [half], fit_on, select_on, LITTLE)
     assert start.hypothesis.key == "" and found.hypothesis.key == "payload"
     fine, every = problem.fine, np.concatenate([fit_on, select_on])
     tried = [off, Point(Hypothesis(), found.nominal, np.zeros(0)), start, half, found, true]
@@ -173,38 +173,29 @@ def test_pulls_of_one_rollout_are_one():
     assert problem.segments == 2 and cut == pytest.approx(apart / 2)
 
 
-def test_a_search_and_the_share_of_what_can_be_won_count_in_segments_too(monkeypatch):
-    monkeypatch.setattr(diagnose, "DRAWS", 0)  # one start of the calibration takes less time
+def test_a_search_and_the_share_of_what_can_be_won_count_in_segments_too():
     problem, split, hidden, _ = posed()
     fresh = replace(problem, corrections={})
-    found = search(fresh, [], split, SETTINGS, needed=5.0)
+    found = search(fresh, [], split, SETTINGS, needed=5.0, effort=LITTLE)
     assert found.accepted == 0 and np.isfinite(found.base.nominal).all()
     plain, true = points(problem, hidden)
-    assert trial.attainable_share(fresh, split, hidden, replace(found, base=plain, extended=true)) > 0.5
+    assert attainable_share(fresh, split, hidden, replace(found, base=plain, extended=true)) > 0.5
 
 
-def test_a_long_list_is_searched_finely_and_a_round_that_finds_no_more_is_not_lost(monkeypatch):
+def test_a_long_list_is_searched_finely_and_a_round_that_finds_no_more_is_not_lost():
     problem, split, *_ = posed()
-    for module in (diagnose, name):
-        monkeypatch.setattr(module, "MANY", 0)
-    for steps in ("STANDING_START", "STANDING_RIVAL"):  # fewer take less time
-        monkeypatch.setattr(name, steps, 1)
-    rounds = []
-
-    def one_further(*given, **named):  # the second round finds a better point, and no cause
-        naming = name.name_one(*given, **named)
-        if rounds:
-            start = naming.start.point
-            naming = replace(naming, start=Scored(start.moved(start.z + 0.5), 0.0), chosen=None)
-        rounds.append(naming)
-        return naming
-
-    monkeypatch.setattr(diagnose, "name_one", one_further)
     terms = single_terms(problem.robot, ("payload", "ground_friction"))
-    found = search(replace(problem, corrections={}), terms, split, SETTINGS, needed=30.0)
+    fresh, long = replace(problem, corrections={}), replace(LITTLE, long=0)
+    found = search(fresh, terms, split, SETTINGS, needed=30.0, effort=long)
     assert [t.key for t in found.extended.hypothesis.terms] == ["payload"]
     assert found.accepted == 1 and len(found.rounds) == 2
-    assert found.extended is rounds[1].start.point
+    assert found.extended is found.rounds[1].start.point
+    # the round that finds no cause has refitted the model that it began with
+    both = np.flatnonzero(split.fit | split.select)
+    ends = [found.rounds[0].chosen.point, found.extended]
+    made = found.problem.fine.residuals(ends, both)
+    first, last = objective(problem, ends, made, problem.effective(made[1]))
+    assert last <= first
     # what its own rollouts differ by with a finer time step is known, where it is less than chaos
     every = np.flatnonzero(split.fit | split.select)
     usual, fine = (p.residuals([found.extended], every) for p in (found.problem, found.problem.fine))

@@ -9,18 +9,21 @@ import pytest
 
 from dynreg.diagnose import shortlist
 from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.calibrate import calibrate
+from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.fit import fit, objective, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
-from dynreg.diagnose.name import calibrate
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.shortlist import mirrored, shortlisted
+from dynreg.diagnose.shortlist import mirrored, roughly_from, shortlisted
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.results.trials import TrialResult, TrialTable
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
 SOME = ("coulomb_friction", "torque_limit", "encoder_scale", "backlash", "payload")
+
+QUICK = Effort(iterations=3)
 
 
 @lru_cache
@@ -68,7 +71,7 @@ def test_the_best_of_the_list_is_the_hidden_effect_in_its_joint(key):
     problem, fit_on, _ = posed(key)
     base, effective = calibrate(problem, fit_on, draws=0)
     terms = single_terms(problem.robot, SOME)
-    found = shortlisted(problem, base, terms, fit_on, effective, iterations=3)
+    found = shortlisted(problem, base, terms, fit_on, effective, effort=QUICK)
     assert found[0].hypothesis.key == key
     assert len({p.hypothesis.key for p in found}) == len(found) < len(terms)
 
@@ -89,7 +92,7 @@ def test_a_rough_list_holds_the_hidden_effect_too(key):
     rough = replace(problem, rough=True, corrections={})
     base, effective = calibrate(rough, fit_on, draws=0)
     terms = single_terms(problem.robot, (*SOME, "gravity_tilt"))
-    found = [p.hypothesis.key for p in shortlisted(rough, base, terms, fit_on, effective, iterations=3)]
+    found = [p.hypothesis.key for p in shortlisted(rough, base, terms, fit_on, effective, effort=QUICK)]
     assert key in found[:3] and len(set(found)) == len(found)
 
 
@@ -132,15 +135,14 @@ def test_what_a_probe_reaches_with_the_other_sign_ranks_a_term_only_where_rollou
     assert any(p.effect[-1] == -1.0 for p in tilts) is rough
 
 
-def test_what_is_far_behind_the_best_of_its_own_start_is_not_refitted(monkeypatch):
+def test_what_is_far_behind_the_best_of_its_own_start_is_not_refitted():
     problem, fit_on, _ = posed("gravity_tilt")
     rough = replace(problem, rough=True, corrections={})
     base, effective = calibrate(rough, fit_on, draws=0)
     terms = single_terms(problem.robot, ("coulomb_friction", "gravity_tilt"))
     lists = {}
     for behind in (0.0, np.inf):
-        monkeypatch.setattr(shortlist, "BEHIND", behind)
-        lists[behind] = shortlisted(rough, base, terms, fit_on, effective, iterations=3)
+        lists[behind] = shortlisted(rough, base, terms, fit_on, effective, effort=Effort(behind=behind))
     assert 1 <= len(lists[0.0]) <= 2 < len(lists[np.inf])
 
 
@@ -150,9 +152,7 @@ def test_from_the_nameplate_the_best_terms_walk_on_before_they_are_judged():
     base, effective = calibrate(rough, fit_on, draws=0)
     nameplate = Point(Hypothesis(), np.zeros(len(base.nominal)), np.zeros(0))
     terms = single_terms(problem.robot, ("payload", "coulomb_friction"))
-    begun, further = (
-        shortlist._roughly_from(rough, nameplate, terms, fit_on, effective, further=n) for n in (0, 3)
-    )
+    begun, further = (roughly_from(rough, nameplate, terms, fit_on, effective, further=n) for n in (0, 3))
     fine = lambda found: [  # noqa: E731
         objective(rough, [p], rough.fine.residuals([p], fit_on), effective)[0] for _, p in found
     ]

@@ -1,16 +1,20 @@
 """A floating base on its feet: where its terms start, how its derivatives are taken, and what they gain."""
 
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from dynreg.diagnose import fit as fitting
-from dynreg.diagnose import name, shortlist
+from dynreg.diagnose.effort import Effort
+from dynreg.diagnose.finish import AWAY, standing
 from dynreg.diagnose.fit import ROOM, ROUGH, SIDES, fit
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.problem import Point, Problem, mean_squares
+from dynreg.diagnose.score import by_either
+from dynreg.diagnose.shortlist import CLEAR, best_of_each, clear, in_turn
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -23,46 +27,34 @@ def hypotheses(*keys: str) -> list[Point]:
     return [Point(Hypothesis((term(key),)), np.zeros(1), np.ones(1)) for key in keys]
 
 
-def listed(monkeypatch, *, stands: bool, without: float = 1000.0):
-    """Where the terms of a list start, with how many iterations, and the points that come of it.
-
-    Payload and gravity_tilt are found from the nameplate at 900 and 950 nats, com_offset, payload and ground_friction
-    from the calibrated model at 940, 960 and 999; the model without a term is at `without`.
-    """
-    asked = []
-    payload, tilt, offset, ground = hypotheses("payload", "gravity_tilt", "com_offset", "ground_friction")
-    near = [(999.0, ground), (960.0, payload), (940.0, offset)]
-    found = {0.0: [(950.0, tilt), (900.0, payload)], 1.0: near}
-
-    def roughly(problem, start, *_, further=0):
-        asked.append((start.nominal[0], further))
-        return found[start.nominal[0]]
-
-    monkeypatch.setattr(shortlist, "_roughly_from", roughly)
-    monkeypatch.setattr(shortlist, "objective", lambda *_: np.array([without]))
-    fine = SimpleNamespace(residuals=lambda *_: None)
-    problem = SimpleNamespace(rough=True, stands=stands, fine=fine)
-    out = shortlist.shortlisted(problem, plain(1.0), [], np.arange(1), np.ones((1, 1)), 3)
-    return asked, [point.hypothesis.key for point in out]
+def started(*found: tuple[float, str]) -> list[tuple[float, Point]]:
+    """Objectives [nats] and points of terms that were begun from one start."""
+    return [(cost, *hypotheses(key)) for cost, key in found]
 
 
-def test_a_floating_base_is_searched_from_its_nameplate_where_the_best_go_on_and_from_the_calibrated_model(
-    monkeypatch,
-):
-    asked, keys = listed(monkeypatch, stands=True)
-    assert asked == [(0.0, shortlist.FURTHER), (1.0, 0)]
-    assert keys == ["payload", "com_offset", "gravity_tilt"]  # in turn; 999 is no gain on 1000
+AHEAD = started((950.0, "gravity_tilt"), (900.0, "payload"))  # from the nameplate
+NEAR = started(
+    (999.0, "ground_friction"), (960.0, "payload"), (940.0, "com_offset")
+)  # from the calibrated model
 
 
-def test_other_rough_robots_are_searched_from_both_and_their_terms_sorted_together(monkeypatch):
-    asked, keys = listed(monkeypatch, stands=False)
-    assert asked == [(1.0, 0), (0.0, 0)]
-    assert keys == ["payload", "com_offset", "gravity_tilt", "ground_friction"]
+def keys(points: list[Point]) -> list[str]:
+    return [point.hypothesis.key for point in points]
 
 
-def test_what_is_clear_from_the_nameplate_is_not_sought_from_the_calibrated_model_too(monkeypatch):
-    asked, keys = listed(monkeypatch, stands=True, without=900.0 + shortlist.CLEAR + 1.0)
-    assert asked == [(0.0, shortlist.FURTHER)] and keys == ["payload", "gravity_tilt"]
+def test_terms_of_a_floating_base_come_in_turn_from_the_nameplate_and_from_the_calibrated_model():
+    listed = in_turn(AHEAD, NEAR, without=1000.0)
+    assert keys(listed) == ["payload", "com_offset", "gravity_tilt"]  # 999 is no gain on 1000
+    assert listed[0] is AHEAD[1][1], "each term once, where it comes first"
+
+
+def test_terms_of_other_rough_robots_are_sorted_together():
+    assert keys(best_of_each([*NEAR, *AHEAD])) == ["payload", "com_offset", "gravity_tilt", "ground_friction"]
+
+
+def test_what_is_clear_from_the_nameplate_is_not_sought_from_the_calibrated_model_too():
+    assert clear(AHEAD, 900.0 + CLEAR + 1.0) and not clear(AHEAD, 900.0 + CLEAR - 1.0)
+    assert keys(in_turn(AHEAD, [], without=1201.0)) == ["payload", "gravity_tilt"]
 
 
 @dataclass
@@ -113,69 +105,77 @@ def test_others_take_both_sides():
     assert slope.item() == pytest.approx((2.0**3 - 0.0) / 2.0)
 
 
+@dataclass
+class Deaf(Bent):
+    """Steps gain in the iterations of which `gains` has a bit, and nothing in others; `sides` of each derivative."""
+
+    gains: int = 0
+    sides: list[int] = field(default_factory=list)
+    floor: np.ndarray = field(default_factory=lambda: np.full(1, 1e-6))
+
+    @property
+    def sloped(self) -> "Deaf":
+        return replace(self, power=0.0)
+
+    def residuals(self, points, chosen):
+        if not self.power:  # derivatives: from the point to its ends
+            here, end = (points[i].z[0] for i in (0, 1))
+            self.sides.append(int((here > 0) == (end > here)))
+        gained = sum(self.gains >> i & 1 for i in range(len(self.sides)))
+        return np.full((len(points), 1, 1, 1), 0.5**gained)
+
+
 @pytest.mark.parametrize(
-    ("stands", "gains", "sides"),
-    [(True, 0, [0, 1]), (False, 0, [0]), (True, 2, [0, 1, 0, 1]), (True, 1, [0, 1, 0]), (False, 1, [0, 1])],
+    ("stands", "gains", "iterations"),
+    [(True, 0, 2), (False, 0, 1), (True, 0b11, 4), (True, 0b01, 3), (False, 0b01, 2)],
 )
-def test_a_floating_base_goes_on_until_derivatives_to_either_side_gain_nothing(
-    monkeypatch, stands, gains, sides
-):
-    """The iterations in `gains` (bits: first and second) gain, all others nothing."""
-    asked = []
-
-    def slopes(problem, points, chosen, leading, side):
-        asked.append(side)
-        return [None] * len(points)
-
-    def steps(problem, point, *_):
-        works = len(asked) <= 2 and gains >> (len(asked) - 1) & 1
-        return [point.moved(0.5 * point.z) if works else point]
-
-    problem = Bent(stands=stands)
-    problem.floor = np.full(1, 1e-6)
-    monkeypatch.setattr(fitting, "_slopes", slopes)
-    monkeypatch.setattr(fitting, "_steps", steps)
-    fit(problem, [plain(2.0)], np.arange(1), np.ones((1, 1)), iterations=9)
-    assert SIDES == 2 and asked == sides
+def test_a_floating_base_goes_on_until_derivatives_to_either_side_gain_nothing(stands, gains, iterations):
+    problem = Deaf(stands=stands, gains=gains)
+    fit(problem, [plain(0.0)], np.arange(1), np.full((1, 1), 40.0), iterations=9)
+    assert len(problem.sides) == iterations
+    if stands:
+        assert problem.sides == [number % SIDES for number in range(iterations)] and SIDES == 2
 
 
 def test_rollouts_of_a_fine_standing_robot_take_a_step_half_that_of_its_derivatives():
     def step(problem: Problem) -> float:
         return problem.robot.file.robot.timestep
 
-    standing, hanging = (
+    upright, hanging = (
         Problem(load_robot(r), SimpleNamespace(weight=np.ones(1), spread=np.ones(1)), None)
         for r in ("quadruped", "leg")
     )
-    assert standing.finer == 4
-    assert step(standing) / step(standing.fine) == 4 and step(standing) / step(standing.fine.sloped) == 2
-    assert standing.sloped is standing and hanging.fine.sloped is hanging.fine
+    assert upright.finer == 4
+    assert step(upright) / step(upright.fine) == 4 and step(upright) / step(upright.fine.sloped) == 2
+    assert upright.sloped is upright and hanging.fine.sloped is hanging.fine
 
 
-def test_what_is_far_behind_does_not_go_on_to_the_end(monkeypatch):
-    costs = {"": 0.0, "payload": 10.0, "gravity_tilt": 10.0 + name.AWAY, "com_offset": 11.0 + name.AWAY}
-    asked = []
+class Settled:
+    """Three windows, whose likelihood is that of each hypothesis, whatever its coordinates; runs are counted by it."""
 
-    def cost_of(points):
-        return np.array([costs[p.hypothesis.key] for p in points])
+    stands, segments, floor, rough = True, 1, np.full(1, 1e-12), True
+    SAMPLES = 200.0
 
-    def fitted(problem, points, chosen, effective, *, iterations, **settings):
-        asked.append(([p.hypothesis.key for p in points], len(chosen), iterations))
-        return list(points), cost_of(points)
+    def __init__(self, costs: dict[str, float]):
+        self.costs, self.runs = costs, Counter()
+        self.coordinates = SimpleNamespace(nominal_bounds=np.array([[-9.0, 9.0]]))
+        self.fine = self.sloped = self
 
-    monkeypatch.setattr(name, "fit", fitted)
-    monkeypatch.setattr(name, "objective", lambda problem, points, *_: cost_of(points))
-    fine = SimpleNamespace(residuals=lambda points, chosen: np.zeros((len(points), 3, 1, 1)))
-    problem = SimpleNamespace(fine=fine, segments=1, effective=lambda residual: np.ones((3, 1)))
-    terms = hypotheses("com_offset", "gravity_tilt", "payload")
-    _, out = name._standing(problem, plain(0.0), terms, np.arange(2), np.arange(2, 3))
-    near = ["payload", "gravity_tilt"]
-    assert asked[:3] == [
-        (["com_offset", "gravity_tilt", "payload"], 2, 1),
-        ([*near, "com_offset"], 3, 1),
-        (near, 3, 3),
-    ]
-    assert [p.hypothesis.key for p in out] == [*near, "com_offset"]
+    def residuals(self, points, chosen):
+        self.runs.update(p.hypothesis.key for p in points if len(chosen) == 3)
+        sizes = [np.exp(self.costs[p.hypothesis.key] / (3 * self.SAMPLES)) for p in points]
+        return np.ones((len(points), len(chosen), 5, 1)) * np.array(sizes)[:, None, None, None]
+
+    def effective(self, residual):
+        return np.full((len(residual), 1), self.SAMPLES)
+
+
+def test_what_is_far_behind_does_not_go_on_to_the_end():
+    costs = {"": 0.0, "payload": 10.0, "gravity_tilt": 10.0 + AWAY - 1.0, "com_offset": 11.0 + AWAY}
+    problem, terms = Settled(costs), hypotheses("com_offset", "gravity_tilt", "payload")
+    _, out = standing(problem, plain(0.0), terms, np.arange(2), np.arange(2, 3), Effort())
+    assert keys(out) == ["payload", "gravity_tilt", "com_offset"]
+    assert problem.runs["com_offset"] < problem.runs["gravity_tilt"] <= problem.runs["payload"]
 
 
 class Slipping:
@@ -198,5 +198,5 @@ def test_a_gain_is_counted_by_the_samples_of_the_residual_that_has_fewer(of_plai
     gain = 0.5 * np.log(100.0)
     for order, least in ((slice(None), 4.0 * gain), (slice(None, None, -1), -400.0 * gain)):
         ordered = residuals[order]
-        gains = name._by_either(problem, ordered, name.mean_squares(ordered, problem.floor))
+        gains = by_either(problem, ordered, mean_squares(ordered, problem.floor))
         assert gains == pytest.approx([0.0, least], rel=1e-6)

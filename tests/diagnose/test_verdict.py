@@ -5,8 +5,8 @@ import pytest
 
 from dynreg.diagnose.evidence import EXPLAINED, Evidence, Noise, rivals, verdict_of
 from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.name import Naming, Scored
 from dynreg.diagnose.problem import Point
+from dynreg.diagnose.score import Naming, Scored
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 

@@ -1,0 +1,92 @@
+"""Screen: every term at several sizes, and what the nominal parameters can make up for, to first order."""
+
+import numpy as np
+
+from dynreg.diagnose.fit import bounds, information, sensitivities
+from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds
+from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
+from dynreg.sim.effects import Term
+
+SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
+FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
+KEPT = 2  # starts of each hypothesis that are refitted by one iteration
+
+
+def screen(
+    problem: Problem, base: Point, terms: list[Term], fit_on: np.ndarray, effective: np.ndarray
+) -> tuple[list[Point], np.ndarray]:
+    """For every term the most promising starts: sizes and signs tried, nominal coordinates moved along to first order.
+
+    Returns them with the derivatives (D, W, T, C) at `base`. A term's change of the rollouts counts after what the
+    nominal parameters can do as well is taken off.
+    """
+    residual, slopes = sensitivities(problem, [base], fit_on)
+    curvature, _ = information(problem, base, residual[0], slopes[0], effective)
+    tried: list[Point] = []
+    for term in terms:
+        hypothesis = base.hypothesis.with_term(term)
+        for z in _starts(term):
+            tried.append(Point(hypothesis, base.nominal, np.concatenate([base.effect, z])))
+    made = problem.residuals(tried, fit_on)
+    squares = mean_squares(residual, problem.floor)[0]
+    weight = np.nan_to_num(effective / squares) / max(residual.shape[2], 1)
+    inverse = np.linalg.pinv(curvature)  # coordinates at a bound may do nothing
+    flat = np.nan_to_num(slopes[0]).reshape(len(slopes[0]), -1)
+    weights = np.broadcast_to(weight[:, None], residual.shape[1:]).reshape(-1)
+    gains, moves = np.empty(len(tried)), []
+    for i in range(len(tried)):
+        new = np.nan_to_num(made[i]).reshape(-1)
+        pull = -(flat * weights) @ new - base.prior * base.z
+        move = inverse @ pull
+        after = new + flat.T @ move
+        # the size of the residual is unknown: gains count by the logarithm, as in the objective
+        price = 0.5 * base.prior @ (base.z + move) ** 2
+        gains[i] = -_log_square(problem, after, residual.shape[1:], effective) - price
+        moves.append(move)
+    return _best_starts(problem, base, terms, tried, gains, moves), slopes[0]
+
+
+def _starts(term: Term) -> list[np.ndarray]:
+    """Effect coordinates to try: some sizes, both signs where it has one; shapes at their typical value."""
+    parameters = term.effect.parameters
+    low, high = effect_bounds(Hypothesis((term,))).T
+    sized = [i for i, p in enumerate(parameters) if not p.shape]
+    out = []
+    for size in SCREEN:
+        signs = [[1.0]]
+        if parameters[0].signed:
+            # two signed parameters (a phase): four quadrants
+            both = len(sized) > 1 and parameters[sized[1]].signed
+            signs = [[a, b] for a in (1.0, -1.0) for b in (1.0, -1.0)] if both else [[1.0], [-1.0]]
+        for sign in signs:
+            z = np.zeros(len(parameters))
+            for k, i in enumerate(sized):
+                z[i] = size * (sign[k] if k < len(sign) else 1.0)
+            out.append(np.clip(z, low, high))
+    return out
+
+
+def _best_starts(
+    problem: Problem,
+    base: Point,
+    terms: list[Term],
+    tried: list[Point],
+    gains: np.ndarray,
+    moves: list[np.ndarray],
+) -> list[Point]:
+    out, at = [], 0
+    for term in terms:
+        many = len(_starts(term))
+        order = np.argsort(-gains[at : at + many])[:KEPT] + at
+        for i in order:
+            limits = bounds(problem, tried[i])
+            z = tried[i].z.copy()
+            z[: len(moves[i])] += np.clip(moves[i], -FAR, FAR)
+            out.append(tried[i].moved(np.clip(z, limits[:, 0], limits[:, 1])))
+        at += many
+    return out
+
+
+def _log_square(problem: Problem, flat: np.ndarray, shape: tuple, effective: np.ndarray) -> float:
+    squares = mean_squares(flat.reshape(1, *shape), problem.floor)
+    return -float(log_likelihood(squares, effective)[0])
