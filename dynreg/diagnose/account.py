@@ -9,7 +9,6 @@ from dynreg.diagnose.diagnose import Diagnosed, Found
 from dynreg.diagnose.estimate import Estimate, estimates
 from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.gained import channel_errors, gain
-from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.leftover import Leftover
 from dynreg.diagnose.look import Look, look
@@ -49,8 +48,8 @@ class Account:
 def account(made: Diagnosed, asked: Asked) -> Account:
     """Simulate the windows that the diagnosis is judged by, once, and say what follows."""
     problem, found, chosen, judged = made.problem, made.found, made.split.chosen, made.judged
-    begun = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
-    states = problem.states([begun, found.base, *_stages(found)], judged)
+    given = found.extended.hypothesis.given
+    states = problem.states([problem.start, found.base, *_stages(found)], judged)
     three = np.stack([states[0], states[1], states[-1]])
     draws = posterior(found.problem, found.extended, chosen, seed=asked.seed)
     gained = lambda i, j: gain(problem, states[i], states[j], judged) if made.tested else None  # noqa: E731
@@ -60,7 +59,7 @@ def account(made: Diagnosed, asked: Asked) -> Account:
         where=split_errors(problem.robot, problem.windows.take(judged), three),
         gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
         gain=gained(1, -1) if found.accepted else None,
-        causes=tuple(estimates(problem, found.extended, i, draws) for i in range(found.accepted)),
+        causes=tuple(estimates(problem, found.extended, given + i, draws) for i in range(found.accepted)),
         draws=draws,
         simulators={
             kind: problem.simulator(point, chosen, seed=asked.seed) for kind, point in _kinds(found).items()

@@ -1,10 +1,9 @@
-"""Calibrate: the plain model at its maximum a posteriori."""
+"""Calibrate: the model without a cause at its maximum a posteriori."""
 
 import numpy as np
 
 from dynreg.diagnose.effort import FULL
 from dynreg.diagnose.fit import fit, uneven
-from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.rng import stream
 
@@ -12,13 +11,13 @@ from dynreg.rng import stream
 def calibrate(
     problem: Problem, fit_on: np.ndarray, *, iterations: int = 8, draws: int = FULL.draws, seed: int = 0
 ) -> tuple[Point, np.ndarray]:
-    """The plain model at its maximum a posteriori, and the independent samples (W, C) that its residual has.
+    """The model that a search begins with, fitted a posteriori, and the independent samples (W, C) of its residual.
 
     Starts at the nameplate and at `draws` from its tolerances: dry friction makes local optima.
     """
-    many = len(problem.coordinates)
+    start, many = problem.start, len(problem.coordinates)
     apart = stream(seed, "calibrate").standard_normal((draws, many))
-    points = [Point(Hypothesis(), z, np.zeros(0)) for z in (np.zeros(many), *apart)]
+    points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
     problem.rough = problem.rough or (problem.coarse and uneven(problem, points[0], fit_on))
     effective = np.full((len(fit_on) * problem.segments, len(problem.use)), 20.0 / problem.segments)
     if problem.rough:  # what the time step does to contacts leads the fit astray from its start

@@ -24,9 +24,13 @@ SMALLEST = 1e-3  # of the medium size: an effect that is there but does nothing
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """The terms that act together; none for the plain model."""
+    """The terms that act together; none for the plain model.
+
+    given : how many of them, the first, are of the simulator that a search begins with: fitted, but not named.
+    """
 
     terms: tuple[Term, ...] = ()
+    given: int = 0
 
     @property
     def key(self) -> str:
@@ -45,7 +49,7 @@ class Hypothesis:
 
     def with_term(self, term: Term) -> "Hypothesis":
         """The hypothesis with one more term."""
-        return Hypothesis((*self.terms, term))
+        return Hypothesis((*self.terms, term), self.given)
 
 
 class Coordinates:
@@ -168,9 +172,9 @@ def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
 
 
 def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
-    """Whether every term (coordinates (sum K,)) has at least half its weak size in a parameter of its own."""
-    at = 0
-    for term in hypothesis.terms:
+    """Whether every term (coordinates (sum K,)) that is not given has half its weak size in a parameter of its own."""
+    at = sum(len(term.effect.parameters) for term in hypothesis.terms[: hypothesis.given])
+    for term in hypothesis.terms[hypothesis.given :]:
         sized = []
         for p in term.effect.parameters:
             if not (p.shape or p.shared):

@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
-from dynreg.sim.effects import Term
+from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
@@ -63,10 +63,12 @@ def fixed_unseen(
     values: np.ndarray,
     moved: tuple[np.ndarray, ...],
     engine: str | None,
+    begun: Terms | None = None,
 ) -> np.ndarray:
     """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at `values` (P,).
 
     moved : values (P,) to try each parameter at: a standard deviation up, and down, for one way may do nothing.
+    begun : effects that act, of one row.
     """
     free = np.flatnonzero(np.isnan(known))
     tried = np.tile(values, (1 + len(moved) * len(free), 1))
@@ -74,7 +76,10 @@ def fixed_unseen(
         tried[1 + way * len(free) + np.arange(len(free)), free] = other[free]
     some = np.unique(np.linspace(0, len(windows) - 1, TRIED).round().astype(int))
     use = np.flatnonzero(windows.weight > 0)
-    states = rollout(robot, tried, windows.run.take(some), engine=engine, threads=1).states[..., use]
+    acting = begun and Terms(begun.terms, tuple(np.tile(row, (len(tried), 1)) for row in begun.values))
+    states = rollout(robot, tried, windows.run.take(some), engine=engine, threads=1, terms=acting).states[
+        ..., use
+    ]
     noise = robot.sensor_noise[use]
     change = np.sqrt(np.mean((states[1:] - states[:1]) ** 2, axis=(1, 2)))  # (P', C)
     hidden = (change < UNSEEN * np.maximum(noise, 1e-12)).all(axis=1)

@@ -8,9 +8,9 @@ from dynreg.diagnose import apart
 from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Found, offered
 from dynreg.diagnose.fit import fit
-from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.settle import unlike
 from dynreg.sim.effects import Term
 
 SIZES = (0.3, 1.0, 2.5, 5.0)  # medium sizes from which a cause that was asked for, and not found, is fitted
@@ -53,10 +53,12 @@ def look(
 def _subject(problem: Problem, found: Found, chosen: np.ndarray, asked: Asked) -> Point | None:
     """Where nothing was named: the point whose last term is looked at."""
     if asked.effects is not None and len(asked.effects) == 1:
-        term = offered(problem, asked)[0]
+        term = next(iter(unlike(problem.robot, offered(problem, asked), found.base.hypothesis.terms)), None)
     elif found.rounds and found.rounds[-1].ranking:
         term = found.rounds[-1].ranking[0].point.hypothesis.terms[-1]
     else:
+        term = None
+    if term is None:
         return None
     starts = [apart.with_term(found.base, term, size) for size in SIZES]
     starts += [Point(s.hypothesis, np.zeros(len(s.nominal)), s.effect) for s in starts]
@@ -66,11 +68,18 @@ def _subject(problem: Problem, found: Found, chosen: np.ndarray, asked: Asked) -
 
 
 def _last(point: Point, draws: Posterior) -> tuple[Point, Posterior]:
-    """The same point and draws with the first term at the end."""
-    first, *rest = point.hypothesis.terms
-    hypothesis, many, free = Hypothesis((*rest, first)), len(first.effect.parameters), len(point.nominal)
-    effect = np.roll(draws.z[:, free:], -many, axis=1)
+    """The same point and draws with the first cause at the end."""
+    given, free = point.hypothesis.given, len(point.nominal)
+    before, first, *rest = (point.hypothesis.terms[:given], *point.hypothesis.terms[given:])
+    hypothesis = replace(point.hypothesis, terms=(*before, *rest, first))
+    begin = sum(len(term.effect.parameters) for term in before)
+    many = len(first.effect.parameters)
+
+    def turned(effect: np.ndarray) -> np.ndarray:
+        return np.concatenate([effect[..., :begin], np.roll(effect[..., begin:], -many, axis=-1)], axis=-1)
+
+    z = np.concatenate([draws.z[:, :free], turned(draws.z[:, free:])], axis=1)
     return (
-        Point(hypothesis, point.nominal, np.roll(point.effect, -many)),
-        replace(draws, hypothesis=hypothesis, z=np.concatenate([draws.z[:, :free], effect], axis=1)),
+        Point(hypothesis, point.nominal, turned(point.effect)),
+        replace(draws, hypothesis=hypothesis, z=z),
     )

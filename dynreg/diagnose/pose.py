@@ -16,7 +16,8 @@ from dynreg.replay.holes import hit, holes, sentence
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows
-from dynreg.sim.config import SimConfig
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
@@ -31,8 +32,8 @@ def pose(
 ) -> tuple[Problem, Parts]:
     """The recording cut into windows, its parts, and the coordinates that begin at the simulator `start`.
 
-    start : by default the nominal one. Windows with holes, where a command, an input or a weighted channel holds no
-    number for long, are left out.
+    start : by default the nominal one; its effects act from the beginning. Windows with holes, where a command, an
+    input or a weighted channel holds no number for long, are left out.
     Raises LogError where the recording cannot say anything: too short, nothing moves, no commands, one window only;
     UsageError where what is asked does not fit the robot or the recording.
     """
@@ -53,8 +54,9 @@ def pose(
     cut = _settled(robot, cut.scaled_by(robot, split.chosen), asked.engine)
     cut = replace(cut, run=replace(cut.run, joints=asked.joints))
     _check_motion(robot, cut, split)
-    coordinates = _coordinates(robot, recording, cut.take(split.chosen), asked, start)
-    return Problem(robot, cut, coordinates, asked.engine, asked.threads), split
+    begun = None if start is None or not start.effects else terms_of(start)
+    coordinates = _coordinates(robot, recording, cut.take(split.chosen), asked, start, begun)
+    return Problem(robot, cut, coordinates, asked.engine, asked.threads, begun=begun), split
 
 
 def _cut(robot: Robot, recording: Recording, asked: Asked) -> tuple[Windows, str]:
@@ -80,7 +82,12 @@ def _cut(robot: Robot, recording: Recording, asked: Asked) -> tuple[Windows, str
 
 
 def _coordinates(
-    robot: Robot, recording: Recording, cut: Windows, asked: Asked, start: SimConfig | None
+    robot: Robot,
+    recording: Recording,
+    cut: Windows,
+    asked: Asked,
+    start: SimConfig | None,
+    begun: Terms | None,
 ) -> Coordinates:
     """Those of a search that begins at `start`; where only some joints count, without what cannot be seen there."""
     centre = None if start is None else robot.space.from_dict(dict(start.values))
@@ -89,7 +96,7 @@ def _coordinates(
         return made
     values = made.values(np.zeros(len(made)))
     moved = tuple(made.values(np.full(len(made), way)) for way in (1.0, -1.0))
-    known = fixed_unseen(robot, cut, made.known, values, moved, asked.engine)
+    known = fixed_unseen(robot, cut, made.known, values, moved, asked.engine, begun)
     return Coordinates(robot, known, centre, asked.tolerance)
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.residual import scaled
 from dynreg.replay.samples import effective_samples
@@ -65,6 +65,7 @@ class Problem:
 
     use : columns of the weighted channels. floor : (C,) variance of their stated noise, in units of spread^2.
     rough : whether rollouts are too rough for narrow differences; by default where a robot stands on its feet.
+    begun : effects of the simulator that a search begins with, of one row; None without.
     spent : what was simulated so far, shared with problems made from this one.
     corrections : {keys of terms: (W, T, C)} what rollouts with a finer time step differ by, in units of the spread.
     whole : whether a floating base's rollouts are left uncut: see `segments`.
@@ -80,6 +81,7 @@ class Problem:
     rough: bool | None = None
     whole: bool = False
     sloping: Robot | None = None
+    begun: Terms | None = None
     spent: Spent = field(default_factory=Spent)
 
     def __post_init__(self):
@@ -87,6 +89,15 @@ class Problem:
             self.rough = self.stands
         self.use = np.flatnonzero(self.windows.weight > 0)
         self.floor = (self.robot.sensor_noise[self.use] / self.windows.spread[self.use]) ** 2
+
+    @property
+    def start(self) -> Point:
+        """The simulator that a search begins with: its effects, as far as a fit reaches, and no parameter moved."""
+        terms, values = (self.begun.terms, self.begun.values) if self.begun else ((), ())
+        hypothesis = Hypothesis(terms, given=len(terms))
+        sizes = [self.coordinates.effect_coordinates(t, row[0]) for t, row in zip(terms, values, strict=True)]
+        effect = np.clip(np.concatenate([np.zeros(0), *sizes]), *effect_bounds(hypothesis).T)
+        return Point(hypothesis, np.zeros(len(self.coordinates)), effect)
 
     @property
     def running(self) -> str:

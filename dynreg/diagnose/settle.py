@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.diagnose.fit import bounds, fit
-from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.score import NEAR, Naming, Scored, select
 from dynreg.rng import stream
@@ -36,7 +35,8 @@ def revise(
     rounds = list(rounds)
     for number in range(len(rounds) - 1):
         current = rounds[-1].chosen
-        others = _exchanges(problem.robot, current.point, rounds[number], number)
+        at = current.point.hypothesis.given + number
+        others = _exchanges(problem.robot, current.point, rounds[number], at)
         if not others:
             continue
         fitted, _ = fit(problem, [p for _, p in others], fit_on, effective, iterations=6)
@@ -125,7 +125,7 @@ def _exchanges(robot: Robot, point: Point, naming: Naming, number: int) -> list[
             continue
         own = other.point.effect[len(other.point.effect) - len(term.effect.parameters) :]
         effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])
-        hypothesis = Hypothesis((*terms[:number], term, *terms[number + 1 :]))
+        hypothesis = replace(point.hypothesis, terms=(*terms[:number], term, *terms[number + 1 :]))
         out += [(other, Point(hypothesis, z, effect)) for z in (point.nominal, other.point.nominal)]
     return out
 
@@ -142,7 +142,8 @@ def _exchanged(rounds: list[Naming], number: int, other: Scored, last: Scored) -
         if later == len(rounds) - 1:
             scored = replace(scored, point=last.point)
         else:
-            scored = replace(scored, point=_with(scored.point, number, term, other.point, last.point))
+            at = scored.point.hypothesis.given + number
+            scored = replace(scored, point=_with(scored.point, at, term, other.point, last.point))
         out[later] = replace(rounds[later], chosen=scored)
     return out
 
@@ -153,4 +154,5 @@ def _with(point: Point, number: int, term: Term, other: Point, last: Point) -> P
     sizes = np.cumsum([0, *(len(t.effect.parameters) for t in terms)])
     own = other.effect[len(other.effect) - len(term.effect.parameters) :]
     effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])
-    return Point(Hypothesis((*terms[:number], term, *terms[number + 1 :])), last.nominal, effect)
+    hypothesis = replace(point.hypothesis, terms=(*terms[:number], term, *terms[number + 1 :]))
+    return Point(hypothesis, last.nominal, effect)

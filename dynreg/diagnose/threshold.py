@@ -111,10 +111,17 @@ def null_score(
     seed: int,
     effort: Effort = FULL,
 ) -> float:
-    """[nats] of the cause chosen for one simulated robot that has none, under the commands of the problem."""
+    """[nats] of the cause chosen for one simulated robot that has none, under the commands of the problem.
+
+    It has the effects of the simulator that the search begins with.
+    """
     chosen = np.concatenate([fit_on, select_on])
     windows = problem.windows.take(chosen)
     hidden = hide(problem.robot, (), None, seed, problem.coordinates.tolerance)
+    if problem.begun:  # the same robot but for what is to be named
+        hidden = replace(
+            hidden, terms=problem.begun.terms, values=tuple(row[0] for row in problem.begun.values)
+        )
     measured = measured_states(
         problem.robot, hidden, windows.run, engine=problem.engine, threads=problem.threads
     )
@@ -122,7 +129,9 @@ def null_score(
     begun = starts(problem.robot, windows.run.actions, measured, windows.run.before)
     initial = np.where(np.isnan(windows.run.initial), np.nan, begun)
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
-    same = Problem(problem.robot, windows, problem.coordinates, problem.engine, problem.threads)
+    same = Problem(
+        problem.robot, windows, problem.coordinates, problem.engine, problem.threads, begun=problem.begun
+    )
     fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
     base, effective = calibrate(same, fits, draws=0 if len(terms) > effort.long else effort.draws)
     chosen = name_one(same, base, terms, fits, selects, effective, effort=effort).chosen
@@ -135,7 +144,7 @@ def _key(
     """All that the scores depend on."""
     cut = problem.windows.take(np.concatenate([fit_on, select_on]))
     run = cut.run
-    says = {
+    says: dict[str, Any] = {
         "robot": problem.robot.hash,
         "engine": problem.running,
         "terms": [t.key for t in terms],
@@ -164,4 +173,7 @@ def _key(
     ):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
+    if problem.begun:
+        effects = zip(problem.begun.terms, problem.begun.values, strict=True)
+        says["begun"] = {term.key: values.tolist() for term, values in effects}
     return says | {"arrays": digest.hexdigest()}

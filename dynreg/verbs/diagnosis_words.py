@@ -79,6 +79,12 @@ def notes(
     lost = holes(made.problem.robot, recording)
     if lost:
         out.append(f"{sentence(recording, lost)}: rollouts with such rows are left out")
+    given = made.found.base.hypothesis.terms
+    if given:
+        out.append(
+            f"{', '.join(t.key for t in given)} came with the simulator that the search began with: fitted anew, and "
+            "not named again"
+        )
     if asked.joints:
         out.append(
             f"{', '.join(asked.joints)} alone: parameters that cannot be seen there stay where the search began"
