@@ -126,7 +126,7 @@ def search(
     report("calibrate", 1, 1)
     if needed is None:
         of = {"runs": asked.threshold_runs, "seed": asked.seed, "effort": effort}
-        limit = threshold(cache, problem, terms, fit_on, select_on, **of, progress=progress)
+        limit = threshold(cache, problem, terms, split, **of, progress=progress)
     else:
         limit = Calibrated(needed, ())
     begun = Found(base, base, (), 0, limit, problem)

@@ -76,7 +76,7 @@ def fixed_unseen(
         tried[1 + way * len(free) + np.arange(len(free)), free] = other[free]
     some = np.unique(np.linspace(0, len(windows) - 1, TRIED).round().astype(int))
     use = np.flatnonzero(windows.weight > 0)
-    acting = begun and Terms(begun.terms, tuple(np.tile(row, (len(tried), 1)) for row in begun.values))
+    acting = begun and begun.tiled(len(tried))
     states = rollout(robot, tried, windows.run.take(some), engine=engine, threads=1, terms=acting).states[
         ..., use
     ]

@@ -85,15 +85,6 @@ class Leftover:
     trajectories: int
     rows: tuple[Dependence, ...]
 
-    @property
-    def sentence(self) -> str:
-        """What a user is told."""
-        said = [f"{r.signal} ({100 * r.share:.0f} %)" for r in self.rows if r.share > 0]
-        if not said:
-            return f"Nothing that is left of {self.joint} can be told from its signals."
-        share = f"{100 * self.explained:.0f} % of what is left of {self.joint}"
-        return f"{share} can be told from its signals: {', '.join(said)}."
-
 
 def leftover(residuals: Residuals, *, seed: int = 0) -> Leftover:
     """Fit what is left of a joint on its signals and say which of them tell it, and how much.

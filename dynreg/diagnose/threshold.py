@@ -12,6 +12,7 @@ from dynreg.diagnose.effort import FULL, Effort
 from dynreg.diagnose.name import name_one
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.truth import hide, measured_states
+from dynreg.replay.parts import Parts
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term
@@ -50,8 +51,7 @@ def threshold(
     cache: Cache | None,
     problem: Problem,
     terms: list[Term],
-    fit_on: np.ndarray,
-    select_on: np.ndarray,
+    split: Parts,
     *,
     runs: int,
     seed: int = 0,
@@ -64,13 +64,13 @@ def threshold(
     """
     if runs == 0:
         return Calibrated(USUAL, ())
-    key = _key(problem, terms, fit_on, select_on, runs, seed)
+    key = _key(problem, terms, split, runs, seed)
     known = None if cache is None else cache.cached(KIND, key)
     if known is not None:
         return Calibrated(known["nats"], tuple(known["scores"]), cached=True)
     scores = []
     for i in range(runs):
-        scores.append(null_score(problem, terms, fit_on, select_on, null_seed(seed, i), effort))
+        scores.append(null_score(problem, terms, split, null_seed(seed, i), effort))
         if progress:
             progress("threshold", i + 1, runs)
     found = Calibrated(level(scores), tuple(scores))
@@ -106,8 +106,7 @@ def exceeded(scores: Sequence[float]) -> float:
 def null_score(
     problem: Problem,
     terms: list[Term],
-    fit_on: np.ndarray,
-    select_on: np.ndarray,
+    split: Parts,
     seed: int,
     effort: Effort = FULL,
 ) -> float:
@@ -115,6 +114,7 @@ def null_score(
 
     It has the effects of the simulator that the search begins with.
     """
+    fit_on, select_on = _windows(split)
     chosen = np.concatenate([fit_on, select_on])
     windows = problem.windows.take(chosen)
     hidden = hide(problem.robot, (), None, seed, problem.coordinates.tolerance)
@@ -138,10 +138,14 @@ def null_score(
     return 0.0 if chosen is None else max(0.0, chosen.nats)
 
 
-def _key(
-    problem: Problem, terms: list[Term], fit_on: np.ndarray, select_on: np.ndarray, runs: int, seed: int
-) -> dict[str, Any]:
+def _windows(split: Parts) -> tuple[np.ndarray, np.ndarray]:
+    """The windows to fit and to select by."""
+    return np.flatnonzero(split.fit), np.flatnonzero(split.select)
+
+
+def _key(problem: Problem, terms: list[Term], split: Parts, runs: int, seed: int) -> dict[str, Any]:
     """All that the scores depend on."""
+    fit_on, select_on = _windows(split)
     cut = problem.windows.take(np.concatenate([fit_on, select_on]))
     run = cut.run
     says: dict[str, Any] = {

@@ -94,12 +94,12 @@ def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
     return [null_score(*posed, null_seed(seed, i)) for i in numbers]
 
 
-def _without_effect(trials: Trials) -> tuple[tuple[Problem, list[Term], np.ndarray, np.ndarray], int]:
-    """(problem, terms, fit windows, select windows) of a robot without an effect under the plan, and its seed."""
+def _without_effect(trials: Trials) -> tuple[tuple[Problem, list[Term], Parts], int]:
+    """(problem, terms, parts of the windows) of a robot without an effect under the plan, and its seed."""
     robot, seed = trials.robot, stream_seed(trials.seed, "threshold") % 2**31
     recording = log_of(robot, hide(robot, (), None, seed), trials.plan, engine=trials.truth_engine)
     problem, split = pose(robot, recording, trials.asked())
-    return (problem, single_terms(robot), np.flatnonzero(split.fit), np.flatnonzero(split.select)), seed
+    return (problem, single_terms(robot), split), seed
 
 
 def tried(

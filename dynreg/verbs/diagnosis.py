@@ -28,7 +28,7 @@ from dynreg.results.diagnosis import (
 )
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.sim.effects import one_group
-from dynreg.verbs.diagnosis_words import experiments, finding, inputs, loose_words, notes, threshold_note
+from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, threshold_note
 from dynreg.verbs.looked import inseparable, looked
 from dynreg.verbs.subjects import Recorded
 
@@ -45,53 +45,64 @@ def document(
 
     Its cost has no seconds yet.
     """
-    problem, found = made.problem, made.found
-    causes, errors = _causes(made, seen), _errors(made, seen)
+    problem, found, errors = made.problem, made.found, _errors(made, seen)
     of_robot = parameters(problem, found.extended, seen.draws, list(seen.simulators.values())[-1][0])
-    told = {
-        "causes": causes,
-        "error": errors[_worst(problem, seen)],
-        "gain": _gain(seen.gain),
-        "looked": looked(made, seen),
-        "inseparable": inseparable(made, seen),
-        "noise": Noise(**vars(made.evidence.noise)),
-        "residual": _residual(seen),
-        "threshold_nats": found.threshold.nats,
-    }
-    name = about.name or about.recording.id[:12]
-    return Diagnosis(
-        **told,
+    told = Diagnosis(
         robot=problem.robot.name,
         recording=about.recording.id,
-        recording_name=name,
+        recording_name=about.name or about.recording.id[:12],
         start=start,
         simulator=None,
         verdict=made.verdict,
-        sentence=diagnosis_sentence(name, made.verdict, **told),
+        sentence="",
+        causes=_causes(made, seen),
+        gain=_gain(seen.gain),
         ranking=_ranking(made),
+        threshold_nats=found.threshold.nats,
         threshold=_threshold(made),
         parameters=of_robot,
         moved=_moved(made) if found.accepted else (),
+        error=errors[_worst(problem, seen)],
         errors=errors,
         where=_where(seen),
         finding=finding(seen.where, 1),
+        looked=looked(made, seen),
+        inseparable=inseparable(made, seen),
+        noise=Noise(**vars(made.evidence.noise)),
         rest=_rest(seen),
+        residual=_residual(seen),
         experiments=experiments(made),
         parts=_parts(about, made),
         traces=_traces(about, made, seen),
         inputs=inputs(problem, about.recording),
-        notes=(
-            *notes(made, about.recording, of_robot, asked),
-            *loose_words(problem.robot, seen.loose),
-        ),
+        notes=notes(made, seen, about.recording, of_robot, asked),
         calibrated_simulator=ids["calibrated"],
         extended_simulator=ids.get("extended"),
         engine=problem.running,
         seed=asked.seed,
-        cost=Cost(
-            evaluations=0, rollouts=problem.spent.candidates, test_rollouts=seen.simulated, seconds=0.0
-        ),
+        cost=_cost(made, seen),
     )
+    return told.model_copy(update={"sentence": _sentence(told)})
+
+
+def _sentence(told: Diagnosis) -> str:
+    return diagnosis_sentence(
+        told.recording_name,
+        told.verdict,
+        told.causes,
+        error=told.error,
+        threshold_nats=told.threshold_nats,
+        noise=told.noise,
+        residual=told.residual,
+        gain=told.gain,
+        looked=told.looked,
+        inseparable=told.inseparable,
+    )
+
+
+def _cost(made: Diagnosed, seen: Account) -> Cost:
+    rollouts = made.problem.spent.candidates
+    return Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
 
 
 def _gain(own: Gained | None) -> Gain | None:

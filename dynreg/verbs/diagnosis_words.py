@@ -1,6 +1,7 @@
 """What a diagnosis says in words beside its numbers: where the error is, inputs, notes, and what to record next."""
 
 from dynreg.data.recording import Recording
+from dynreg.diagnose.account import Account
 from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Diagnosed, Found
 from dynreg.diagnose.evidence import rivals
@@ -72,9 +73,9 @@ def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
 
 
 def notes(
-    made: Diagnosed, recording: Recording, parameters: dict[str, Pulled], asked: Asked
+    made: Diagnosed, seen: Account, recording: Recording, parameters: dict[str, Pulled], asked: Asked
 ) -> tuple[str, ...]:
-    """What was left out, what the verdict could not be held against, and which parameters stand at a bound."""
+    """What was left out, what the verdict could not be held against, and which parameters stand at a bound or open."""
     out = []
     lost = holes(made.problem.robot, recording)
     if lost:
@@ -98,7 +99,7 @@ def notes(
         out.append(
             f"{', '.join(at_bound)} at the edge of the allowed range: widen it in robot.toml, or look on"
         )
-    return tuple(out)
+    return (*out, *loose_words(made.problem.robot, seen.loose))
 
 
 def loose_words(robot: Robot, loose: Loose) -> tuple[str, ...]:
