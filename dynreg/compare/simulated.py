@@ -61,13 +61,14 @@ def replayed(
     pose, SimulationError where the simulation diverges.
     """
     require_commands(robot, recording)
-    pose = pose_names(robot, robot.channels) if _has_pose(robot) else None
-    if pose is None:
+    try:
+        pose = pose_names(robot, robot.channels)
+    except LogError:
         raise RobotError(
             f"simulator {name!r} is of robot {robot.name!r}, which has no pose of a base",
             expected="channels such as 'base/x', 'base/y' and 'base/yaw'",
             do="name a simulator of a wheeled robot",
-        )
+        ) from None
     began = time.perf_counter()
     even = evenly(robot, recording)
     cut = windows(_whole(robot), even)
@@ -132,14 +133,6 @@ def _first_values(values: np.ndarray) -> np.ndarray:
 def _whole(robot: Robot) -> Robot:
     """The robot with recordings replayed in whole episodes."""
     return replace(robot, file=robot.file.model_copy(update={"replay": ReplayTable()}))
-
-
-def _has_pose(robot: Robot) -> bool:
-    try:
-        pose_names(robot, robot.channels)
-    except LogError:
-        return False
-    return True
 
 
 def _poses(

@@ -1,6 +1,6 @@
 """Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from typing import Protocol
 
@@ -67,41 +67,28 @@ def joints(space: GaitSpace, genes: np.ndarray) -> tuple[Sine, ...]:
 
 def require_playable(gait: Played) -> None:
     """UsageError where a gait's joints would pass their limits, or a number is none, as after a change by hand."""
-    told = {name: getattr(gait, name) for name in ("frequency", "rate", "ramp", "seconds")}
-    wrong = [f"{name} = {value}" for name, value in told.items() if not 0.0 < value < np.inf]
-    told = {
-        (j.action, name): getattr(j, name)
-        for j in gait.joints
-        for name in ("rest", "offset", "amplitude", "phase")
-    }
-    wrong += [
-        f"{name} of {action} = {value}" for (action, name), value in told.items() if not np.isfinite(value)
-    ]
-    if wrong:
-        raise UsageError(
-            f"this gait cannot be run on robot {gait.robot!r}: {wrong[0]}",
-            expected="finite numbers, times and rates above 0",
-            do="use the gait as `dynreg gait` found it",
-        )
+    for what, expected in _unplayable(gait):
+        raise _unlike(gait.robot, what, expected)
+
+
+def _unplayable(gait: Played) -> Iterator[tuple[str, str]]:
+    """What keeps a gait from being played, and what is expected."""
+    numbers = "finite numbers, times and rates above 0"
+    for name in ("frequency", "rate", "ramp", "seconds"):
+        if not 0.0 < (value := getattr(gait, name)) < np.inf:
+            yield f"{name} = {value}", numbers
+    for j in gait.joints:
+        for name in ("rest", "offset", "amplitude", "phase"):
+            if not np.isfinite(value := getattr(j, name)):
+                yield f"{name} of {j.action} = {value}", numbers
     for j in gait.joints:
         size = abs(j.amplitude)
+        least, most = j.offset - size, j.offset + size
+        if (j.low is not None and least < j.low - SLACK) or (j.high is not None and most > j.high + SLACK):
+            yield f"{j.action} would go from {least:.3f} to {most:.3f} rad", f"{j.low} to {j.high} rad"
         fastest = size * (2 * np.pi * gait.frequency + 1 / gait.ramp) + abs(j.offset - j.rest) / gait.ramp
-        past = (j.low is not None and j.offset - size < j.low - SLACK) or (
-            j.high is not None and j.offset + size > j.high + SLACK
-        )
-        fast = j.speed is not None and fastest > j.speed + SLACK
-        if past or fast:
-            what = (
-                f"go from {j.offset - size:.3f} to {j.offset + size:.3f} rad"
-                if past
-                else f"turn at {fastest:.2f} rad/s"
-            )
-            limits = f"{j.low} to {j.high} rad" if past else f"at most {j.speed} rad/s"
-            raise UsageError(
-                f"this gait cannot be run on robot {gait.robot!r}: {j.action} would {what}",
-                expected=limits,
-                do="use the gait as `dynreg gait` found it",
-            )
+        if j.speed is not None and fastest > j.speed + SLACK:
+            yield f"{j.action} would turn at {fastest:.2f} rad/s", f"at most {j.speed} rad/s"
 
 
 def require_own(space: GaitSpace, genes: Mapping[str, float], gait: Played) -> None:
@@ -113,11 +100,17 @@ def require_own(space: GaitSpace, genes: Mapping[str, float], gait: Played) -> N
     )
     if stated != own:
         wrong = next((a[0] for a, b in zip(stated, own, strict=False) if a != b), "the number of joints")
-        raise UsageError(
-            f"this gait cannot be run on robot {space.robot!r}: {wrong} is not stated as the robot has it",
-            expected="the robot's own joints, with their limits of angle and rate",
-            do="use the gait as `dynreg gait` found it",
-        )
+        expected = "the robot's own joints, with their limits of angle and rate"
+        raise _unlike(space.robot, f"{wrong} is not stated as the robot has it", expected)
+
+
+def _unlike(robot: str, what: str, expected: str) -> UsageError:
+    """Of a gait that is not as it was found."""
+    return UsageError(
+        f"this gait cannot be run on robot {robot!r}: {what}",
+        expected=expected,
+        do="use the gait as `dynreg gait` found it",
+    )
 
 
 def told(space: GaitSpace, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:

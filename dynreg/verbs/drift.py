@@ -90,7 +90,7 @@ def _first(recent: "Recorded") -> "Recorded":
 
     Where this one is not registered, all of them were.
     """
-    from dynreg.verbs.subjects import Recorded
+    from dynreg.verbs.subjects import recorded
 
     registry, robot = recent.registry, recent.robot
     before = takewhile(lambda info: info.id != recent.recording.id, registry.recordings())
@@ -101,7 +101,7 @@ def _first(recent: "Recorded") -> "Recorded":
             expected="one to hold this one against",
             do=f"ingest it with `dynreg ingest LOG --robot {robot.name}`, or name it with --against",
         )
-    return Recorded(registry, robot, registry.recording(first.id), first.name)
+    return recorded(registry, first.id, ingest=False)
 
 
 def _require_one_robot(recent: "Recorded", earlier: "Recorded") -> None:

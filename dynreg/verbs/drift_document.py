@@ -6,14 +6,15 @@ import numpy as np
 
 from dynreg.drift.compared import Held, Plan
 from dynreg.drift.drift import Drifted
-from dynreg.results import Drift, DriftCell, DriftPattern, FalseAlarms, Separating, Shift, Taken
+from dynreg.results import Drift, DriftCell, FalseAlarms, Separating, Shift, Taken
 from dynreg.sim.robot import Robot
 from dynreg.timed.cells import Grid, Pieces
 from dynreg.timed.commands import AXES
-from dynreg.timed.drift import Shifts, Split
+from dynreg.timed.drift import Shifts
 from dynreg.timed.patterns import HIGHEST, LOWEST
 
 UNITS = ("m", "m", "rad")
+NOT_SPLIT = {"splits": 0, "by": None, "tests": None, "one_by_one": None, "alarms": None}
 
 
 def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drifted) -> Drift:
@@ -31,11 +32,15 @@ def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drift
         together=plan.rules.together,
         tests=found.tests,
         rejected=found.rejected,
-        false_alarms=_false_alarms(plan.rules.level, found.tests, found.itself),
+        false_alarms=FalseAlarms(
+            level=plan.rules.level,
+            expected=plan.rules.level * found.tests,
+            **(asdict(found.itself) if found.itself else NOT_SPLIT),
+        ),
         pattern=clear[0] if len(clear) == 1 else None,
         rivals=clear if len(clear) > 1 else (),
         separate_by=tuple(Separating(left=a, right=b, apart=c, known=d) for a, b, c, d in found.apart),
-        patterns=tuple(DriftPattern(**asdict(judged)) for judged in found.order),
+        patterns=found.order,
         cells=_cells(both.grid, found.shifts),
         sample=plan.sample,
         grid=both.grid.each,
@@ -51,18 +56,6 @@ def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drift
         seed=plan.seed,
         notes=_notes(found, plan.splits),
         seconds=0.0,
-    )
-
-
-def _false_alarms(level: float, tests: int, itself: Split | None) -> FalseAlarms:
-    return FalseAlarms(
-        level=level,
-        expected=level * tests,
-        splits=itself.splits if itself else 0,
-        by=itself and itself.by,
-        tests=itself and itself.tests,
-        one_by_one=itself and itself.one_by_one,
-        alarms=itself and itself.alarms,
     )
 
 
