@@ -3,10 +3,10 @@
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from dynreg.cli.settings import Settings as File
     from dynreg.results import Result
     from dynreg.session import Session
-
-Value = TypeVar("Value")
 
 _PANEL = "Global options"
 RegistryOption = Annotated[
@@ -87,11 +85,6 @@ class Call:
 
         return session.open(self.registry, create=create)
 
-    def pick(self, key: str, flag: Value | None, default: Value) -> Value:
-        """The flag, else the setting of this name, else the default."""
-        found = flag if flag is not None else getattr(self.settings, key)
-        return default if found is None else found
-
     def progress(self):
         """Context manager around a progress function; see `output.progress_bars`."""
         from dynreg.cli.output import progress_bars
@@ -155,22 +148,6 @@ def call_of(shared: Shared) -> Call:
     from dynreg.cli.settings import read_settings
 
     return Call(shared, read_settings(shared.settings_file))
-
-
-def at_least(flag: str, value: int | None, least: int) -> None:
-    """UsageError where a number is too small."""
-    if value is not None and value < least:
-        raise UsageError(
-            f"{flag} {value}", expected=f"a whole number of {least} or more", do="give another number"
-        )
-
-
-def one_of(flag: str, value: str, choices: Collection[str]) -> None:
-    """UsageError for a value that is none of the choices."""
-    if value not in choices:
-        raise UsageError(
-            f"{flag} {value!r}", expected=f"one of {', '.join(choices)}", do="choose one of these"
-        )
 
 
 def can_write(out: Path | None) -> None:

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from dynreg.cli import (
-    diagnose,
     doctor,
     drift,
     effects,
@@ -93,7 +92,7 @@ _COMMANDS = (
     show,
     "query",
     effects,
-    diagnose,
+    "diagnose",
     gait,
     excite,
     trial,

@@ -4,37 +4,24 @@ from collections.abc import Sequence
 
 from dynreg.results.diagnosis import (
     Cause,
+    Diagnosis,
     EffectEstimate,
     Inseparable,
     Looked,
     Noise,
     ResidualShare,
     RolloutError,
-    Verdict,
 )
 from dynreg.results.result import Gain
 
 
-def diagnosis_sentence(
-    name: str,
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    *,
-    error: RolloutError,
-    threshold_nats: float,
-    noise: Noise | None = None,
-    residual: Sequence[ResidualShare] | None = None,
-    looked: Looked | None = None,
-    inseparable: Sequence[Inseparable] = (),
-    gain: Gain | None = None,
-) -> str:
-    """What the verdict about the recording `name` means: the cause, how large it is, what it explains, what is left,
-    and what it cannot be told from.
+def diagnosis_sentence(of: Diagnosis) -> str:
+    """What a diagnosis' verdict means: the cause, how large it is, what it explains, what is left, and what it cannot
+    be told from.
 
-    gain : of all causes together; that of the first where it is not given.
+    The gain is that of all causes together; that of the first where it is not known.
     """
-    said = _verdict(name, verdict, causes, error, threshold_nats, noise, residual, gain)
-    return f"{said} {inseparable_sentence(looked, inseparable)}".strip()
+    return f"{_verdict(of)} {inseparable_sentence(of.looked, of.inseparable)}".strip()
 
 
 def inseparable_sentence(looked: Looked | None, pairs: Sequence[Inseparable]) -> str:
@@ -55,37 +42,30 @@ def inseparable_sentence(looked: Looked | None, pairs: Sequence[Inseparable]) ->
     )
 
 
-def _verdict(
-    name: str,
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    error: RolloutError,
-    threshold_nats: float,
-    noise: Noise | None,
-    residual: Sequence[ResidualShare] | None,
-    gain: Gain | None,
-) -> str:
-    if verdict == "none":
+def _verdict(of: Diagnosis) -> str:
+    name, causes = of.recording_name, of.causes
+    if of.verdict == "none":
         return (
-            f"No effect of the library explains {name} better than chance could (that takes {threshold_nats:.3g}"
-            f" nats): the calibrated model stands{_error(error)}{_left(noise, '; ')}."
+            f"No effect of the library explains {name} better than chance could (that takes"
+            f" {of.threshold_nats:.3g} nats): the calibrated model stands{_error(of.error)}{_left(of.noise, '; ')}."
         )
-    if verdict == "unknown":
+    if of.verdict == "unknown":
         return (
-            f"Something is amiss in {name} that no effect of the library explains{_left(noise, ', and ')}"
-            f"{_depends(residual)}."
+            f"Something is amiss in {name} that no effect of the library explains{_left(of.noise, ', and ')}"
+            f"{_depends(of.residual)}."
         )
     first = causes[0]
     said = f"{_effect(first)} ({_sizes(first)})"
     also = f", and {' and '.join(f'{_effect(c)} ({_sizes(c)})' for c in causes[1:])}" if causes[1:] else ""
-    if verdict == "named":
+    if of.verdict == "named":
         text = f"{name} shows {said}{also}"
-    elif verdict == "ambiguous":
+    elif of.verdict == "ambiguous":
         others = " or ".join(first.equivalent) or "another cause"
         text = f"{name} shows {said} or {others}, which it cannot tell apart{also}"
     else:
         text = f"{name} is explained in part by {said}{also}"
-    return f"{text}{_gain(gain, len(causes)) if gain else _gain(first.gain, 1)}{_left(noise, '; ')}."
+    gain = _gain(of.gain, len(causes)) if of.gain else _gain(first.gain, 1)
+    return f"{text}{gain}{_left(of.noise, '; ')}."
 
 
 def _effect(cause: Cause) -> str:

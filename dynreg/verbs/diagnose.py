@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
-from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,9 +23,7 @@ MOST_CAUSES = 10
 
 def threshold_runs() -> int:
     """The setting of how a threshold is found."""
-    return option(
-        20, "Simulations without an effect that set the threshold; 0 for the usual one.", least=0, metavar="N"
-    )
+    return option(20, "Simulations without an effect that set the threshold; 0 for the usual one.", least=0)
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class DiagnoseSettings(Settings):
         "Simulator to begin from: nominal, nearest, synthesised, calibrated, diagnosed, @answer or an ID.",
         metavar="ID",
     )
-    hold_out: str | None = option(None, "Test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
+    hold_out: str | None = hold_out()
     effects: tuple[str, ...] | None = option(
         None, "Only these effects.", usual="all that fit", metavar="A,B", complete="effect_names"
     )

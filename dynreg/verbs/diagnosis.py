@@ -82,22 +82,7 @@ def document(
         seed=asked.seed,
         cost=_cost(made, seen),
     )
-    return told.model_copy(update={"sentence": _sentence(told)})
-
-
-def _sentence(told: Diagnosis) -> str:
-    return diagnosis_sentence(
-        told.recording_name,
-        told.verdict,
-        told.causes,
-        error=told.error,
-        threshold_nats=told.threshold_nats,
-        noise=told.noise,
-        residual=told.residual,
-        gain=told.gain,
-        looked=told.looked,
-        inseparable=told.inseparable,
-    )
+    return told.model_copy(update={"sentence": diagnosis_sentence(told)})
 
 
 def _cost(made: Diagnosed, seen: Account) -> Cost:

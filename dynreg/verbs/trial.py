@@ -26,13 +26,7 @@ class TrialSettings(Settings):
     """
 
     hide: str = option("drawn", "What robots hide: drawn, chosen, nothing or every.", flag=None)
-    effects: tuple[str, ...] = option(
-        (),
-        "What to hide; A+B for two together.",
-        flag="--effect",
-        metavar="E[joint]",
-        complete="effect_names",
-    )
+    effects: tuple[str, ...] = option((), "What to hide, together.", flag=None)
     size: str = option("medium", "weak, medium or strong.")
     count: int = option(1, "Robots.", flag="-n", least=1)
     seed: int = seed()
@@ -89,6 +83,4 @@ def trial(about: "Built", settings: TrialSettings, progress: Progress | None = N
         results.append(one_trial(trials, terms, size, own, needed))
     report("trials", len(todo), len(todo))
     notes = [f"threshold {needed:.3g} nats, from {settings.threshold_runs} robots without an effect"]
-    table = TrialTable.of(about.robot.name, results, notes)
-    about.registry.put_result("trials", None, table.to_dict())
-    return table
+    return TrialTable.of(about.robot.name, results, notes)

@@ -11,10 +11,7 @@ MADE = {
 
 
 def sentence_of(cause: Cause, verdict: str = "named") -> str:
-    given = MADE["named"]
-    return diagnosis_sentence(
-        "run", verdict, [cause], error=given.error, threshold_nats=20.0, noise=given.noise
-    )
+    return diagnosis_sentence(MADE["named"].model_copy(update={"verdict": verdict, "causes": (cause,)}))
 
 
 @pytest.mark.parametrize("verdict", MADE)
@@ -47,9 +44,7 @@ def test_the_gain_of_all_causes_is_told_where_it_is_known() -> None:
         (Gain(value=0.44, low=0.2, high=0.6), "with them the held-out error is 44 % lower"),
         (Gain(value=0.44, low=-0.2, high=0.6), "on held-out data they do not clearly help"),
     ):
-        said = diagnosis_sentence(
-            "run", given.verdict, given.causes, error=given.error, threshold_nats=20.0, gain=gain
-        )
+        said = diagnosis_sentence(given.model_copy(update={"gain": gain}))
         assert words in said and "delay 0.4 [0.31, 0.4] s at its bound" in said
 
 
