@@ -143,7 +143,7 @@ def seek(
     )
     best, again = found.best, None
     if finals:
-        best, again = _best_again(trials, settings, search.best(finals[0][0]), finals)
+        best, again = best_again(trials, settings, search.best(finals[0][0]), finals)
     genes = gaits(best[None])
     walk = trials.walk(genes, feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
@@ -189,7 +189,7 @@ class _Seen:
         return candidates[np.sort(first)[:count]]
 
 
-def _best_again(
+def best_again(
     trials: Trials, settings: SearchSettings, finalists: np.ndarray, rounds: tuple[tuple[int, int], ...]
 ) -> tuple[np.ndarray, Finals]:
     """The best (P,) of the finalists (n, P), and what it did: where the minimum counts, the one that falls least often.

@@ -1,7 +1,7 @@
 """Which model or simulator says best what a wheeled robot does?"""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
@@ -65,14 +65,7 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
 
     began = time.perf_counter()
     chosen = named(asked, settings.simulators)
-    plan = Plan(
-        settings.models,
-        settings.longest,
-        settings.starts,
-        settings.generations,
-        settings.seed,
-        settings.threads,
-    )
+    plan = Plan(**{one.name: getattr(settings, one.name) for one in fields(Plan)})
     replayed = {name: (one.robot, one.config) for name, one in chosen.items()}
     found = compare_all(asked.robot, asked.recording, replayed, plan, progress)
     return document(asked, plan, chosen, found, time.perf_counter() - began)

@@ -8,7 +8,7 @@ from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.gait.beside import beside, joined, rate_of, rerun
 from dynreg.gait.play import FORMS, require_playable, told
-from dynreg.gait.runs import mcap
+from dynreg.gait.runs import Topic, mcap
 from dynreg.registry import Registry
 from dynreg.results import Gait
 from dynreg.sim.film import FORMS as PICTURES
@@ -68,7 +68,7 @@ def _data(registry: Registry, gait: Gait, recording: Recording | None, form: str
     return draw(model, poses, gait.rate, moments(gait.seconds, form, 1.0 / gait.frequency), form)
 
 
-def _beside(registry: Registry, gait: Gait, recording: Recording) -> list:
+def _beside(registry: Registry, gait: Gait, recording: Recording) -> list[Topic]:
     """The topics of a trial's episodes, one after the other."""
     out = []
     for episode in recording.episodes:

@@ -8,7 +8,7 @@ import pytest
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import Finals, SearchSettings, _best_again, seek
+from dynreg.gait.seek import Finals, SearchSettings, best_again, seek
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials, simulators_of
@@ -163,7 +163,7 @@ def test_of_the_last_gaits_the_one_that_falls_least_often_is_taken(trials, monke
 
     monkeypatch.setattr(trials, "again", graded)
     assert trials.task.success == 0.3
-    of = lambda accept: _best_again(trials, SearchSettings(accept=accept), unit, ((3, 1), (3, 2)))  # noqa: E731
+    of = lambda accept: best_again(trials, SearchSettings(accept=accept), unit, ((3, 1), (3, 2)))  # noqa: E731
     slow, fast = Finals(6, 0, pytest.approx(0.4)), Finals(6, 1, pytest.approx((0.0 + 2.0 + 2.0) / 3))
     best, finals = of("min")
     assert np.array_equal(best, unit[1]) and finals == slow
