@@ -51,11 +51,6 @@ class CmaEs:
         self._asked = None
 
     @property
-    def batch(self) -> int:
-        """Candidates of one ask."""
-        return int(self._search.popsize)
-
-    @property
     def stopped(self) -> bool:
         """Whether the search has converged."""
         return bool(self._search.stop())
