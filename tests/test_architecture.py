@@ -10,7 +10,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-import warnings
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -176,14 +175,16 @@ def test_everything_public_is_documented():
     assert not bare, "\n".join(bare)
 
 
+def body(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function without its docstring."""
+    first = node.body[1 if ast.get_docstring(node) and len(node.body) > 1 else 0]
+    return node.end_lineno - first.lineno + 1
+
+
 def test_functions_are_short():
-    """A warning, not a failure: a long body asks for a look."""
-    for path, node in nodes():
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[1 if ast.get_docstring(node) and len(node.body) > 1 else 0]
-            lines = node.end_lineno - first.lineno + 1
-            if lines > LONGEST_BODY:
-                warnings.warn(f"{where(path, node)} {node.name}: {lines} lines", stacklevel=1)
+    functions = [(p, n) for p, n in nodes() if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+    long = [f"{where(p, n)} {n.name}: {body(n)} lines" for p, n in functions if body(n) > LONGEST_BODY]
+    assert not long, "\n".join(long)
 
 
 def tracked() -> list[Path]:
