@@ -186,7 +186,7 @@ def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[st
     # a flat parameter's Laplace interval is its prior's: show it as the whole range
     flat = sigma > 0.25
     low, high = np.where(flat, space.bounds[:, 0], low), np.where(flat, space.bounds[:, 1], high)
-    edge = ((unit < 0.005) | (unit > 0.995)) & evidence.free
+    edge = space.at_bound(unit) & evidence.free
     return {
         name: Interval(float(value[i]), float(low[i]), float(high[i]), bool(edge[i]))
         for i, name in enumerate(space.names)

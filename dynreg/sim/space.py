@@ -7,6 +7,8 @@ import numpy as np
 from dynreg.errors import UsageError
 from dynreg.rng import stream_seed
 
+EDGE = 0.005  # of a range: what lies nearer to its end lies on it
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -62,6 +64,11 @@ class ParameterSpace:
         stretched = low + np.clip(unit, 0.0, 1.0) * (high - low)
         values = np.where(self._log, np.exp(np.where(self._log, stretched, 0.0)), stretched)
         return np.clip(values, *self.bounds.T)
+
+    def at_bound(self, unit: np.ndarray) -> np.ndarray:
+        """(..., P) whether parameters in [0, 1] lie on an edge of their range."""
+        unit = np.asarray(unit)
+        return (unit < EDGE) | (unit > 1.0 - EDGE)
 
     def sample(self, start: int, stop: int, seed: int) -> np.ndarray:
         """(stop - start, P) rows of one scrambled Sobol sequence: row i never depends on how many are drawn."""

@@ -62,7 +62,7 @@ def calibrate(
     values = space.from_unit(found.unit)
     config = SimConfig(robot.hash, robot.name, space.as_dict(values)).as_dict()
     lineage = {"made_by": f"calibrate {settings.method}", "recording": asked.recording.id}
-    edge = (found.unit < 0.005) | (found.unit > 0.995)
+    edge = space.at_bound(found.unit)
     tested = (None, None) if not found.test_rollouts else found.test
     return Calibration(
         robot=robot.name,
