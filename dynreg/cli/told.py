@@ -45,7 +45,7 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
     for one, how in options(kind):
         value = given.pop(one.name, None)
         if value is None and how.shared:
-            value = getattr(file, one.name)
+            value = getattr(file, one.name, None)
         if value is not None:
             flags[one.name] = _flag(one, how)
             said[one.name] = _names(flags[one.name], value, how) if _listed(one, how) else value
@@ -87,7 +87,7 @@ def _default(one: Field, how: Option) -> Any:
 
 def _help(one: Field, how: Option) -> str:
     """Its sentence, with what stands in for a value that is not given in brackets."""
-    usual = how.usual or ("" if one.default in (None, MISSING, ()) or not how.shared else f"{one.default}")
+    usual = how.usual or (f"{one.default}" if how.shared and one.default is not None else "")
     return f"{how.sentence.removesuffix('.')} [{usual}]." if usual else how.sentence
 
 
