@@ -6,15 +6,10 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.call import Call, can_write
 from dynreg.cli.completion import recording_names
 from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog
 from dynreg.verbs.drift import DriftSettings
-
-
-def register(app: typer.Typer) -> None:
-    """Add `drift` to the program."""
-    verb(app, "drift")(drift)
 
 
 def drift(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.call import Call, can_write
 from dynreg.cli.options import RobotFolder
 from dynreg.errors import UsageError
 from dynreg.verbs.excite import ExciteSettings
@@ -14,11 +14,6 @@ if TYPE_CHECKING:
     from dynreg.data.recording import Recording
 
 FORMATS = (".csv", ".mcap")
-
-
-def register(app: typer.Typer) -> None:
-    """Add `excite` to the program."""
-    verb(app, "excite")(excite)
 
 
 def excite(

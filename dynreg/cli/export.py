@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call
 from dynreg.cli.completion import stored_names
 from dynreg.errors import UsageError
 
@@ -25,11 +25,6 @@ class Form(StrEnum):
 
 
 _PLAYED = "play it, then `dynreg ingest LOG --robot ROBOT --gait @last`"
-
-
-def register(app: typer.Typer) -> None:
-    """Add `export` to the program."""
-    verb(app, "export")(export)
 
 
 def export(

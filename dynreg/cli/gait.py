@@ -6,20 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.call import Call, can_write
 from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog
 from dynreg.errors import PictureError, UsageError
-from dynreg.session import rows
 from dynreg.verbs.gait import GaitSettings
 
 if TYPE_CHECKING:
     from dynreg.results import Gait
     from dynreg.session import Session
-
-
-def register(app: typer.Typer) -> None:
-    """Add `gait` to the program."""
-    verb(app, "gait", rows()["gait"].help)(gait)
 
 
 def gait(

@@ -1,13 +1,6 @@
 """`dynreg info`: versions, the registry, the machine."""
 
-import typer
-
-from dynreg.cli.call import Call, verb
-
-
-def register(app: typer.Typer) -> None:
-    """Add `info` to the program."""
-    verb(app, "info")(info)
+from dynreg.cli.call import Call
 
 
 def info(call: Call) -> None:

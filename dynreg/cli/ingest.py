@@ -5,13 +5,8 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call
 from dynreg.cli.completion import robot_names
-
-
-def register(app: typer.Typer) -> None:
-    """Add `ingest` to the program."""
-    verb(app, "ingest")(ingest)
 
 
 def ingest(

@@ -4,14 +4,9 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call
 from dynreg.cli.completion import KINDS, one_of
 from dynreg.verbs.settings import Option
-
-
-def register(app: typer.Typer) -> None:
-    """Add `list` to the program."""
-    verb(app, "list")(list_)
 
 
 def list_(

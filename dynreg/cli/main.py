@@ -83,29 +83,30 @@ def _root(
     ctx.obj = Shared(registry, settings_file, json, quiet, debug)
 
 
-# in the order of the help: a module for what takes something special, a name for an ordinary verb
-_COMMANDS = (
-    robots,
-    populate,
-    ingest,
-    listing,
-    show,
-    "query",
-    effects,
-    "diagnose",
-    gait,
-    excite,
-    trial,
-    "calibrate",
-    "compare",
-    drift,
-    report,
-    export,
-    verify,
-    doctor,
-    info,
+robots.register(app)
+ordinary.register(
+    app,
+    {
+        "populate": populate.populate,
+        "ingest": ingest.ingest,
+        "list": listing.list_,
+        "show": show.show,
+        "query": None,
+        "effects": effects.effects,
+        "diagnose": None,
+        "gait": gait.gait,
+        "excite": excite.excite,
+        "trial": trial.trial,
+        "calibrate": None,
+        "compare": None,
+        "drift": drift.drift,
+        "report": report.report,
+        "export": export.export,
+        "verify": verify.verify,
+        "doctor": doctor.doctor,
+        "info": info.info,
+    },
 )
-ordinary.register(app, _COMMANDS)
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -1,8 +1,7 @@
 """Commands of verbs that take nothing special: each is made from the row of its verb."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import ModuleType
 
 import typer
 
@@ -12,21 +11,15 @@ from dynreg.session import rows
 from dynreg.verbs.verb import Verb
 
 
-def register(app: typer.Typer, commands: Sequence[ModuleType | str]) -> None:
-    """Add commands to the program: those of modules, and ordinary verbs by name; verbs that are not named come last."""
+def register(app: typer.Typer, own: Mapping[str, Callable[..., None] | None]) -> None:
+    """Add commands to the program, in this order: functions for what takes something special, None for the others.
+
+    Verbs of a session that are not named come last.
+    """
     known = rows()
-    named = [one for one in commands if isinstance(one, str)]
-    own = {one.__name__.rpartition(".")[2] for one in commands if not isinstance(one, str)}
-    for one in (*commands, *(name for name in known if name not in own and name not in named)):
-        if isinstance(one, str):
-            _command(app, one, known[one])
-        else:
-            one.register(app)
-
-
-def _command(app: typer.Typer, name: str, row: Verb) -> None:
-    command = {"recording": _about_recording, "robot": _about_robot}[row.about](name, row)
-    verb(app, name, row.help)(command)
+    for name, function in {**own, **{name: None for name in known if name not in own}}.items():
+        row = known.get(name)
+        verb(app, name, row and row.help)(function or _ABOUT[row.about](name, row))
 
 
 def _about_recording(name: str, row: Verb) -> Callable[..., None]:
@@ -60,3 +53,6 @@ def _about_robot(name: str, row: Verb) -> Callable[..., None]:
         call.emit_and_write(result, report)
 
     return command
+
+
+_ABOUT = {"recording": _about_recording, "robot": _about_robot}

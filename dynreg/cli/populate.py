@@ -4,15 +4,10 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call
 from dynreg.cli.options import RobotFolder
 from dynreg.verbs.populate import PopulateSettings
 from dynreg.verbs.settings import Option
-
-
-def register(app: typer.Typer) -> None:
-    """Add `populate` to the program."""
-    verb(app, "populate")(populate)
 
 
 def populate(

@@ -5,12 +5,7 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
-
-
-def register(app: typer.Typer) -> None:
-    """Add `report` to the program."""
-    verb(app, "report")(report)
+from dynreg.cli.call import Call
 
 
 def report(

@@ -4,13 +4,8 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call
 from dynreg.cli.completion import stored_names
-
-
-def register(app: typer.Typer) -> None:
-    """Add `show` to the program."""
-    verb(app, "show")(show)
 
 
 def show(

@@ -5,17 +5,11 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, can_write, verb
+from dynreg.cli.call import Call, can_write
 from dynreg.cli.completion import effect_names
 from dynreg.cli.options import Page, RobotFolder
 from dynreg.errors import UsageError
-from dynreg.session import rows
 from dynreg.verbs.trial import TrialSettings
-
-
-def register(app: typer.Typer) -> None:
-    """Add `trial` to the program."""
-    verb(app, "trial", rows()["trial"].help)(trial)
 
 
 def trial(

@@ -4,13 +4,8 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, verb
+from dynreg.cli.call import Call
 from dynreg.errors import CorruptError
-
-
-def register(app: typer.Typer) -> None:
-    """Add `verify` to the program."""
-    verb(app, "verify")(verify)
 
 
 def verify(
