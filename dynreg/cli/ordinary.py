@@ -32,8 +32,9 @@ def _about_recording(name: str, row: Verb) -> Callable[..., None]:
         report: Page = None,
     ) -> None:
         can_write(report)
-        fresh_log = robot is not None and Path(recording).exists()  # it may be the first thing in a registry
-        with call.open(create=fresh_log) as session, call.progress() as progress:
+        # a log may be the first thing in a registry, where it is registered with the answer: a failure leaves none
+        first = not row.ingest and robot is not None and Path(recording).exists()
+        with call.open(create=first) as session, call.progress() as progress:
             result = getattr(session, name)(
                 recording, **vars(settings), robot=robot, log_map=log_map, progress=progress
             )
