@@ -59,6 +59,7 @@ def calibrate(
         threads=settings.threads,
         progress=progress and (lambda done, total: progress("calibrate", done, total)),
     )
+    seconds = time.perf_counter() - began
     values = space.from_unit(found.unit)
     config = SimConfig(robot.hash, robot.name, space.as_dict(values)).as_dict()
     lineage = {"made_by": f"calibrate {settings.method}", "recording": asked.recording.id}
@@ -78,10 +79,5 @@ def calibrate(
         nominal_train_error=found.train[0],
         nominal_test_error=tested[0],
         history=tuple(CalibrationStep(simulations=n, error=e) for n, e in found.history),
-        cost=Cost(
-            evaluations=0,
-            rollouts=found.rollouts,
-            test_rollouts=found.test_rollouts,
-            seconds=time.perf_counter() - began,
-        ),
+        cost=Cost(evaluations=0, rollouts=found.rollouts, test_rollouts=found.test_rollouts, seconds=seconds),
     )

@@ -57,14 +57,8 @@ def populate(
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
     identity, shared = begin(registry, robot, plan, watch, report)
-    added = fill(
-        registry,
-        identity,
-        shared,
-        settings.threads,
-        watch,
-        lambda there: report("simulators", min(there, n), n),
-    )
+    told = lambda there: report("simulators", min(there, n), n)  # noqa: E731
+    added = fill(registry, identity, shared, settings.threads, watch, told)
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)
