@@ -27,7 +27,6 @@ class ErrorRow:
     error : mean absolute rollout error in the channel's unit; a diverged simulation counts as ten times the motion.
     share : of this simulator's whole error, in units of the channels' spread times their weights.
     ratio : mean error in the regime over the mean elsewhere; None where there is no elsewhere, or no error there.
-    step_error, step_share, step_ratio : the same for predictions one step ahead; None without them.
     """
 
     channel: str
@@ -39,52 +38,36 @@ class ErrorRow:
     share: float
     ratio: float | None
     samples: int
-    step_error: float | None = None
-    step_share: float | None = None
-    step_ratio: float | None = None
 
 
-def split_errors(
-    robot: Robot,
-    windows: Windows,
-    states: np.ndarray,
-    one_step: np.ndarray | None = None,
-    stance: Mapping[str, np.ndarray] | None = None,
-) -> tuple[ErrorRow, ...]:
+def split_errors(robot: Robot, windows: Windows, states: np.ndarray) -> tuple[ErrorRow, ...]:
     """Rows for every measured channel, regime with samples and simulator.
 
     states : (n, W, T+1, S) rollouts of n simulators through the windows.
-    one_step : (n, W, T, S) what they predict for row t+1 from the measured row t.
-    stance : {joint: (W, T)} 1 where its foot is on the ground, 0 where not, NaN where not known.
     Raises UsageError where the shapes do not fit the windows.
     """
-    _check(windows, states, one_step)
+    shape = windows.measured.shape
+    if states.ndim != 4 or states.shape[1:] != shape:
+        raise UsageError(
+            f"states of shape {states.shape}",
+            expected=f"(simulators, {', '.join(map(str, shape))})",
+            do="roll the simulators out through these windows",
+        )
     signals = joint_signals(robot, windows)
     everywhere = _of_the_clock(windows)
-    by_joint = {
-        j: everywhere | motion_regimes(s, windows.period, (stance or {}).get(j)) for j, s in signals.items()
-    }
+    by_joint = {joint: everywhere | motion_regimes(s, windows.period) for joint, s in signals.items()}
     rest = everywhere | _of_any_joint(signals)
     rollouts = [scaled_errors(windows, s[:, 1:]) for s in states]
-    steps = [None] * len(states) if one_step is None else [scaled_errors(windows, s) for s in one_step]
     rows = []
     for c, channel in enumerate(robot.file.channels):
         if not np.isfinite(windows.measured[:, 1:, c]).any():
             continue
         joint = joint_of_channel(channel.name, signals)
         for regime, mask in (rest if joint is None else by_joint[joint]).items():
-            for i, (error, step) in enumerate(zip(rollouts, steps, strict=True)):
+            for i, error in enumerate(rollouts):
                 found = _measure(error, mask, c, windows)
-                if found is None:
-                    continue
-                size, share, ratio, samples = found
-                ahead = (
-                    (None, None, None)
-                    if step is None
-                    else (_measure(step, mask, c, windows) or (None,) * 3)[:3]
-                )
-                where = (channel.name, channel.unit, joint, regime, i)
-                rows.append(ErrorRow(*where, size, share, ratio, samples, *ahead))
+                if found is not None:
+                    rows.append(ErrorRow(channel.name, channel.unit, joint, regime, i, *found))
     return tuple(rows)
 
 
@@ -93,9 +76,7 @@ def scaled_errors(windows: Windows, predicted: np.ndarray) -> np.ndarray:
     return np.abs(scaled(predicted, windows.measured[:, 1:], windows.spread))
 
 
-def motion_regimes(
-    signals: JointSignals, period: float, stance: np.ndarray | None = None
-) -> dict[str, np.ndarray]:
+def motion_regimes(signals: JointSignals, period: float) -> dict[str, np.ndarray]:
     """{regime: (W, T)} of one joint; regimes that its motion does not have are empty masks.
 
     reversals : slower than a quarter of the lively speed within 0.1 s of a change of direction that stands out of
@@ -105,7 +86,7 @@ def motion_regimes(
     speed = np.abs(signals.velocity)
     lively = _quantile(speed, 0.95)
     with np.errstate(invalid="ignore"):
-        out = {
+        return {
             "reversals": (speed < TURNING * lively) & _near_turns(signals, lively, period),
             "low_speed": speed < SLOW * lively,
             "high_speed": speed > _quantile(speed, TOP),
@@ -113,9 +94,6 @@ def motion_regimes(
             "saturation": signals.saturated,
             "drive_off": ~signals.enabled,
         }
-    if stance is not None:
-        out |= {"stance": stance == 1, "swing": stance == 0}
-    return out
 
 
 def _measure(
@@ -185,20 +163,3 @@ def _top(load: np.ndarray) -> np.ndarray:
 def _quantile(values: np.ndarray, q: float) -> float:
     known = values[np.isfinite(values)]
     return float(np.quantile(known, q)) if len(known) else np.nan
-
-
-def _check(windows: Windows, states: np.ndarray, one_step: np.ndarray | None) -> None:
-    shape = windows.measured.shape
-    if states.ndim != 4 or states.shape[1:] != shape:
-        raise UsageError(
-            f"states of shape {states.shape}",
-            expected=f"(simulators, {', '.join(map(str, shape))})",
-            do="roll the simulators out through these windows",
-        )
-    wanted = (len(states), shape[0], shape[1] - 1, shape[2])
-    if one_step is not None and one_step.shape != wanted:
-        raise UsageError(
-            f"one-step predictions of shape {one_step.shape}",
-            expected=f"{wanted}",
-            do="give one row for every command of every window, of every simulator",
-        )

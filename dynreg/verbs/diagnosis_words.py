@@ -21,8 +21,6 @@ WORDS = {
     "high_load": "under high load",
     "saturation": "where the drive is at its limit",
     "drive_off": "while the drive is off",
-    "stance": "while the foot is on the ground",
-    "swing": "while the foot is in the air",
     "early": "in the first third of the rollouts",
     "late": "in the last third of the rollouts",
     "log_begin": "in the first third of the log",
@@ -49,10 +47,9 @@ def finding(rows: tuple[ErrorRow, ...], simulator: int = 0) -> str:
     top = max((r for r in candidates if r.regime == regime), key=_excess)
     said = f"{100 * sum(r.share for r in inside):.0f} % of the error lies {WORDS[regime]}"
     among = "" if len(inside) == 1 else f", most of it on {top.channel}"
-    ahead = "" if not top.step_ratio else f", one step ahead {times(top.step_ratio)} times"
     return (
         f"{said}{among}: {top.error:.3g} {top.unit} there in {100 * top.samples / overall[top.channel].samples:.0f} % "
-        f"of the samples of {top.channel}, {times(top.ratio)} times the error elsewhere{ahead}."
+        f"of the samples of {top.channel}, {times(top.ratio)} times the error elsewhere."
     )
 
 

@@ -151,29 +151,6 @@ def test_time_is_that_of_the_rollout_and_that_of_the_log(robot):
     assert worn["late"].ratio == pytest.approx(1.0)
 
 
-def test_one_step_errors_stand_beside_those_of_rollouts(robot):
-    windows = cut(robot, swing(401)[None])
-    mask = regimes(robot, windows)["high_speed"]
-    one_step = windows.measured[None, :, 1:].copy()
-    one_step[..., 0] += np.where(mask, 0.004, 0.001)
-    rows = split_errors(robot, windows, with_error(windows, mask), one_step)
-    found = rows_by_regime(rows)["high_speed"]
-    assert found.step_error == pytest.approx(0.004) and found.step_ratio == pytest.approx(4.0)
-    assert "one step ahead 4 times" in finding(rows)
-    assert (
-        rows_by_regime(split_errors(robot, windows, with_error(windows, mask)))["overall"].step_error is None
-    )
-
-
-def test_feet_split_the_errors_of_their_legs(robot):
-    windows = cut(robot, swing(201)[None])
-    down = np.zeros((1, 200))
-    down[0, :50], down[0, 150:] = 1.0, np.nan
-    rows = rows_by_regime(split_errors(robot, windows, with_error(windows, down == 1), stance={"arm": down}))
-    assert rows["stance"].samples == 50 and rows["stance"].ratio == pytest.approx(10.0)
-    assert rows["swing"].samples == 100 and rows["swing"].error == pytest.approx(0.01)
-
-
 def test_what_was_not_measured_poisons_nothing(robot):
     whole = cut(robot, swing(401)[None].repeat(3, axis=0))
     mask = regimes(robot, whole)["high_speed"]
@@ -231,5 +208,3 @@ def test_states_of_other_windows_are_refused(robot):
         UsageError, match=r"states of shape \(1, 1, 40, 2\); expected \(simulators, 1, 41, 2\)"
     ):
         split_errors(robot, windows, windows.measured[None, :, 1:])
-    with pytest.raises(UsageError, match="one-step predictions"):
-        split_errors(robot, windows, windows.measured[None], windows.measured[None])
