@@ -48,7 +48,7 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
             value = getattr(file, one.name, None)
         if value is not None:
             flags[one.name] = _flag(one, how)
-            said[one.name] = _names(flags[one.name], value, how) if _listed(one, how) else value
+            said[one.name] = _names(value, flags[one.name], one.name, how) if _listed(one, how) else value
     try:
         return kind(**said)
     except UsageError as error:
@@ -97,10 +97,10 @@ def _offers(how: Option) -> Callable[[str], list[str]] | None:
     return completion.one_of(how.allowed) if how.allowed else None
 
 
-def _names(flag: str, given: str, how: Option) -> tuple[str, ...]:
+def _names(given: str, flag: str, what: str, how: Option) -> tuple[str, ...]:
     """The names of a list with commas; one between brackets parts joints, not names.
 
-    >>> _names("--for", "payload, backlash[hip,knee]", Option("The two."))
+    >>> _names("payload, backlash[hip,knee]", "--for", "between", Option("The two."))
     ('payload', 'backlash[hip,knee]')
     """
     parts, depth = [""], 0
@@ -112,6 +112,6 @@ def _names(flag: str, given: str, how: Option) -> tuple[str, ...]:
             parts[-1] += letter
     names = tuple(part.strip() for part in parts if part.strip())
     if not names:
-        what, see = ("effects", "effects") if how.complete == "effect_names" else ("names", "robots")
+        what, see = ("effects", "effects") if how.complete == "effect_names" else (what, "robots")
         raise UsageError(f"{flag} {given!r}", expected=f"{what} such as a,b", do=f"see `dynreg {see}`")
     return names

@@ -22,17 +22,17 @@ class ExciteSettings(Settings):
     between: tuple[str, ...] = option(
         MISSING, "The two effects.", flag="--for", metavar="A,B", complete="effect_names"
     )
-    seconds: float = option(10.0, "Length [s].")
+    seconds: float = option(10.0, "Length [s].", above=0.0)
     seed: int = seed()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         pair = self.between
-        if len(pair) != 2 or pair[0] == pair[1] or not 0 < self.seconds < float("inf"):
+        if len(pair) != 2 or pair[0] == pair[1]:
             raise UsageError(
-                f"an experiment of {self.seconds:g} s between {list(pair)}",
-                expected="two different effects and a positive length",
-                do="name two of those that `dynreg effects` lists",
+                f"between {','.join(pair)!r}",
+                expected="two different effects, A,B",
+                do="see `dynreg effects`",
             )
 
 

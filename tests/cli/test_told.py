@@ -77,7 +77,7 @@ def test_every_kind_of_option_is_read(ask) -> None:
     [
         ("--for x,y -n 0", "-n 0; expected a whole number of 1 or more"),
         ("--for x,y --kinds a,d", "--kinds 'd'; expected one of a, b, c"),
-        ("--for x,y --only ,", "--only ','; expected names such as a,b"),
+        ("--for x,y --only ,", "--only ','; expected only such as a,b"),
         ("--for x,y --longest 0", "--longest 0; expected a number above 0"),
         ("--for x,y --seed -1", "--seed -1; expected a whole number of 0 or more"),
     ],
