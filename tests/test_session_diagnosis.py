@@ -138,14 +138,14 @@ def test_an_experiment_and_the_library_need_no_registry() -> None:
 
 
 @pytest.mark.parametrize(
-    "between, seconds",
+    "between, seconds, says",
     [
-        (["payload"], 5.0),
-        (["payload", "payload"], 5.0),
-        (["a", "b", "c"], 5.0),
-        (["payload", "inertia"], 0.0),
+        (["payload"], 5.0, "between 'payload'; expected two different effects"),
+        (["payload", "payload"], 5.0, "between 'payload,payload'; expected two different effects"),
+        (["a", "b", "c"], 5.0, "between 'a,b,c'; expected two different effects"),
+        (["payload", "inertia"], 0.0, "seconds 0; expected a number above 0"),
     ],
 )
-def test_an_experiment_is_between_two_effects(between: list, seconds: float) -> None:
-    with pytest.raises(UsageError, match="two different effects"):
+def test_an_experiment_is_between_two_effects(between: list, seconds: float, says: str) -> None:
+    with pytest.raises(UsageError, match=says):
         Session.excite("servo_pendulum", between, seconds=seconds)
