@@ -81,7 +81,14 @@ def simulator(registry: Registry, ref: str, robot: Robot, recording: str | None 
         return Simulator(None, NOMINAL, {"kind": NOMINAL}, config, robot)
     if ref in WORDS:
         return _told(registry, _newest(registry, ref, recording), ref, robot, recording)
-    kind, identity = registry.resolve(ref, ("simulator", "entry", "result"))
+    try:
+        kind, identity = registry.resolve(ref, ("simulator", "entry", "result"))
+    except NoMatchError:
+        raise NoMatchError(
+            f"no simulator is called {ref!r}",
+            expected=f"one of {', '.join(NAMES)}, or the id of a simulator, an entry or a result",
+            do="see `dynreg list --kind simulator`",
+        ) from None
     if kind == "result":
         record = registry.result(identity)
         if record.kind not in RECOMMENDED:
@@ -140,7 +147,8 @@ def _newest(registry: Registry, ref: str, recording: str | None) -> ResultRecord
     except NoMatchError:
         pass
     raise NoMatchError(
-        f"no {ref!r} simulator: nothing is stored of `dynreg {word.made_by}` about this recording",
+        f"no {'query' if word.made_by == 'query' else word.kind} about this recording is stored, which would tell"
+        f" the simulator {ref!r}",
         expected=f"one of {', '.join(NAMES)}, or an id",
         do=f"run `dynreg {word.made_by}` on it first, or name another simulator",
     )

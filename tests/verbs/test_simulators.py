@@ -73,7 +73,7 @@ def test_a_word_of_which_nothing_is_stored_says_what_to_run(asked):
     registry, robot, found, _ = asked
     with pytest.raises(NoMatchError, match="run `dynreg diagnose` on it first"):
         simulator(registry, "diagnosed", robot, found.recording)
-    with pytest.raises(NoMatchError, match="no 'nearest' simulator"):
+    with pytest.raises(NoMatchError, match="no query about this recording is stored"):
         simulator(registry, "nearest", robot, None)
 
 
@@ -91,3 +91,9 @@ def test_words_of_today_warn_of_nothing(asked):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulator(registry, "nearest", robot, found.recording)
+
+
+def test_what_names_no_simulator_is_told_the_words(asked):
+    registry, robot, found, _ = asked
+    with pytest.raises(NoMatchError, match="no simulator is called 'best'; expected one of nominal, nearest"):
+        simulator(registry, "best", robot, found.recording)
