@@ -147,8 +147,7 @@ def _newest(registry: Registry, ref: str, recording: str | None) -> ResultRecord
     except NoMatchError:
         pass
     raise NoMatchError(
-        f"no {'query' if word.made_by == 'query' else word.kind} about this recording is stored, which would tell"
-        f" the simulator {ref!r}",
+        f"no {ref!r} simulator: no {'query' if word.made_by == 'query' else word.kind} about this recording is stored",
         expected=f"one of {', '.join(NAMES)}, or an id",
         do=f"run `dynreg {word.made_by}` on it first, or name another simulator",
     )
