@@ -20,7 +20,9 @@ MODELS = ("kinematic", "dynamic", "table", "network", "mlp")  # of `compare.cont
 class CompareSettings(Settings):
     """What `compare` can be told."""
 
-    models: tuple[str, ...] = option(MODELS, "Models to make.", metavar="A,B", choices=MODELS)
+    models: tuple[str, ...] = option(
+        MODELS, "Models to make, one of these or several.", metavar="A,B", choices=MODELS
+    )
     simulators: tuple[str, ...] = option(
         (),
         "A simulator, an entry, a result that recommends one, nominal, or what this recording has: nearest,"
