@@ -38,7 +38,7 @@ class Trials:
     robot: Robot
     plan: Protocol
     engine: str | None = None
-    threshold_runs: int = 20
+    threshold_runs: int = Asked.threshold_runs
     threads: int = 0
     seed: int = 0
 
