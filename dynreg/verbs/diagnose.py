@@ -5,13 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from dynreg.diagnose.asked import Asked
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from dynreg.diagnose.asked import Asked
     from dynreg.results import Diagnosis
     from dynreg.sim.effects import Terms
     from dynreg.sim.robot import Robot
@@ -23,7 +23,11 @@ MOST_CAUSES = 10
 
 def threshold_runs() -> int:
     """The setting of how a threshold is found."""
-    return option(20, "Simulations without an effect that set the threshold; 0 for the usual one.", least=0)
+    return option(
+        Asked.threshold_runs,
+        "Simulations without an effect that set the threshold; 0 for the usual one.",
+        least=0,
+    )
 
 
 @dataclass(frozen=True)
@@ -43,14 +47,16 @@ class DiagnoseSettings(Settings):
         None, "Only these effects.", usual="all that fit", metavar="A,B", complete="effect_names"
     )
     without: tuple[str, ...] = option((), "Not these effects.", metavar="A,B", complete="effect_names")
-    max_causes: int = option(3, "Most causes to name.", least=1, most=MOST_CAUSES)
+    max_causes: int = option(Asked.max_causes, "Most causes to name.", least=1, most=MOST_CAUSES)
     engine: str | None = option(None, "One of the robot's engines.", usual="its first")
     seed: int = seed()
     threshold_runs: int = threshold_runs()
     tolerance: float = option(
-        1.0, "Factor on the nameplate's tolerances; above 1 where parameters are guesses."
+        Asked.tolerance,
+        "Factor on the nameplate's tolerances; above 1 where parameters are guesses.",
+        above=0.0,
     )
-    horizon: float | None = option(None, "Longest rollout in seconds.", usual="the robot's, or 10")
+    horizon: float | None = option(None, "Longest rollout in seconds.", usual="the robot's, or 10", above=0.0)
     joints: tuple[str, ...] | None = option(
         None, "Diagnose these joints alone.", usual="all, together", metavar="A,B"
     )
@@ -68,12 +74,6 @@ class DiagnoseSettings(Settings):
             raise UsageError(
                 "start ''", expected="nominal, nearest or the id of a simulator", do="name one of these"
             )
-        if not 0 < self.tolerance < float("inf"):
-            raise UsageError(
-                f"tolerance {self.tolerance:g}", expected="a positive factor", do="give another number"
-            )
-        if self.horizon is not None and not 0 < self.horizon < float("inf"):
-            raise UsageError(f"horizon {self.horizon:g} s", expected="a positive length", do="give another")
         if self.joints is not None and not self.joints:
             raise UsageError(
                 "no joints", expected="at least one", do="name some, or leave the choice out for all"
@@ -97,10 +97,8 @@ class DiagnoseSettings(Settings):
             )
 
     @property
-    def asked(self) -> "Asked":
+    def asked(self) -> Asked:
         """What the search for causes needs of it: all but the simulator to begin from."""
-        from dynreg.diagnose.asked import Asked
-
         return Asked(**{one.name: getattr(self, one.name) for one in fields(Asked)})
 
 

@@ -22,20 +22,11 @@ class DriftSettings(Settings):
 
     sample: float = option(0.5, "Seconds of a piece of a command.", above=0.0)
     cells: int = option(20, "Cells of wheel speeds on each side.", least=1, most=200)
-    level: float = option(0.05, "Level of the tests.")
+    level: float = option(0.05, "Level of the tests.", above=0.0, below=1.0)
     welch: bool = option(False, "Do not take variances for equal.")
     together: bool = option(True, "Keep the false-discovery rate over all tests.", flag="--fdr/--no-fdr")
     splits: int = option(200, "Random halves of the earlier recording to measure false alarms by.", least=0)
     seed: int = seed()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0.0 < self.level < 1.0:
-            raise UsageError(
-                f"level {self.level:g}",
-                expected="a level between 0 and 1, such as 0.05",
-                do="give another number",
-            )
 
     @property
     def plan(self) -> "Plan":

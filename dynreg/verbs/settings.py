@@ -25,7 +25,7 @@ class Option:
     """How one setting is told.
 
     help : one sentence. flag : on the command line; "" for the name with dashes, None for none. usual : what stands
-    in for None, in words. metavar : of its value. least, most : its range, ends included; above : it must be larger.
+    in for None, in words. metavar : of its value. least, most : its range, ends included; above, below : without them.
     choices : the only values, or a function that gives them. complete : what a shell offers, by its name in
     `cli.completion`. repeated : a sequence whose flag is given again and again, not a list with commas. shared : a
     settings file and DYNREG_* may tell it as well.
@@ -38,6 +38,7 @@ class Option:
     least: int | None = None
     most: int | None = None
     above: float | None = None
+    below: float = float("inf")
     choices: Collection[str] | Callable[[], Collection[str]] = ()
     complete: str | None = None
     repeated: bool = False
@@ -65,10 +66,11 @@ class Option:
                     raise UsageError(f"{name} {one!r}", expected=expected, do="choose one of these")
         if self.least is not None and not self.least <= value <= (self.most or float("inf")):
             raise UsageError(f"{name} {value}", expected=self._range(), do="give another number")
-        if self.above is not None and not self.above < value < float("inf"):
-            raise UsageError(
-                f"{name} {value:g}", expected=f"a number above {self.above:g}", do="give another"
-            )
+        if self.above is not None and not self.above < value < self.below:
+            expected = f"a number above {self.above:g}"
+            if self.below < float("inf"):
+                expected = f"a number between {self.above:g} and {self.below:g}"
+            raise UsageError(f"{name} {value:g}", expected=expected, do="give another")
 
     def _range(self) -> str:
         return (

@@ -30,7 +30,7 @@ class TrialSettings(Settings):
     size: str = option("medium", "weak, medium or strong.")
     count: int = option(1, "Robots.", flag="-n", least=1)
     seed: int = seed()
-    seconds: float = option(50.0, "Length of each robot's log [s].")
+    seconds: float = option(50.0, "Length of each robot's log [s].", above=0.0)
     engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
     threshold_runs: int = threshold_runs()
     threads: int = threads()
@@ -55,8 +55,6 @@ class TrialSettings(Settings):
             raise UsageError(
                 f"size {self.size!r}", expected=f"one of {list(SIZES)}", do="choose one of these"
             )
-        if not 0 < self.seconds < float("inf"):
-            raise UsageError(f"{self.seconds:g} s", expected="a positive length", do="ask for more seconds")
 
 
 def trial(about: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":

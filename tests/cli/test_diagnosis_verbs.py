@@ -165,7 +165,7 @@ WRONG = [
     ("trial servo_pendulum --effect payload --none", "--effect and --none"),
     ("trial servo_pendulum -n 0", "-n 0"),
     ("trial servo_pendulum --size huge", "huge"),
-    ("trial servo_pendulum --seconds -3", "-3 s"),
+    ("trial servo_pendulum --seconds -3", "--seconds -3"),
     ("trial servo_pendulum --effect rust", "rust"),
     ("excite servo_pendulum --for payload -o a.csv", "payload"),
     ("excite servo_pendulum --for payload,payload -o a.csv", "two different"),
