@@ -13,7 +13,7 @@ from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.leftover import Leftover
 from dynreg.diagnose.look import Look, look
 from dynreg.diagnose.loose import Loose, loose_ends
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.problem import Point
 from dynreg.diagnose.rest import rest
 from dynreg.diagnose.where import ErrorRow, split_errors
 from dynreg.replay.judged import Gain
@@ -25,7 +25,7 @@ class Account:
     """Of a diagnosis, by the windows that it is judged by.
 
     states : (3, W, T+1, S) of the simulator that it began with, the calibrated and the extended one. errors : (3, C)
-    their mean absolute errors in every weighted channel, in its unit. where : the same errors by regime of motion.
+    their mean absolute errors in every weighted channel, in its unit. where : the calibrated one's by regime of motion.
     gains : of each cause over the causes before it; gain : of all together; None where nothing was held out.
     causes : parameters of each cause. draws : of the extended simulator. simulators : by kind, parameters (P,) and
     effects. rest : None where nothing is left. simulated : how many simulators were run through the judged windows.
@@ -52,19 +52,22 @@ def account(made: Diagnosed, asked: Asked) -> Account:
     states = problem.states([problem.start, found.base, *_stages(found)], judged)
     three = np.stack([states[0], states[1], states[-1]])
     draws = posterior(found.problem, found.extended, chosen, seed=asked.seed)
+    kinds = {"calibrated": found.base} | ({"extended": found.extended} if found.accepted else {})
+    residual, slopes = sensitivities(found.problem, [found.extended], chosen)
+    effective = found.problem.effective(residual[0])
+    curvature, _ = information(found.problem, found.extended, residual[0], slopes[0], effective)
+    covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))  # of the log posterior
     gained = lambda i, j: gain(problem, states[i], states[j], judged) if made.tested else None  # noqa: E731
     return Account(
         states=three,
         errors=channel_errors(problem, three, judged),
-        where=split_errors(problem.robot, problem.windows.take(judged), three),
+        where=split_errors(problem.robot, problem.windows.take(judged), three[1]),
         gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
         gain=gained(1, -1) if found.accepted else None,
         causes=tuple(estimates(problem, found.extended, given + i, draws) for i in range(found.accepted)),
         draws=draws,
-        simulators={
-            kind: problem.simulator(point, chosen, seed=asked.seed) for kind, point in _kinds(found).items()
-        },
-        loose=loose_ends(problem.coordinates, _covariance(found.problem, found.extended, chosen)),
+        simulators={kind: problem.simulator(one, chosen, seed=asked.seed) for kind, one in kinds.items()},
+        loose=loose_ends(problem.coordinates, covariance),
         look=look(found.problem, found, draws, chosen, asked),
         rest=rest(found.problem, found.extended, chosen, made.verdict, asked.seed),
         simulated=len(states),
@@ -75,16 +78,3 @@ def _stages(found: Found) -> list[Point]:
     """The point after each accepted cause; the last is the extended simulator, refitted on fit and select."""
     after = [naming.chosen.point for naming in found.rounds[: found.accepted]]
     return [*after[:-1], found.extended] if after else [found.extended]
-
-
-def _kinds(found: Found) -> dict[str, Point]:
-    """The simulators that a diagnosis leaves: the calibrated, and with causes the extended one."""
-    return {"calibrated": found.base} | ({"extended": found.extended} if found.accepted else {})
-
-
-def _covariance(problem: Problem, point: Point, chosen: np.ndarray) -> np.ndarray:
-    """(P' + K, P' + K) covariance of the coordinates, from the curvature of the log posterior."""
-    residual, slopes = sensitivities(problem, [point], chosen)
-    effective = problem.effective(residual[0])
-    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    return np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))

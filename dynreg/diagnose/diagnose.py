@@ -84,23 +84,38 @@ def diagnose(
     """Name what a simulator of `robot` lacks to move as the recording says: `start`, by default the nominal one.
 
     Fit, select and test are disjoint by trajectory; nothing reads test here. cache : keeps thresholds.
-    Raises as `pose`, and UsageError where none of the effects asked for can act.
+    Raises as `pose` and `offered`.
     """
     problem, split = pose(robot, recording, asked, start)
-    terms = offered(problem, asked)
-    if not terms:
-        raise _nothing_offered(problem, asked)
-    found = search(problem, terms, split, asked, cache=cache, progress=progress)
+    found = search(problem, offered(problem, asked), split, asked, cache=cache, progress=progress)
     evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
     verdict = verdict_of(problem.robot, evidence, found.rounds, found.accepted)
     return Diagnosed(problem, split, found, evidence, verdict)
 
 
 def offered(problem: Problem, asked: Asked) -> list[Term]:
-    """The terms that may be named: at the joints that are looked at, and in no measured input."""
-    held = shown(problem.robot, problem.windows)
-    terms = single_terms(problem.robot, asked.effects or (), (*asked.without, *held))
-    return terms_at(terms, asked.joints) if asked.joints else terms
+    """The terms that may be named: at the joints that are looked at, and in no measured input.
+
+    Raises UsageError where none of the effects asked for can act.
+    """
+    robot, held = problem.robot, shown(problem.robot, problem.windows)
+    terms = single_terms(robot, asked.effects or (), (*asked.without, *held))
+    if asked.joints:
+        terms = terms_at(terms, asked.joints)
+    if terms:
+        return terms
+    if asked.joints:
+        raise UsageError(
+            f"none of the effects asked for acts on single joints such as {asked.joints[0]!r}",
+            expected="effects of joints",
+            do="leave the choice of joints out",
+        )
+    measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
+    raise UsageError(
+        f"none of the effects {list(asked.effects or ())} can act on robot {robot.name!r}{measured}",
+        expected="an effect that can",
+        do=f"see `dynreg effects {robot.name}`",
+    )
 
 
 def search(
@@ -194,28 +209,13 @@ def _refitted(
     if not found.accepted:
         current = base
     elif many:
-        current = _polished(zeroed, current, both)
+        for _ in range(2):
+            zeroed.refine([current], both)
+            own = zeroed.effective(zeroed.residuals([current], both)[0])
+            (current,), _ = fit(zeroed, [current], both, own, iterations=2)
     else:
         current = settle(zeroed, current, both, pooled, seed=seed)
     return replace(found, base=base, extended=current)
-
-
-def _nothing_offered(problem: Problem, asked: Asked) -> UsageError:
-    """None of the effects asked for can act."""
-    if asked.joints:
-        return UsageError(
-            f"none of the effects asked for acts on single joints such as {asked.joints[0]!r}",
-            expected="effects of joints",
-            do="leave the choice of joints out",
-        )
-    robot = problem.robot
-    held = shown(robot, problem.windows)
-    measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
-    return UsageError(
-        f"none of the effects {list(asked.effects or ())} can act on robot {robot.name!r}{measured}",
-        expected="an effect that can",
-        do=f"see `dynreg effects {robot.name}`",
-    )
 
 
 def _zeroed(
@@ -254,12 +254,3 @@ def _ended(
         (extended,), _ = polish(zeroed, [extended], chosen, iterations=ENDED)
     zeroed.refine([extended], chosen)
     return base, extended
-
-
-def _polished(problem: Problem, point: Point, chosen: np.ndarray) -> Point:
-    """The point refitted with the time step's part and the samples of its own residual, twice."""
-    for _ in range(2):
-        problem.refine([point], chosen)
-        effective = problem.effective(problem.residuals([point], chosen)[0])
-        (point,), _ = fit(problem, [point], chosen, effective, iterations=2)
-    return point

@@ -3,13 +3,11 @@
 An error belongs to the command interval that led to it. Regimes overlap: a reversal is mostly slow, too.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.diagnose.signals import JointSignals, joint_of_channel, joint_signals
-from dynreg.errors import UsageError
 from dynreg.replay.residual import scaled
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
@@ -22,10 +20,10 @@ TOP = 0.8  # quantile above which speed and load are high
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """The error of one simulator on one channel in one regime; "overall" stands for all samples.
+    """The error of a simulator on one channel in one regime; "overall" stands for all samples.
 
     error : mean absolute rollout error in the channel's unit; a diverged simulation counts as ten times the motion.
-    share : of this simulator's whole error, in units of the channels' spread times their weights.
+    share : of the simulator's whole error, in units of the channels' spread times their weights.
     ratio : mean error in the regime over the mean elsewhere; None where there is no elsewhere, or no error there.
     """
 
@@ -33,7 +31,6 @@ class ErrorRow:
     unit: str
     joint: str | None
     regime: str
-    simulator: int
     error: float
     share: float
     ratio: float | None
@@ -41,39 +38,29 @@ class ErrorRow:
 
 
 def split_errors(robot: Robot, windows: Windows, states: np.ndarray) -> tuple[ErrorRow, ...]:
-    """Rows for every measured channel, regime with samples and simulator.
+    """Rows for every measured channel and regime with samples.
 
-    states : (n, W, T+1, S) rollouts of n simulators through the windows.
-    Raises UsageError where the shapes do not fit the windows.
+    states : (W, T+1, S) rollouts of one simulator through the windows.
     """
-    shape = windows.measured.shape
-    if states.ndim != 4 or states.shape[1:] != shape:
-        raise UsageError(
-            f"states of shape {states.shape}",
-            expected=f"(simulators, {', '.join(map(str, shape))})",
-            do="roll the simulators out through these windows",
-        )
     signals = joint_signals(robot, windows)
     everywhere = _of_the_clock(windows)
-    by_joint = {joint: everywhere | motion_regimes(s, windows.period) for joint, s in signals.items()}
-    rest = everywhere | _of_any_joint(signals)
-    rollouts = [scaled_errors(windows, s[:, 1:]) for s in states]
+    by_joint = {j: everywhere | motion_regimes(s, windows.period) for j, s in signals.items()}
+    rest = dict(everywhere)
+    if signals:  # what can be said of a channel that belongs to no driven joint
+        rest["saturation"] = np.any([s.saturated for s in signals.values()], axis=0)
+        rest["drive_off"] = np.any([~s.enabled for s in signals.values()], axis=0)
+    # (W, T, S) in units of the spread; NaN where nothing was measured
+    errors = np.abs(scaled(states[:, 1:], windows.measured[:, 1:], windows.spread))
     rows = []
     for c, channel in enumerate(robot.file.channels):
         if not np.isfinite(windows.measured[:, 1:, c]).any():
             continue
         joint = joint_of_channel(channel.name, signals)
         for regime, mask in (rest if joint is None else by_joint[joint]).items():
-            for i, error in enumerate(rollouts):
-                found = _measure(error, mask, c, windows)
-                if found is not None:
-                    rows.append(ErrorRow(channel.name, channel.unit, joint, regime, i, *found))
+            found = _measure(errors, mask, c, windows)
+            if found is not None:
+                rows.append(ErrorRow(channel.name, channel.unit, joint, regime, *found))
     return tuple(rows)
-
-
-def scaled_errors(windows: Windows, predicted: np.ndarray) -> np.ndarray:
-    """(W, T, S) absolute errors of predicted rows 1..T in units of the spread; NaN where nothing was measured."""
-    return np.abs(scaled(predicted, windows.measured[:, 1:], windows.spread))
 
 
 def motion_regimes(signals: JointSignals, period: float) -> dict[str, np.ndarray]:
@@ -84,13 +71,14 @@ def motion_regimes(signals: JointSignals, period: float) -> dict[str, np.ndarray
         95th percentile. saturation : the drive is at the limit of its nominal law.
     """
     speed = np.abs(signals.velocity)
-    lively = _quantile(speed, 0.95)
+    lively, load = _quantile(speed, 0.95), np.where(signals.enabled, signals.load, np.nan)
     with np.errstate(invalid="ignore"):
         return {
             "reversals": (speed < TURNING * lively) & _near_turns(signals, lively, period),
             "low_speed": speed < SLOW * lively,
             "high_speed": speed > _quantile(speed, TOP),
-            "high_load": _top(np.where(signals.enabled, signals.load, np.nan)),
+            # ties with the limit are all in, as a saturated drive's are
+            "high_load": (load >= _quantile(load, TOP)) & (load > 0),
             "saturation": signals.saturated,
             "drive_off": ~signals.enabled,
         }
@@ -126,16 +114,6 @@ def _of_the_clock(windows: Windows) -> dict[str, np.ndarray]:
     return out
 
 
-def _of_any_joint(signals: Mapping[str, JointSignals]) -> dict[str, np.ndarray]:
-    """What can be said of a channel that belongs to no driven joint."""
-    if not signals:
-        return {}
-    return {
-        "saturation": np.any([s.saturated for s in signals.values()], axis=0),
-        "drive_off": np.any([~s.enabled for s in signals.values()], axis=0),
-    }
-
-
 def _near_turns(signals: JointSignals, lively: float, period: float) -> np.ndarray:
     """(W, T) within REVERSAL of a change of direction; what moves less than the noise keeps its direction."""
     least = max(0.05 * lively, 3.0 * signals.velocity_noise)
@@ -151,13 +129,6 @@ def _near_turns(signals: JointSignals, lively: float, period: float) -> np.ndarr
         near[:, shift:] |= turned[:, :-shift]
         near[:, :-shift] |= turned[:, shift:]
     return near
-
-
-def _top(load: np.ndarray) -> np.ndarray:
-    """(W, T) the top fifth of a load; ties with its limit are all in, as a saturated drive's are."""
-    limit = _quantile(load, TOP)
-    with np.errstate(invalid="ignore"):
-        return (load >= limit) & (load > 0)
 
 
 def _quantile(values: np.ndarray, q: float) -> float:

@@ -65,7 +65,7 @@ def document(
         error=errors[_worst(problem, seen)],
         errors=errors,
         where=_where(seen),
-        finding=finding(seen.where, 1),
+        finding=finding(seen.where),
         looked=looked(made, seen),
         inseparable=inseparable(made, seen),
         noise=Noise(**vars(made.evidence.noise)),
@@ -233,12 +233,10 @@ def _parts(about: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
 
 def _where(seen: Account) -> tuple[Where, ...]:
     """Where the calibrated simulator errs, the largest shares first."""
-    rows = sorted(
-        (r for r in seen.where if r.simulator == 1), key=lambda r: (r.regime != "overall", -r.share)
-    )
+    rows = sorted(seen.where, key=lambda r: (r.regime != "overall", -r.share))
     told = ("channel", "regime", "share", "joint", "unit", "error", "ratio")
     return tuple(
-        Where(simulator=NAMES[r.simulator], **{key: getattr(r, key) for key in told}) for r in rows[:PLACES]
+        Where(simulator="calibrated", **{key: getattr(r, key) for key in told}) for r in rows[:PLACES]
     )
 
 

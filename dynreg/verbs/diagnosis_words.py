@@ -29,12 +29,11 @@ WORDS = {
 DRIFT = ("overall", "early", "late")  # a rollout's error grows anyway: that names no place
 
 
-def finding(rows: tuple[ErrorRow, ...], simulator: int = 0) -> str:
+def finding(rows: tuple[ErrorRow, ...]) -> str:
     """One sentence: where most of a simulator's error is that would not be there at the mean error elsewhere."""
-    own = [r for r in rows if r.simulator == simulator]
-    overall = {r.channel: r for r in own if r.regime == "overall"}
+    overall = {r.channel: r for r in rows if r.regime == "overall"}
     excess: dict[str, float] = {}
-    candidates = [r for r in own if r.regime not in DRIFT and r.ratio and r.ratio > 1.2 and r.samples >= 10]
+    candidates = [r for r in rows if r.regime not in DRIFT and r.ratio and r.ratio > 1.2 and r.samples >= 10]
     for r in candidates:
         excess[r.regime] = excess.get(r.regime, 0.0) + _excess(r)
     regime = max(excess, key=lambda k: excess[k], default=None)
@@ -43,7 +42,7 @@ def finding(rows: tuple[ErrorRow, ...], simulator: int = 0) -> str:
         if worst is None or not worst.share > 0:
             return "No error was measured."
         return f"{100 * worst.share:.0f} % of the error is on {worst.channel}; no regime of its motion stands out."
-    inside = [r for r in own if r.regime == regime]
+    inside = [r for r in rows if r.regime == regime]
     top = max((r for r in candidates if r.regime == regime), key=_excess)
     said = f"{100 * sum(r.share for r in inside):.0f} % of the error lies {WORDS[regime]}"
     among = "" if len(inside) == 1 else f", most of it on {top.channel}"

@@ -8,7 +8,6 @@ from motions import swing, triangle, windows_of
 
 from dynreg.diagnose.signals import joint_signals
 from dynreg.diagnose.where import motion_regimes, split_errors
-from dynreg.errors import UsageError
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.diagnosis_words import finding
 
@@ -28,14 +27,14 @@ def regimes(robot: Robot, windows) -> dict[str, np.ndarray]:
     return motion_regimes(joint_signals(robot, windows)["arm"], windows.period)
 
 
-def rows_by_regime(rows, channel="arm/position", simulator=0):
-    return {r.regime: r for r in rows if r.channel == channel and r.simulator == simulator}
+def rows_by_regime(rows, channel="arm/position"):
+    return {r.regime: r for r in rows if r.channel == channel}
 
 
 def with_error(windows, mask: np.ndarray, size: float = 0.1, rest: float = 0.01) -> np.ndarray:
-    """(1, W, T+1, S) states that are `size` off where the mask (W, T) is, `rest` elsewhere."""
-    states = windows.measured[None].copy()
-    states[0, :, 1:, 0] += np.where(mask, size, rest)
+    """(W, T+1, S) states that are `size` off where the mask (W, T) is, `rest` elsewhere."""
+    states = windows.measured.copy()
+    states[:, 1:, 0] += np.where(mask, size, rest)
     return states
 
 
@@ -119,13 +118,13 @@ def test_shares_are_of_the_weighted_error_and_sum_to_one(robot):
     measured = rng.standard_normal((2, 31, len(quadruped.channels)))
     windows = windows_of(quadruped, measured, rng.standard_normal((2, 30, 12)), period=1 / 36)
     states = measured + 0.1 * rng.standard_normal((3, *measured.shape))
-    rows = split_errors(quadruped, windows, states)
-    for simulator in range(3):
-        whole = [r for r in rows if r.regime == "overall" and r.simulator == simulator]
+    for one in states:
+        rows = split_errors(quadruped, windows, one)
+        whole = [r for r in rows if r.regime == "overall"]
         assert len(whole) == len(quadruped.channels)
         assert sum(r.share for r in whole) == pytest.approx(1.0)
         assert all(r.ratio is None for r in whole)
-        error = np.abs(states[simulator, :, 1:] - measured[:, 1:]).mean(axis=(0, 1))
+        error = np.abs(one[:, 1:] - measured[:, 1:]).mean(axis=(0, 1))
         np.testing.assert_allclose([r.error for r in whole], error)
     assert all(r.share == 0 for r in rows if r.channel == "fl_hip/velocity")  # no weight
     assert {r.regime for r in rows if r.channel == "base/roll"} <= {"overall", "early", "late", "saturation"}
@@ -133,7 +132,7 @@ def test_shares_are_of_the_weighted_error_and_sum_to_one(robot):
 
 def test_regimes_without_samples_are_left_out(robot):
     windows = cut(robot, swing(201)[None])
-    found = rows_by_regime(split_errors(robot, windows, windows.measured[None] + 0.1))
+    found = rows_by_regime(split_errors(robot, windows, windows.measured + 0.1))
     assert set(found) == {"overall", "reversals", "low_speed", "high_speed", "high_load", "early", "late"}
 
 
@@ -143,8 +142,7 @@ def test_time_is_that_of_the_rollout_and_that_of_the_log(robot):
     states = measured[None].repeat(2, axis=0)
     states[0, :, 61:, 0] += 0.1  # drifts in every rollout
     states[1, 2, :, 0] += 0.1  # the end of the log
-    rows = split_errors(robot, windows, states)
-    drift, worn = (rows_by_regime(rows, simulator=i) for i in (0, 1))
+    drift, worn = (rows_by_regime(split_errors(robot, windows, one)) for one in states)
     assert drift["late"].share == pytest.approx(1.0) and drift["early"].error == 0
     assert drift["log_end"].share == pytest.approx(1 / 3, abs=0.02)
     assert worn["log_end"].share == pytest.approx(1.0) and worn["log_end"].ratio is None  # no error elsewhere
@@ -173,8 +171,7 @@ def test_a_diverged_simulation_counts_as_ten_times_the_motion(robot):
     states = windows.measured[None].repeat(2, axis=0)
     states[0, :, 50:] = np.nan
     states[1, :, 50:] = 1e30
-    rows = split_errors(robot, windows, states)
-    late = [rows_by_regime(rows, simulator=i)["late"].error for i in (0, 1)]
+    late = [rows_by_regime(split_errors(robot, windows, one))["late"].error for one in states]
     np.testing.assert_allclose(late, 10 * windows.spread[0])
 
 
@@ -183,14 +180,14 @@ def test_a_diverged_simulation_counts_as_ten_times_the_motion(robot):
 
 def test_an_even_error_stands_out_nowhere(robot):
     windows = cut(robot, swing(401)[None])
-    said = finding(split_errors(robot, windows, windows.measured[None] + 0.1))
+    said = finding(split_errors(robot, windows, windows.measured + 0.1))
     assert said == "100 % of the error is on arm/position; no regime of its motion stands out."
-    assert finding(split_errors(robot, windows, windows.measured[None])) == "No error was measured."
+    assert finding(split_errors(robot, windows, windows.measured)) == "No error was measured."
 
 
 def test_a_rollout_that_drifts_names_no_place(robot):
     windows = cut(robot, swing(401)[None])
-    states = windows.measured[None].copy()
+    states = windows.measured.copy()
     states[..., 0] += np.linspace(0, 0.2, 401)
     assert "no regime" in finding(split_errors(robot, windows, states))
 
@@ -198,13 +195,5 @@ def test_a_rollout_that_drifts_names_no_place(robot):
 def test_a_sharp_triangle_has_no_slow_rows(robot):
     """Nothing divides by a regime that is empty."""
     windows = cut(robot, triangle(201)[None])
-    found = rows_by_regime(split_errors(robot, windows, windows.measured[None] + 0.1))
+    found = rows_by_regime(split_errors(robot, windows, windows.measured + 0.1))
     assert "reversals" not in found and "low_speed" not in found
-
-
-def test_states_of_other_windows_are_refused(robot):
-    windows = cut(robot, swing(41)[None])
-    with pytest.raises(
-        UsageError, match=r"states of shape \(1, 1, 40, 2\); expected \(simulators, 1, 41, 2\)"
-    ):
-        split_errors(robot, windows, windows.measured[None, :, 1:])
