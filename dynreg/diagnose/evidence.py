@@ -16,6 +16,7 @@ from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # mean squares below it count as this: their logarithm has to be a number
 Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
+WHITE = 0.01  # chance of a residual's autocorrelation, from which nothing speaks against white noise
 EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
 
 
@@ -61,7 +62,7 @@ class Evidence:
             stated = max(float(np.hypot(known.stated, begun[column])), 1e-12)
             floor = known.spread if known.spread else stated
             size = float(remaining(left[..., c], problem.rough) * spread)
-            white = whiteness(left[..., c])
+            chance = whiteness(left[..., c])
             rows.append(
                 Noise(
                     channel=robot.channels[column],
@@ -70,7 +71,7 @@ class Evidence:
                     floor=float(floor),
                     basis="repeatability" if known.spread else "stated_noise",
                     ratio=size / float(floor),
-                    white=white.white if white.p is not None else None,
+                    white=None if chance is None else chance > WHITE,
                 )
             )
         return cls(max(rows, key=lambda n: n.ratio), repeats)

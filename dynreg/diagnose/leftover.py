@@ -57,14 +57,11 @@ class Dependence:
     """Of one joint and signal, as shares of the residual's variance on unseen trajectories.
 
     share : what it adds to those named before it; the shares of a joint sum to what its few signals explain together.
-    alone : what it explains by itself. lost : what is lost without it, where all others stay.
     """
 
     joint: str
     signal: str
     share: float
-    alone: float
-    lost: float
 
 
 @dataclass(frozen=True)
@@ -95,39 +92,30 @@ def leftover(residuals: Residuals, *, seed: int = 0) -> Leftover:
     import sklearn.ensemble  # noqa: F401  - limits reach only what is loaded
     from threadpoolctl import threadpool_limits
 
+    joint, (y, table, names, block) = residuals.joint, _rows(residuals)
+    numbers, at = np.unique(block, return_inverse=True)
+    told, null, share = 0.0, 0.0, {}
     with threadpool_limits(1):  # threads cost such small fits far more than they save
-        return _leftover(residuals, seed)
-
-
-def _leftover(residuals: Residuals, seed: int) -> Leftover:
-    y, table, names, block = _rows(residuals)
+        if len(y) >= FEWEST and names and np.std(y) > 0 and len(numbers) >= FOLDS:
+            order = stream(seed, "leftover folds", joint).permutation(len(numbers))
+            judge = _Judge(y, table, order[at] % FOLDS, seed)  # a block is in one fold only
+            whole = judge.explained(list(range(len(names))))
+            null = _null(judge, block, whole, joint, seed)
+            if whole >= max(LEAST, MARGIN * null):
+                share = _shares(judge, names, whole)
+                told = max(whole, sum(share.values()))
+    rows = [Dependence(joint, name, share.get(name, 0.0)) for name in residuals.signals]
     trajectories = len(np.unique(residuals.trajectory[np.isfinite(residuals.values)]))
-    about = (float(np.std(y)) if len(y) else 0.0, len(y), trajectories)
-    zeros = tuple(Dependence(residuals.joint, name, 0.0, 0.0, 0.0) for name in residuals.signals)
-    if len(y) < FEWEST or not names or about[0] == 0 or len(np.unique(block)) < FOLDS:
-        return Leftover(residuals.joint, residuals.unit, 0.0, 0.0, *about, zeros)
-    judge = _Judge(y, table, _folds(block, seed, residuals.joint), seed)
-    everything = list(range(len(names)))
-    whole = judge.explained(everything)
-    null = _null(judge, block, whole, residuals.joint, seed)
-    if whole < max(LEAST, MARGIN * null):
-        return Leftover(residuals.joint, residuals.unit, 0.0, null, *about, zeros)
-    alone = [judge.explained([i]) for i in everything]
-    without = [judge.explained([j for j in everything if j != i]) for i in everything]
-    share = dict(_shares(judge, names, alone, whole))
-    found = {
-        name: Dependence(
-            residuals.joint,
-            name,
-            share.get(i, 0.0),
-            max(alone[i], 0.0),
-            max(whole - max(without[i], 0.0), 0.0),
-        )
-        for i, name in enumerate(names)
-    }
-    rows = sorted((found.get(z.signal, z) for z in zeros), key=lambda r: -r.share)
-    told = max(whole, sum(share.values()))
-    return Leftover(residuals.joint, residuals.unit, told, null, *about, tuple(rows))
+    return Leftover(
+        joint,
+        residuals.unit,
+        explained=told,
+        null=null,
+        size=float(np.std(y)) if len(y) else 0.0,
+        samples=len(y),
+        trajectories=trajectories,
+        rows=tuple(sorted(rows, key=lambda r: -r.share)),
+    )
 
 
 class _Judge:
@@ -186,41 +174,40 @@ class _Judge:
         return model.fit(x, y).predict(ask)
 
 
-def _shares(judge: _Judge, names: list[str], alone: list[float], whole: float) -> list[tuple[int, float]]:
-    """(column, what it adds), signal by signal, until nothing adds enough; a pair where no single signal tells half."""
+def _shares(judge: _Judge, names: list[str], whole: float) -> dict[str, float]:
+    """What each signal adds, one after the other until none adds enough; a pair where no single signal tells half."""
+
+    def beside(chosen: dict[int, float]) -> dict[int, float]:
+        """Scores of the other columns together with those chosen."""
+        return {i: judge.explained([*chosen, i]) for i in range(len(names)) if i not in chosen}
+
     least = max(LEAST, MORE * whole)
-    chosen: list[tuple[int, float]] = []
-    total, scores = 0.0, dict(enumerate(alone))
+    chosen: dict[int, float] = {}
+    total, scores = 0.0, beside(chosen)
+    alone = list(scores.values())
     if max(alone) < 0.5 * whole and len(names) > 1:
         pairs = {(i, j): judge.explained([i, j]) for i in range(len(names)) for j in range(i)}
         (i, j), together = max(pairs.items(), key=lambda item: item[1])
         if together > max(alone) + least and together > 2 * max(alone):
             # what only acts together is shared evenly
-            halves = [
-                (a, (together + max(alone[a], 0.0) - max(alone[b], 0.0)) / 2) for a, b in ((i, j), (j, i))
-            ]
-            chosen, total = [h for h in halves if h[1] > 0], together
-            scores = _next(judge, [c for c, _ in chosen], len(names))
+            halves = {
+                a: (together + max(alone[a], 0.0) - max(alone[b], 0.0)) / 2 for a, b in ((i, j), (j, i))
+            }
+            chosen, total = {a: half for a, half in halves.items() if half > 0}, together
+            scores = beside(chosen)
     while scores:
         best = max(scores.values())
         if best < total + least:
             break
         near = [i for i, score in scores.items() if score >= best - NEAR * max(whole, best)]
-        pick = min(near, key=lambda i: (_simplicity(names[i]), -scores[i]))
+        # what is not among the simplest comes after them
+        pick = min(near, key=lambda i: ([*SIMPLEST, names[i]].index(names[i]), -scores[i]))
         if scores[pick] < total + least:
             pick = max(scores, key=lambda i: scores[i])
-        chosen.append((pick, scores[pick] - total))
+        chosen[pick] = scores[pick] - total
         total = scores[pick]
-        scores = _next(judge, [c for c, _ in chosen], len(names))
-    return chosen
-
-
-def _next(judge: _Judge, chosen: list[int], count: int) -> dict[int, float]:
-    return {i: judge.explained([*chosen, i]) for i in range(count) if i not in chosen}
-
-
-def _simplicity(name: str) -> int:
-    return SIMPLEST.index(name) if name in SIMPLEST else len(SIMPLEST)
+        scores = beside(chosen)
+    return {names[i]: share for i, share in chosen.items()}
 
 
 def _rows(residuals: Residuals) -> tuple[np.ndarray, np.ndarray, list[str], np.ndarray]:
@@ -253,29 +240,20 @@ def _blocks(trajectory: np.ndarray) -> np.ndarray:
     return block * parts + within * parts // counts[block]
 
 
-def _folds(block: np.ndarray, seed: int, joint: str) -> np.ndarray:
-    """(N,) fold of each row; a block is in one fold only."""
-    numbers, at = np.unique(block, return_inverse=True)
-    order = stream(seed, "leftover folds", joint).permutation(len(numbers))
-    return order[at] % FOLDS
-
-
 def _null(judge: _Judge, block: np.ndarray, whole: float, joint: str, seed: int) -> float:
-    """The best R^2 of residuals paired with the wrong signals, at least 0; the search ends where `whole` fails it."""
-    best = 0.0
+    """The best R^2 of residuals paired with the wrong signals, at least 0; the search ends where `whole` fails it.
+
+    They are in another order of blocks and shifted: as correlated in time, but of no signal's making.
+    """
+    best, y = 0.0, judge.y
     for number in range(NULLS):
         if whole < max(LEAST, MARGIN * best):
             break
-        wrong = _mispaired(judge.y, block, seed, joint, number)
+        rng = stream(seed, "leftover null", joint, number)
+        order = rng.permutation(np.unique(block))
+        mixed = np.concatenate([y[block == b] for b in order])
+        wrong = np.roll(mixed, int(rng.integers(len(y) // 10, len(y) - len(y) // 10)))
         best = max(
             best, _Judge(wrong, judge.table, judge.folds, seed).explained(list(range(judge.table.shape[1])))
         )
     return best
-
-
-def _mispaired(y: np.ndarray, block: np.ndarray, seed: int, joint: str, number: int) -> np.ndarray:
-    """The residuals (N,) in another order of blocks and shifted: as correlated in time, but of no signal's making."""
-    rng = stream(seed, "leftover null", joint, number)
-    order = rng.permutation(np.unique(block))
-    mixed = np.concatenate([y[block == b] for b in order])
-    return np.roll(mixed, int(rng.integers(len(y) // 10, len(y) - len(y) // 10)))

@@ -1,6 +1,5 @@
 """How alike two runs of the same commands are: the floor that any model can reach; and what is white in a residual."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from dynreg.sim.robot import Robot
 
 LONGEST_SHIFT = 0.5  # s by which the commands of two runs may lie apart in their episodes
 SHORTEST = 0.5  # s that two runs must have in common
+ALIKE = 0.01  # mean difference of the commands of two runs, in standard deviations of each over the recording
 START = 0.25  # of a channel's spread: further apart at the start, two runs are not the same experiment
 WORLD = ("x", "y", "z", "yaw")  # of a base: where it happens to stand
 
@@ -32,24 +32,17 @@ class Repeatability:
     pairs: int
     samples: int
 
-    @property
-    def floor(self) -> float:
-        """What any model must leave: the measured spread, or without repeats the stated noise."""
-        return self.stated if self.spread is None else self.spread
 
-
-def repeatability(
-    robot: Robot, recording: Recording, *, tolerance: float = 0.01
-) -> tuple[Repeatability, ...]:
+def repeatability(robot: Robot, recording: Recording) -> tuple[Repeatability, ...]:
     """The run-to-run spread of every channel of the robot, in their order.
 
     Two episodes repeat each other where their settings are equal, their commands and enable flags agree within
-    `tolerance` (mean size of the difference, in standard deviations of each command over the recording) at one
+    `ALIKE` (mean size of the difference, in standard deviations of each command over the recording) at one
     shift of at most 0.5 s, and they start alike there. A constant offset between two runs is not counted; of a planar
     base, the offset with which they start.
     """
     stated = robot.sensor_noise
-    pairs = repeated(robot, recording, tolerance=tolerance)
+    pairs = repeated(robot, recording)
     out = []
     for c, channel in enumerate(robot.file.channels):
         squares, freedom, used, samples = 0.0, 0, 0, 0
@@ -70,9 +63,7 @@ def repeatability(
     return tuple(out)
 
 
-def repeated(
-    robot: Robot, recording: Recording, *, tolerance: float = 0.01
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def repeated(robot: Robot, recording: Recording) -> list[tuple[np.ndarray, np.ndarray]]:
     """Every pair of runs of the same commands, as rows (T, C) each that begin at the same command."""
     enables = robot.inputs[len(robot.file.inputs) :]
     told = [name for name in (*robot.actions, *enables) if name in recording.names]
@@ -81,57 +72,49 @@ def repeated(
     commands = recording.columns(told)
     everything = np.concatenate([e.values for e in recording.episodes])
     spread = _spread(everything)
-    starts = [c for c in _columns(robot, recording) if np.isfinite(spread[c])]
+    noise = dict(zip(robot.channels, robot.sensor_noise, strict=True))
+    # columns of the state in which two starts are compared: not where a base stands in the world
+    starts = [
+        c
+        for c, name in enumerate(recording.names)
+        if name in noise and quantity_of(name) not in WORLD and np.isfinite(spread[c])
+    ]
+    allowed = np.maximum(START * spread[starts], [6.0 * noise[recording.names[c]] for c in starts])
     out = []
     for i, first in enumerate(recording.episodes):
         for second in recording.episodes[i + 1 :]:
-            if not _same_settings(first.settings, second.settings):
+            a, b = first.settings, second.settings
+            if a.keys() != b.keys() or not all(np.isclose(a[k], b[k]) for k in a):
                 continue
-            cut = _aligned(first, second, commands, spread, tolerance)
-            if cut is not None and _start_alike(
-                cut[0][0, starts], cut[1][0, starts], robot, recording, starts, spread
-            ):
-                out.append(cut)
+            cut = _aligned(first, second, commands, spread[commands])
+            if cut is not None:
+                apart = np.abs(cut[0][0, starts] - cut[1][0, starts])
+                if np.all(~np.isfinite(apart) | (apart <= allowed)):
+                    out.append(cut)
     return out
 
 
-@dataclass(frozen=True)
-class Whiteness:
-    """Ljung-Box test: `p` is the chance that white noise shows at least this autocorrelation.
+def whiteness(series: np.ndarray) -> float | None:
+    """The chance that white noise shows at least the autocorrelation of a residual (T,) or (W, T): Ljung-Box test.
 
-    p is None where the series is too short (under 8 samples) or constant.
+    NaN are gaps. Products reach across neither gaps nor rows; one mean is taken off all. Lags go up to 20 samples or a
+    fifth of a row's length. None where the series is too short (under 8 samples) or constant.
     """
-
-    statistic: float
-    p: float | None
-    lags: int
-    samples: int
-
-    @property
-    def white(self) -> bool | None:
-        """Whether nothing speaks against white noise at 1 %; None where it cannot be told."""
-        return None if self.p is None else self.p > 0.01
-
-
-def whiteness(series: np.ndarray, *, lags: int | None = None) -> Whiteness:
-    """Test a residual (T,), or several of equal length (W, T), for autocorrelation.
-
-    NaN are gaps. Products reach across neither gaps nor rows; one mean is taken off all. lags : how far, by default
-    20 samples or a fifth of a row's length.
-    """
-    rows = np.atleast_2d(np.asarray(series, dtype=float))
-    known = np.isfinite(rows)
-    samples, longest = int(known.sum()), int(known.sum(axis=1).max(initial=0))
-    lags = max(1, min(20, longest // 5) if lags is None else min(lags, longest - 1))
-    correlation, counts = _autocorrelation(rows)
-    if samples < 8 or not np.isfinite(correlation[0]):
-        return Whiteness(0.0, None, 0, samples)
     from scipy.stats import chi2
 
-    at = np.arange(1, min(lags, len(correlation) - 1) + 1)
+    rows = np.atleast_2d(np.asarray(series, dtype=float))
+    known, steps = np.isfinite(rows), rows.shape[1]
+    samples, longest = int(known.sum()), int(known.sum(axis=1).max(initial=0))
+    if samples < 8 or np.ptp(rows[known]) <= 1e-12 * np.abs(rows[known]).max():
+        return None
+    x = np.where(known, rows - rows[known].mean(), 0.0)
+    by_lag = lambda a: np.fft.irfft(np.abs(np.fft.rfft(a, 2 * steps)) ** 2, 2 * steps)[:, :steps].sum(axis=0)  # noqa: E731
+    products, counts = by_lag(x), np.round(by_lag(known.astype(float)))
+    correlation = products / products[0]
+    at = np.arange(1, min(max(1, min(20, longest // 5)), steps - 1) + 1)
     at = at[counts[at] > 0]
     statistic = float(samples * (samples + 2) * np.sum(correlation[at] ** 2 / counts[at]))
-    return Whiteness(statistic, float(chi2.sf(statistic, len(at))), len(at), samples)
+    return float(chi2.sf(statistic, len(at)))
 
 
 def _standing(robot: Robot, recording: Recording, rows: np.ndarray) -> int:
@@ -140,22 +123,13 @@ def _standing(robot: Robot, recording: Recording, rows: np.ndarray) -> int:
     return int(standing(robot, actions[:, :-1], states)[0])
 
 
-def _autocorrelation(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) correlations by lag over all rows (W, T), and how many products each is made of; NaN for a constant."""
-    known = np.isfinite(rows)
-    steps = rows.shape[1]
-    if known.sum() < 2 or np.ptp(rows[known]) <= 1e-12 * np.abs(rows[known]).max():
-        return np.full(max(steps, 1), np.nan), np.zeros(max(steps, 1))
-    x = np.where(known, rows - rows[known].mean(), 0.0)
-    by_lag = lambda a: np.fft.irfft(np.abs(np.fft.rfft(a, 2 * steps)) ** 2, 2 * steps)[:, :steps].sum(axis=0)  # noqa: E731
-    products = by_lag(x)
-    return products / products[0], np.round(by_lag(known.astype(float)))
-
-
 def _aligned(
-    first: Episode, second: Episode, commands: np.ndarray, spread: np.ndarray, tolerance: float
+    first: Episode, second: Episode, commands: np.ndarray, spread: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """The rows that two episodes share at the shift where their commands agree best; None where they do not."""
+    """The rows that two episodes share at the shift where their commands agree best; None where they do not.
+
+    spread : (A,) of the commands.
+    """
     if len(first.time) < 2 or len(second.time) < 2:
         return None
     period = float(np.median(np.diff(first.time)))
@@ -165,26 +139,21 @@ def _aligned(
     if shorter < max(round(SHORTEST / period), 2):
         return None
     most = min(round(LONGEST_SHIFT / period), shorter // 5)
-    best, found = tolerance, None
-    for shift in _plausible(
-        first.values[:, commands], second.values[:, commands], most, spread[commands], tolerance
-    ):
+    # small shifts first; most pairs have none at which the commands agree roughly in at most 64 rows
+    rows = np.unique(np.linspace(most, shorter - most - 1, 64).astype(int))
+    shifts = np.array(sorted(range(-most, most + 1), key=abs))
+    a, b = first.values[:, commands], second.values[:, commands]
+    near = _apart(a[rows], b[rows - shifts[:, None]], spread)
+    best, found = ALIKE, None
+    for shift in shifts[near <= 5 * ALIKE]:
         a, b = first.values[max(shift, 0) :], second.values[max(-shift, 0) :]
         rows = min(len(a), len(b))
-        apart = _apart(a[:rows, commands], b[:rows, commands], spread[commands])
+        apart = _apart(a[:rows, commands], b[:rows, commands], spread)
         if apart < best or (found is None and apart <= best):
             best, found = apart, (a[:rows], b[:rows])
         if apart == 0:
             break
     return found
-
-
-def _plausible(a: np.ndarray, b: np.ndarray, most: int, spread: np.ndarray, tolerance: float) -> list[int]:
-    """Shifts, small ones first, at which commands (T, A) agree roughly in at most 64 rows: most pairs have none."""
-    rows = np.unique(np.linspace(most, min(len(a), len(b) - most) - 1, 64).astype(int))
-    shifts = np.array(sorted(range(-most, most + 1), key=abs))
-    near = _apart(a[rows], b[rows - shifts[:, None]], spread)
-    return [int(s) for s in shifts[near <= 5 * tolerance]]
 
 
 def _apart(a: np.ndarray, b: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -196,26 +165,6 @@ def _apart(a: np.ndarray, b: np.ndarray, spread: np.ndarray) -> np.ndarray:
     return np.max(difference.mean(axis=-2) / scale, axis=-1)
 
 
-def _start_alike(
-    a: np.ndarray, b: np.ndarray, robot: Robot, recording: Recording, columns: list[int], spread: np.ndarray
-) -> bool:
-    """Whether two first rows (C,) of state columns differ by no more than START and what the sensors' noise does."""
-    stated = dict(zip(robot.channels, robot.sensor_noise, strict=True))
-    noise = np.array([stated[recording.names[c]] for c in columns])
-    difference = np.abs(a - b)
-    allowed = np.maximum(START * spread[columns], 6.0 * noise)
-    return bool(np.all(~np.isfinite(difference) | (difference <= allowed)))
-
-
-def _columns(robot: Robot, recording: Recording) -> list[int]:
-    """Columns of the state in which two starts are compared: not where a base stands in the world."""
-    return [
-        recording.names.index(name)
-        for name in robot.channels
-        if name in recording.names and quantity_of(name) not in WORLD
-    ]
-
-
 def _spread(values: np.ndarray) -> np.ndarray:
     """(C,) standard deviation of each column; NaN where it was never measured."""
     known = np.isfinite(values)
@@ -223,7 +172,3 @@ def _spread(values: np.ndarray) -> np.ndarray:
     mean = np.where(known, values, 0.0).sum(axis=0) / count
     square = np.where(known, (values - mean) ** 2, 0.0).sum(axis=0) / count
     return np.where(known.any(axis=0), np.sqrt(square), np.nan)
-
-
-def _same_settings(a: Mapping[str, float], b: Mapping[str, float]) -> bool:
-    return a.keys() == b.keys() and all(np.isclose(a[k], b[k]) for k in a)
