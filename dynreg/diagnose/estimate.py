@@ -49,7 +49,7 @@ def estimates(
     median : give the posterior's, not the point's own values: along a valley the best point says nothing.
     """
     hypothesis, c, free = point.hypothesis, problem.coordinates, len(point.nominal)
-    before = sum(len(t.effect.parameters) for t in hypothesis.terms[:number])
+    own = hypothesis.columns(number)
     limits = bounds(problem, point)[free:]
     value = c.effect_values(hypothesis, np.clip(point.effect, *limits.T)[None])[number][0]
     low, middle, high = draws.quantiles(
@@ -58,7 +58,7 @@ def estimates(
     value = middle if median else value
     term, out = hypothesis.terms[number], {}
     for k, p in enumerate(term.effect.parameters):
-        z, (least, most) = point.effect[before + k], limits[before + k]
+        z, (least, most) = point.effect[own][k], limits[own][k]
         scale = c.scale(term, p) / p.medium
         out[p.name] = Estimate(
             value=float(value[k]),

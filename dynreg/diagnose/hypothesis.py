@@ -7,6 +7,7 @@ their nameplate, sizes of effects in multiples of their medium size.
 from dataclasses import dataclass
 from functools import cached_property
 
+import mujoco
 import numpy as np
 
 from dynreg.sim.effects import EffectParameter, Term, applicable, placed
@@ -47,6 +48,11 @@ class Hypothesis:
         """The parameters of all its terms, in order."""
         return tuple(p for term in self.terms for p in term.effect.parameters)
 
+    def columns(self, number: int) -> slice:
+        """Where the effect coordinates of term `number` are."""
+        begin = sum(len(term.effect.parameters) for term in self.terms[:number])
+        return slice(begin, begin + len(self.terms[number].effect.parameters))
+
     def with_term(self, term: Term) -> "Hypothesis":
         """The hypothesis with one more term."""
         return Hypothesis((*self.terms, term), self.given)
@@ -69,7 +75,9 @@ class Coordinates:
         self.known = known
         space = robot.space
         self.centre = np.where(np.isnan(known), space.nominal if centre is None else centre, known)
-        self.free = np.flatnonzero(np.isnan(known) & _has_influence(robot))
+        # without motor noise its parameter changes no rollout
+        moving = [any(a.root != "control" or a.path != "noise" for a in s) for s in robot.setters]
+        self.free = np.flatnonzero(np.isnan(known) & np.array(moving))
         stated = [_sigma(p, c, tolerance) for p, c in zip(space.parameters, self.centre, strict=True)]
         scale = np.array([p.scale == "log" for p in space.parameters])
         self.log = scale & (np.array(stated) > NARROW)
@@ -108,18 +116,21 @@ class Coordinates:
         if self.robot.planar:
             return {"1": np.ones(len(reach)), "command": reach}
         law = servo_law(nominal_ports(self.robot, 1), self.robot.input_defaults[None])
-        model, data = self.robot.model, at_reset(self.robot)
-        inertia = _felt_inertia(model, data)[driven_dofs(self.robot)]
+        model, data, driven = self.robot.model, at_reset(self.robot), driven_dofs(self.robot)
+        # what a torque on each joint alone accelerates, with all other joints free to give way: in a chain less than
+        # the joint's own entry of the inertia matrix, and what adds to it shows at once
+        inverse = np.eye(model.nv)
+        mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+        inertia = (1.0 / np.diag(inverse))[driven]
         limit = law.limit[0].copy()
         unlimited = limit > 1e5  # a drive that states no limit: what gravity and a lively motion ask for
-        moved = np.abs(data.qfrc_bias[driven_dofs(self.robot)]) + 10.0 * inertia
+        moved = np.abs(data.qfrc_bias[driven]) + 10.0 * inertia
         limit[unlimited] = moved[unlimited]
-        stiffness = np.maximum(law.stiffness[0], 1e-9)
         ones = np.ones(len(limit))
         return {
             "1": ones,
             "torque": limit,
-            "stiffness": 1.0 / stiffness,
+            "stiffness": 1.0 / np.maximum(law.stiffness[0], 1e-9),
             "inertia": inertia,
             "length": lever(self.robot) * ones,
             "command": reach,
@@ -141,7 +152,11 @@ class Coordinates:
         for term in hypothesis.terms:
             columns = []
             for p in term.effect.parameters:
-                columns.append(_effect_value(p, self.scale(term, p), z[:, at]))
+                scale, own = self.scale(term, p), z[:, at]
+                if p.shape:
+                    columns.append(scale * np.exp(np.log(3.0) * own))
+                else:
+                    columns.append(scale / np.maximum(own, SMALLEST) if p.inverse else scale * own)
                 at += 1
             out.append(np.stack(columns, axis=1))
         return out
@@ -173,15 +188,10 @@ def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
 
 def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
     """Whether every term (coordinates (sum K,)) that is not given has half its weak size in a parameter of its own."""
-    at = sum(len(term.effect.parameters) for term in hypothesis.terms[: hypothesis.given])
-    for term in hypothesis.terms[hypothesis.given :]:
-        sized = []
-        for p in term.effect.parameters:
-            if not (p.shape or p.shared):
-                weak = p.medium / p.weak if p.inverse else p.weak / p.medium
-                sized.append(abs(z[at]) >= 0.5 * weak)
-            at += 1
-        if not any(sized):
+    weak = lambda p: p.medium / p.weak if p.inverse else p.weak / p.medium  # noqa: E731
+    for number in range(hypothesis.given, len(hypothesis.terms)):
+        own = zip(hypothesis.terms[number].effect.parameters, z[hypothesis.columns(number)], strict=True)
+        if not any(abs(size) >= 0.5 * weak(p) for p, size in own if not (p.shape or p.shared)):
             return False
     return True
 
@@ -194,24 +204,6 @@ def single_terms(robot: Robot, only: tuple[str, ...] = (), without: tuple[str, .
     return [term for effect in chosen for term in placed(robot, effect)]
 
 
-def _felt_inertia(model, data) -> np.ndarray:
-    """(nv,) inertia that a torque on each joint alone accelerates, with all other joints free to give way.
-
-    In a chain that is less than the joint's own entry of the inertia matrix, and what adds to it shows at once.
-    """
-    import mujoco
-
-    inverse = np.eye(model.nv)
-    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
-    return 1.0 / np.diag(inverse)
-
-
-def _effect_value(p: EffectParameter, scale: float, z: np.ndarray) -> np.ndarray:
-    if p.shape:
-        return scale * np.exp(np.log(3.0) * z)
-    return scale / np.maximum(z, SMALLEST) if p.inverse else scale * z
-
-
 def _sigma(p: Parameter, centre: float, tolerance: float) -> float:
     """Standard deviation of the parameter's prior, in its (logarithmic) coordinate."""
     if not np.isfinite(p.tolerance):
@@ -219,8 +211,3 @@ def _sigma(p: Parameter, centre: float, tolerance: float) -> float:
     if p.scale == "log":
         return tolerance * p.tolerance
     return tolerance * p.tolerance * (abs(centre) if centre else p.high - p.low)
-
-
-def _has_influence(robot: Robot) -> np.ndarray:
-    """(P,) whether a parameter changes a rollout without motor noise."""
-    return np.array([any(a.root != "control" or a.path != "noise" for a in s) for s in robot.setters])

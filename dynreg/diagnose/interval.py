@@ -85,35 +85,19 @@ def posterior(
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
     approximation, cut off at the bounds. limits : (D, 2) lowest and highest coordinates; by default those of the point.
     """
-    limits = bounds(problem, point) if limits is None else limits
-    engine = _vectorised(problem)
-    if engine is None or engine == problem.running:
-        return _posterior(problem, point, chosen, limits, engine is not None, seed)
-    # the corrections are of the other engine's time step
-    return _posterior(replace(problem, engine=engine, corrections={}), point, chosen, limits, True, seed)
-
-
-def _vectorised(problem: Problem) -> str | None:
-    """The vectorised engine that the robot's rollouts can run on: its own, or another of a robot of one joint.
-
-    Moved alone, joints of a chain or on the ground are another robot.
-    """
-    others = problem.robot.engines if len(problem.robot.actions) == 1 else ()
-    return next((name for name in (problem.running, *others) if ENGINES[name].vectorised), None)
-
-
-def _posterior(
-    problem: Problem, point: Point, chosen: np.ndarray, limits: np.ndarray, fast: bool, seed: int
-) -> Posterior:
+    engine, limits = _vectorised(problem), bounds(problem, point) if limits is None else limits
+    if engine not in (None, problem.running):  # the corrections are of the other engine's time step
+        problem = replace(problem, engine=engine, corrections={})
     residual, slopes = sensitivities(problem, [point], chosen)
     effective = problem.effective(residual[0])
     curvature, _ = information(problem, point, residual[0], slopes[0], effective)
     width = prior_widths(point)
-    curvature += prior_curvature(point)
+    # what the priors of sizes add: `information` has the other coordinates' already
+    curvature += np.diag(np.where(point.prior == 0, 1.0 / width**2, 0.0) + 1e-9)
     agreed = _agreement(problem, residual[0], slopes[0], effective, curvature)
     rng = stream(seed, "interval", point.hypothesis.key)
     tempered = agreed * curvature + (1.0 - agreed) * np.diag(1.0 / width**2)
-    if not fast:
+    if engine is None:
         return _approximation(point, tempered, limits, rng, agreed)
     proposals = [Proposal(point.z, np.linalg.inv(tempered), limits)]
     made, inside, likelihood = [], [], []
@@ -123,7 +107,9 @@ def _posterior(
             return _approximation(point, tempered, limits, rng, agreed)
         made.append(new)
         inside.append(cut)
-        likelihood.append(_likelihood(problem, point, new, chosen, effective))
+        points = [point.moved(one) for one in new]
+        price = objective(problem, points, problem.residuals(points, chosen), effective)
+        likelihood.append(np.array([p.penalty for p in points]) - price)
         z = np.concatenate(made)
         target = agreed * np.concatenate(likelihood) - 0.5 * np.sum((z / width) ** 2, axis=1)
         drawn = [
@@ -135,6 +121,15 @@ def _posterior(
             return Posterior(point.hypothesis, z, weights, agreed, flat)
         spread = np.cov(z.T, aweights=weights).reshape(len(width), -1)
         proposals.append(Proposal(weights @ z, WIDER**2 * spread + 1e-8 * np.eye(len(width)), limits))
+
+
+def _vectorised(problem: Problem) -> str | None:
+    """The vectorised engine that the robot's rollouts can run on: its own, or another of a robot of one joint.
+
+    Moved alone, joints of a chain or on the ground are another robot.
+    """
+    others = problem.robot.engines if len(problem.robot.actions) == 1 else ()
+    return next((name for name in (problem.running, *others) if ENGINES[name].vectorised), None)
 
 
 def _approximation(
@@ -156,11 +151,6 @@ def prior_widths(point: Point) -> np.ndarray:
     return np.concatenate([np.ones(len(point.nominal)), np.maximum(strong, 1.0)])
 
 
-def prior_curvature(point: Point) -> np.ndarray:
-    """(D, D) what the priors of sizes add to `fit.information`, which has the other coordinates' already."""
-    return np.diag(np.where(point.prior == 0, 1.0 / prior_widths(point) ** 2, 0.0) + 1e-9)
-
-
 def _agreement(
     problem: Problem, residual: np.ndarray, slope: np.ndarray, effective: np.ndarray, curvature: np.ndarray
 ) -> float:
@@ -175,17 +165,6 @@ def _agreement(
     pulls = pulls.reshape(-1, problem.segments, len(curvature)).sum(axis=1)
     ratio = np.trace(np.linalg.solve(curvature, pulls.T @ pulls)) / len(curvature)
     return float(1.0 / max(ratio, 1.0))
-
-
-def _likelihood(
-    problem: Problem, point: Point, z: np.ndarray, chosen: np.ndarray, effective: np.ndarray
-) -> np.ndarray:
-    """(n,) log likelihood of coordinates z (n, D)."""
-    points = [point.moved(one) for one in z]
-    if not points:
-        return np.empty(0)
-    penalty = np.array([p.penalty for p in points])
-    return penalty - objective(problem, points, problem.residuals(points, chosen), effective)
 
 
 def _weighted(log: np.ndarray) -> tuple[np.ndarray, float]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.data.names import joint_of
+from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
@@ -57,19 +58,14 @@ def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
 
 
 def fixed_unseen(
-    robot: Robot,
-    windows: Windows,
-    known: np.ndarray,
-    values: np.ndarray,
-    moved: tuple[np.ndarray, ...],
-    engine: str | None,
-    begun: Terms | None = None,
+    coordinates: Coordinates, windows: Windows, engine: str | None, begun: Terms | None
 ) -> np.ndarray:
-    """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at `values` (P,).
+    """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at their centre.
 
-    moved : values (P,) to try each parameter at: a standard deviation up, and down, for one way may do nothing.
-    begun : effects that act, of one row.
+    Each is tried a standard deviation up, and down, for one way may do nothing. begun : effects that act, of one row.
     """
+    robot, known = coordinates.robot, coordinates.known
+    values, *moved = (coordinates.values(np.full(len(coordinates), way)) for way in (0.0, 1.0, -1.0))
     free = np.flatnonzero(np.isnan(known))
     tried = np.tile(values, (1 + len(moved) * len(free), 1))
     for way, other in enumerate(moved):

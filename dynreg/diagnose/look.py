@@ -69,17 +69,9 @@ def _subject(problem: Problem, found: Found, chosen: np.ndarray, asked: Asked) -
 
 def _last(point: Point, draws: Posterior) -> tuple[Point, Posterior]:
     """The same point and draws with the first cause at the end."""
-    given, free = point.hypothesis.given, len(point.nominal)
-    before, first, *rest = (point.hypothesis.terms[:given], *point.hypothesis.terms[given:])
-    hypothesis = replace(point.hypothesis, terms=(*before, *rest, first))
-    begin = sum(len(term.effect.parameters) for term in before)
-    many = len(first.effect.parameters)
-
-    def turned(effect: np.ndarray) -> np.ndarray:
-        return np.concatenate([effect[..., :begin], np.roll(effect[..., begin:], -many, axis=-1)], axis=-1)
-
-    z = np.concatenate([draws.z[:, :free], turned(draws.z[:, free:])], axis=1)
-    return (
-        Point(hypothesis, point.nominal, turned(point.effect)),
-        replace(draws, hypothesis=hypothesis, z=z),
-    )
+    given, terms, free = point.hypothesis.given, point.hypothesis.terms, len(point.nominal)
+    hypothesis = replace(point.hypothesis, terms=(*terms[:given], *terms[given + 1 :], terms[given]))
+    own = free + np.r_[point.hypothesis.columns(given)]
+    order = np.append(np.delete(np.arange(len(point.z)), own), own)
+    turned = Point(hypothesis, point.nominal, point.z[order][free:])
+    return turned, replace(draws, hypothesis=hypothesis, z=draws.z[:, order])

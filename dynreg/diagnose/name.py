@@ -61,7 +61,12 @@ def _one_round(
     else:
         starts, slopes = screen(problem, base, terms, fit_on, effective)
         rough, cost = fit(problem, starts, fit_on, effective, iterations=1, leading=slopes)
-        best = _best_of_each(rough, cost)[:FINALISTS]
+        order, first = np.argsort(cost, kind="stable"), {}
+        for i in order:
+            first.setdefault(rough[i].hypothesis.key, i)
+        # the best start of each hypothesis, best first; then the others
+        best = [*first.values(), *(i for i in order if i not in first.values())][:FINALISTS]
+        best = [rough[i] for i in best]
         fitted, _ = fit(problem, best, fit_on, effective, iterations=effort.iterations, hopeless=HOPELESS)
     if many and problem.stands:
         start, fitted = standing(problem, base, fitted, fit_on, select_on, effort)
@@ -80,13 +85,3 @@ def _one_round(
         naming = select(problem, start, fitted, fit_on, select_on)
     naming.improved = improved
     return naming
-
-
-def _best_of_each(points: list[Point], cost: np.ndarray) -> list[Point]:
-    """The best start of each hypothesis, best first; then the others."""
-    out: dict[str, Point] = {}
-    for i in np.argsort(cost, kind="stable"):
-        out.setdefault(points[i].hypothesis.key, points[i])
-    first = {id(point) for point in out.values()}
-    others = [points[i] for i in np.argsort(cost, kind="stable") if id(points[i]) not in first]
-    return [*out.values(), *others]

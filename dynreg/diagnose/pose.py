@@ -17,7 +17,6 @@ from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
-from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
@@ -55,7 +54,11 @@ def pose(
     cut = replace(cut, run=replace(cut.run, joints=asked.joints))
     _check_motion(robot, cut, split)
     begun = None if start is None or not start.effects else terms_of(start)
-    coordinates = _coordinates(robot, recording, cut.take(split.chosen), asked, start, begun)
+    centre = None if start is None else robot.space.from_dict(dict(start.values))
+    coordinates = Coordinates(robot, known_values(robot, recording), centre, asked.tolerance)
+    if asked.joints:
+        known = fixed_unseen(coordinates, cut.take(split.chosen), asked.engine, begun)
+        coordinates = Coordinates(robot, known, centre, asked.tolerance)
     return Problem(robot, cut, coordinates, asked.engine, asked.threads, begun=begun), split
 
 
@@ -79,25 +82,6 @@ def _cut(robot: Robot, recording: Recording, asked: Asked) -> tuple[Windows, str
             do="record more episodes, or cut it finer with --horizon",
         )
     return cut, why
-
-
-def _coordinates(
-    robot: Robot,
-    recording: Recording,
-    cut: Windows,
-    asked: Asked,
-    start: SimConfig | None,
-    begun: Terms | None,
-) -> Coordinates:
-    """Those of a search that begins at `start`; where only some joints count, without what cannot be seen there."""
-    centre = None if start is None else robot.space.from_dict(dict(start.values))
-    made = Coordinates(robot, known_values(robot, recording), centre, asked.tolerance)
-    if not asked.joints:
-        return made
-    values = made.values(np.zeros(len(made)))
-    moved = tuple(made.values(np.full(len(made), way)) for way in (1.0, -1.0))
-    known = fixed_unseen(robot, cut, made.known, values, moved, asked.engine, begun)
-    return Coordinates(robot, known, centre, asked.tolerance)
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:

@@ -22,11 +22,13 @@ def screen(
     """
     residual, slopes = sensitivities(problem, [base], fit_on)
     curvature, _ = information(problem, base, residual[0], slopes[0], effective)
-    tried: list[Point] = []
-    for term in terms:
-        hypothesis = base.hypothesis.with_term(term)
-        for z in _starts(term):
-            tried.append(Point(hypothesis, base.nominal, np.concatenate([base.effect, z])))
+    sizes = [_starts(term) for term in terms]
+    of = np.repeat(np.arange(len(terms)), [len(own) for own in sizes])  # the number of each one's term
+    tried = [
+        Point(base.hypothesis.with_term(term), base.nominal, np.concatenate([base.effect, z]))
+        for term, own in zip(terms, sizes, strict=True)
+        for z in own
+    ]
     made = problem.residuals(tried, fit_on)
     squares = mean_squares(residual, problem.floor)[0]
     weight = np.nan_to_num(effective / squares) / max(residual.shape[2], 1)
@@ -41,9 +43,17 @@ def screen(
         after = new + flat.T @ move
         # the size of the residual is unknown: gains count by the logarithm, as in the objective
         price = 0.5 * base.prior @ (base.z + move) ** 2
-        gains[i] = -_log_square(problem, after, residual.shape[1:], effective) - price
+        squares = mean_squares(after.reshape(1, *residual.shape[1:]), problem.floor)
+        gains[i] = float(log_likelihood(squares, effective)[0]) - price
         moves.append(move)
-    return _best_starts(problem, base, terms, tried, gains, moves), slopes[0]
+    out = []
+    for number in range(len(terms)):
+        own = np.flatnonzero(of == number)
+        for i in own[np.argsort(-gains[own])[:KEPT]]:
+            z = tried[i].z.copy()
+            z[: len(moves[i])] += np.clip(moves[i], -FAR, FAR)
+            out.append(tried[i].moved(np.clip(z, *bounds(problem, tried[i]).T)))
+    return out, slopes[0]
 
 
 def _starts(term: Term) -> list[np.ndarray]:
@@ -64,29 +74,3 @@ def _starts(term: Term) -> list[np.ndarray]:
                 z[i] = size * (sign[k] if k < len(sign) else 1.0)
             out.append(np.clip(z, low, high))
     return out
-
-
-def _best_starts(
-    problem: Problem,
-    base: Point,
-    terms: list[Term],
-    tried: list[Point],
-    gains: np.ndarray,
-    moves: list[np.ndarray],
-) -> list[Point]:
-    out, at = [], 0
-    for term in terms:
-        many = len(_starts(term))
-        order = np.argsort(-gains[at : at + many])[:KEPT] + at
-        for i in order:
-            limits = bounds(problem, tried[i])
-            z = tried[i].z.copy()
-            z[: len(moves[i])] += np.clip(moves[i], -FAR, FAR)
-            out.append(tried[i].moved(np.clip(z, limits[:, 0], limits[:, 1])))
-        at += many
-    return out
-
-
-def _log_square(problem: Problem, flat: np.ndarray, shape: tuple, effective: np.ndarray) -> float:
-    squares = mean_squares(flat.reshape(1, *shape), problem.floor)
-    return -float(log_likelihood(squares, effective)[0])

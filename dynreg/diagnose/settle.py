@@ -60,7 +60,17 @@ def exchanged(
     if not better:
         return rounds
     other = next(s for s, point in others if point.hypothesis.key == better[0].key)
-    return _exchanged(rounds, number, other, better[0])
+    naming, out = rounds[number], list(rounds)
+    rest = [s for s in naming.equivalent if s is not other]
+    out[number] = replace(naming, chosen=other, equivalent=[naming.chosen, *rest])
+    for later in range(number + 1, len(rounds)):
+        scored = rounds[later].chosen
+        point = better[0].point
+        if later < len(rounds) - 1:
+            between = _with(scored.point, scored.point.hypothesis.given + number, other.point)
+            point = replace(between, nominal=point.nominal)
+        out[later] = replace(rounds[later], chosen=replace(scored, point=point))
+    return out
 
 
 def settle(
@@ -116,43 +126,21 @@ def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Po
 def _exchanges(robot: Robot, point: Point, naming: Naming, number: int) -> list[tuple[Scored, Point]]:
     """Starts with term `number` of the point exchanged for each equivalent of its round: (equivalent, start)."""
     terms = point.hypothesis.terms
-    rest = terms[:number] + terms[number + 1 :]
-    sizes = np.cumsum([0, *(len(t.effect.parameters) for t in terms)])
     out = []
     for other in naming.equivalent:
-        term = other.point.hypothesis.terms[-1]
-        if not unlike(robot, [term], rest):
-            continue
-        own = other.point.effect[len(other.point.effect) - len(term.effect.parameters) :]
-        effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])
-        hypothesis = replace(point.hypothesis, terms=(*terms[:number], term, *terms[number + 1 :]))
-        out += [(other, Point(hypothesis, z, effect)) for z in (point.nominal, other.point.nominal)]
+        if unlike(robot, [other.point.hypothesis.terms[-1]], terms[:number] + terms[number + 1 :]):
+            made = _with(point, number, other.point)
+            out += [(other, replace(made, nominal=z)) for z in (point.nominal, other.point.nominal)]
     return out
 
 
-def _exchanged(rounds: list[Naming], number: int, other: Scored, last: Scored) -> list[Naming]:
-    """The rounds with the cause of round `number` exchanged; `last` is the point of the last round after it."""
-    naming = rounds[number]
-    rest = [s for s in naming.equivalent if s is not other]
-    out = list(rounds)
-    out[number] = replace(naming, chosen=other, equivalent=[naming.chosen, *rest])
-    term = other.point.hypothesis.terms[-1]
-    for later in range(number + 1, len(rounds)):
-        scored = rounds[later].chosen
-        if later == len(rounds) - 1:
-            scored = replace(scored, point=last.point)
-        else:
-            at = scored.point.hypothesis.given + number
-            scored = replace(scored, point=_with(scored.point, at, term, other.point, last.point))
-        out[later] = replace(rounds[later], chosen=scored)
-    return out
-
-
-def _with(point: Point, number: int, term: Term, other: Point, last: Point) -> Point:
-    """The point of a round in between with term `number` exchanged, at the sizes that it has in `other`."""
-    terms = point.hypothesis.terms
-    sizes = np.cumsum([0, *(len(t.effect.parameters) for t in terms)])
-    own = other.effect[len(other.effect) - len(term.effect.parameters) :]
-    effect = np.concatenate([point.effect[: sizes[number]], own, point.effect[sizes[number + 1] :]])
-    hypothesis = replace(point.hypothesis, terms=(*terms[:number], term, *terms[number + 1 :]))
-    return Point(hypothesis, last.nominal, effect)
+def _with(point: Point, number: int, other: Point) -> Point:
+    """The point with term `number` exchanged for the last of `other`, at the sizes that it has there."""
+    hypothesis, last = point.hypothesis, other.hypothesis.terms[-1]
+    terms, own = hypothesis.terms, hypothesis.columns(number)
+    sizes = other.effect[len(other.effect) - len(last.effect.parameters) :]
+    return Point(
+        replace(hypothesis, terms=(*terms[:number], last, *terms[number + 1 :])),
+        point.nominal,
+        np.concatenate([point.effect[: own.start], sizes, point.effect[own.stop :]]),
+    )

@@ -6,6 +6,7 @@ tried at several sizes; their number is halved after every step of their refits,
 parameters are those of the calibrated model.
 """
 
+from collections.abc import Iterable
 from itertools import zip_longest
 
 import numpy as np
@@ -63,7 +64,7 @@ def clear(ahead: list[tuple[float, Point]], without: float) -> bool:
     return min(cost for cost, _ in ahead) < without - CLEAR
 
 
-def best_of_each(found: list[tuple[float, Point]]) -> list[Point]:
+def best_of_each(found: Iterable[tuple[float, Point]]) -> list[Point]:
     """The best point of each term, best first."""
     best: dict[str, Point] = {}
     for _, point in sorted(found, key=lambda d: d[0]):
@@ -144,8 +145,9 @@ def _started(
     """The most promising terms at the best size that was tried, best first; derivatives (D, W, T, C) at `base`."""
     residual, (slopes,) = sensitivities(problem, [base], fit_on)
     starts = _probed(problem, base, terms, fit_on, effective, residual[0], slopes)[:PROBED]
-    points, cost = _sized(problem, starts, fit_on, effective)
-    return [points[i] for i in np.argsort(cost, kind="stable")], slopes
+    points = [p for own in starts for p in own]
+    cost = objective(problem, points, problem.residuals(points, fit_on), effective)
+    return best_of_each(zip(cost, points, strict=True)), slopes
 
 
 def _probed(
@@ -162,40 +164,24 @@ def _probed(
     residual : (W, T, C) of `base`. slopes : (D, W, T, C) its derivatives.
     """
     probes = [_probes(base, term) for term in terms]
-    made = problem.residuals([p for own in probes for p in own], fit_on)
+    tried = [p for own in probes for p in own]
+    made = problem.residuals(tried, fit_on)
     linear = _Linear(problem, base, residual, slopes, effective)
-    found, at = [], 0
+    found, at = {}, 0
     for own in probes:
-        changes = made[at : at + len(own)] - residual
-        found.append(linear.starts(own, changes))
+        found[own[0].hypothesis.key] = linear.starts(own, made[at : at + len(own)] - residual)
         at += len(own)
-    order = np.argsort([cost for cost, _ in found], kind="stable")
+    order = sorted(found, key=lambda key: found[key][0])
     if not problem.rough:
-        return [found[i][1] for i in order]
-    # jumps bend what first order takes for straight: what the probes themselves reach counts as much
-    reached = _reached(problem, probes, made, fit_on, effective)
-    either = dict.fromkeys(int(i) for pair in zip(order, reached, strict=True) for i in pair)
-    return [[*found[i][1], reached[i]] for i in either]
-
-
-def _reached(
-    problem: Problem, probes: list[list[Point]], made: np.ndarray, fit_on: np.ndarray, effective: np.ndarray
-) -> dict[int, Point]:
-    """By number of its term the probe that is nearest to the data, with either sign; the best term first.
-
-    made : (K, W, T, C) residuals of all probes as they are.
-    """
-    tried = [(i, p) for i, own in enumerate(probes) for p in own]
-    turned = [(i, m) for i, p in tried for m in mirrored(p)]
-    cost = objective(problem, [p for _, p in tried], made, effective)
+        return [found[key][1] for key in order]
+    # jumps bend what first order takes for straight: what the probes themselves reach, of either sign, counts as much
+    cost = objective(problem, tried, made, effective)
+    turned = [m for p in tried for m in mirrored(p)]
     if turned:
-        points = [p for _, p in turned]
-        cost = np.append(cost, objective(problem, points, problem.residuals(points, fit_on), effective))
-    tried += turned
-    out: dict[int, Point] = {}
-    for k in np.argsort(cost, kind="stable"):
-        out.setdefault(*tried[k])
-    return out
+        cost = np.append(cost, objective(problem, turned, problem.residuals(turned, fit_on), effective))
+    reached = {p.hypothesis.key: p for p in best_of_each(zip(cost, [*tried, *turned], strict=True))}
+    either = dict.fromkeys(key for pair in zip(order, reached, strict=True) for key in pair)
+    return [[*found[key][1], reached[key]] for key in either]
 
 
 def mirrored(point: Point) -> list[Point]:
@@ -211,21 +197,6 @@ def mirrored(point: Point) -> list[Point]:
     return [Point(point.hypothesis, point.nominal, np.clip(effect, low, high))]
 
 
-def _sized(
-    problem: Problem, starts: list[list[Point]], fit_on: np.ndarray, effective: np.ndarray
-) -> tuple[list[Point], np.ndarray]:
-    """The best simulated of each term's points, and their objectives."""
-    flat = [p for own in starts for p in own]
-    cost = objective(problem, flat, problem.residuals(flat, fit_on), effective)
-    points, costs, at = [], [], 0
-    for own in starts:
-        best = at + int(cost[at : at + len(own)].argmin())
-        points.append(flat[best])
-        costs.append(cost[best])
-        at += len(own)
-    return points, np.array(costs)
-
-
 def _probes(base: Point, term: Term) -> list[Point]:
     """`base` with the term at medium size, once for each of its sizes alone; shapes at their typical value.
 
@@ -233,7 +204,9 @@ def _probes(base: Point, term: Term) -> list[Point]:
     """
     hypothesis = base.hypothesis.with_term(term)
     parameters = term.effect.parameters
-    size = REFINED if any(_refines(term, other) for other in base.hypothesis.terms) else 1.0
+    same = [one.joints for one in base.hypothesis.terms if one.effect.id == term.effect.id]
+    acting = any(not term.joints or not other or set(term.joints) & set(other) for other in same)
+    size = REFINED if acting else 1.0
     low, high = effect_bounds(hypothesis)[-len(parameters) :].T
     nothing = np.array([0.0 if p.shape or p.signed else SMALLEST for p in parameters])
     out = []
@@ -244,12 +217,6 @@ def _probes(base: Point, term: Term) -> list[Point]:
         z[i] = size
         out.append(Point(hypothesis, base.nominal, np.concatenate([base.effect, np.clip(z, low, high)])))
     return out
-
-
-def _refines(term: Term, other: Term) -> bool:
-    """Whether both are one effect, with joints in common."""
-    apart = bool(term.joints and other.joints) and not set(term.joints) & set(other.joints)
-    return term.effect.id == other.effect.id and not apart
 
 
 class _Linear:
@@ -278,31 +245,17 @@ class _Linear:
         curvature = j @ j.T + np.diag(prior + 1e-9)
         start = np.concatenate([self.base.z, np.zeros(len(sized))])
         best = np.linalg.lstsq(curvature, -j @ self.rest - prior * start, rcond=1e-12)[0]
-        limits = bounds(self.problem, probes[0])[many:][sized]
+        limits, own = bounds(self.problem, probes[0]), [many + i for i in sized]
         out = []
-        for share in SIZES:
-            size = np.clip(share * best[many:], limits[:, 0], limits[:, 1])
-            out.append(self._start(probes[0], sized, size, scaled, j, curvature))
+        for share in SIZES:  # the other coordinates follow the size
+            size = np.clip(share * best[many:], *limits[own].T)
+            pull = -j[:many] @ (self.rest + size @ j[many:]) - self.prior * self.base.z
+            move = np.linalg.lstsq(curvature[:many, :many], pull, rcond=1e-12)[0]
+            move = np.clip(move, -PULL, PULL)
+            z = probes[0].z.copy()
+            z[:many] += move
+            z[own] = size
+            point = probes[0].moved(np.clip(z, *limits.T))
+            after = self.residual + np.tensordot(size, scaled, 1) + np.tensordot(move, self.slopes, 1)
+            out.append((float(objective(self.problem, [point], after[None], self.effective)[0]), point))
         return min(c for c, _ in out), [p for _, p in out]
-
-    def _start(
-        self,
-        probe: Point,
-        sized: list[int],
-        size: np.ndarray,
-        scaled: np.ndarray,
-        j: np.ndarray,
-        curvature: np.ndarray,
-    ) -> tuple[float, Point]:
-        """Objective and point at a size (K,): the other coordinates follow."""
-        many = len(self.base.z)
-        pull = -j[:many] @ (self.rest + size @ j[many:]) - self.prior * self.base.z
-        move = np.linalg.lstsq(curvature[:many, :many], pull, rcond=1e-12)[0]
-        move = np.clip(move, -PULL, PULL)
-        z = probe.z.copy()
-        z[:many] += move
-        z[[many + i for i in sized]] = size
-        limits = bounds(self.problem, probe)
-        point = probe.moved(np.clip(z, limits[:, 0], limits[:, 1]))
-        after = self.residual + np.tensordot(size, scaled, 1) + np.tensordot(move, self.slopes, 1)
-        return float(objective(self.problem, [point], after[None], self.effective)[0]), point

@@ -45,14 +45,16 @@ def joint_signals(robot: Robot, windows: Windows) -> dict[str, JointSignals]:
     """{joint: its signals} of every driven joint, in the order of the actions."""
     ports = window_ports(robot, windows)
     planar = "velocity" in ports.types
-    commands = _clipped(robot, windows.run.actions)
+    low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
+    high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
+    commands = np.clip(windows.run.actions, low, high)
     joints = joints_of_actions(robot)
     motions = [motion_of(robot, windows, name) for name in joints]
-    drives = (
-        _velocity_drives(robot, commands)
-        if planar
-        else _torque_drives(robot, windows, ports, commands, motions)
-    )
+    if planar:  # of drives that follow velocities no torque is known, and the limit is the command's range
+        at_limit = (commands <= low) | (commands >= high)
+        drives = np.full(commands.shape, np.nan), at_limit, np.ones(commands.shape, dtype=bool)
+    else:
+        drives = _torque_drives(robot, windows, ports, commands, motions)
     follows = np.full(len(robot.actions), planar) | takes_positions(ports)
     out: dict[str, JointSignals] = {}
     for a, name in enumerate(joints):
@@ -84,8 +86,8 @@ def joint_of_channel(channel: str, joints: list[str] | dict[str, JointSignals]) 
 
 def velocity_column(robot: Robot, joint: str) -> int | None:
     """Column of the joint's velocity in the state vector; None where the robot has no such channel."""
-    names = [joint] if "/" in joint else [f"{joint}/velocity"]
-    return robot.channels.index(names[0]) if names[0] in robot.channels else None
+    name = joint if "/" in joint else f"{joint}/velocity"
+    return robot.channels.index(name) if name in robot.channels else None
 
 
 def position_column(robot: Robot, joint: str) -> int | None:
@@ -118,17 +120,6 @@ def window_ports(robot: Robot, windows: Windows) -> Ports:
     return ports
 
 
-def _clipped(robot: Robot, actions: np.ndarray) -> np.ndarray:
-    """(W, T, A) commands within the range of each action."""
-    return np.clip(actions, *_ranges(robot))
-
-
-def _ranges(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
-    high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
-    return low, high
-
-
 def _torque_drives(
     robot: Robot, windows: Windows, ports: Ports, commands: np.ndarray, motions: list[tuple]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -156,10 +147,3 @@ def _torque_drives(
         saturated = enabled & (np.abs(asked) >= law.limit * (1 - 1e-9))
     torque = np.where(enabled, np.clip(asked, -law.limit, law.limit) - drag, 0.0)
     return tuple(x.reshape(commands.shape) for x in (torque, saturated, enabled))
-
-
-def _velocity_drives(robot: Robot, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same for drives that follow velocities: no torque is known, the limit is the command's range."""
-    low, high = _ranges(robot)
-    saturated = (commands <= low) | (commands >= high)  # they are clipped
-    return np.full(commands.shape, np.nan), saturated, np.ones(commands.shape, dtype=bool)

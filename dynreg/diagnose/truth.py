@@ -131,8 +131,22 @@ def hide(
 
 def log_of(robot: Robot, hidden: Hidden, plan: Protocol, *, engine: str | None = None) -> Recording:
     """What the hidden robot's logger writes under the commands of `plan`."""
-    measured = measured_states(robot, hidden, plan.run, engine=engine)
-    return _logged(robot, measured, plan)
+    run = plan.run
+    parts = [measured_states(robot, hidden, run, engine=engine)]
+    parts.append(np.concatenate([run.actions, run.actions[:, -1:]], axis=1))
+    channels = [Channel(c.name, c.unit) for c in robot.file.channels]
+    channels += [Channel(a.name, a.unit) for a in robot.file.actions]
+    if run.inputs is not None and run.inputs.shape[-1]:
+        parts.append(np.concatenate([run.inputs, run.inputs[:, -1:]], axis=1))
+        units = {i.name: i.unit for i in robot.file.inputs}
+        channels += [Channel(name, units.get(name, "1")) for name in robot.inputs]
+    values = np.concatenate(parts, axis=2)
+    episodes = []
+    for e, name in enumerate(plan.names):
+        time = run.begin[e] + np.arange(values.shape[1]) * run.period
+        settings = {} if run.settings is None else dict(zip(robot.settings, run.settings[e], strict=True))
+        episodes.append(Episode(name, time, values[e], settings))
+    return Recording(tuple(channels), tuple(episodes), measured=False)
 
 
 def measured_states(
@@ -152,21 +166,3 @@ def measured_states(
         truth, hidden.parameters[None], whole, engine=engine, terms=active, threads=threads
     ).states[0]
     return sensed(robot, states, stream(hidden.seed, "sensors", robot.name))
-
-
-def _logged(robot: Robot, states: np.ndarray, plan: Protocol) -> Recording:
-    run = plan.run
-    parts = [states, np.concatenate([run.actions, run.actions[:, -1:]], axis=1)]
-    channels = [Channel(c.name, c.unit) for c in robot.file.channels]
-    channels += [Channel(a.name, a.unit) for a in robot.file.actions]
-    if run.inputs is not None and run.inputs.shape[-1]:
-        parts.append(np.concatenate([run.inputs, run.inputs[:, -1:]], axis=1))
-        units = {i.name: i.unit for i in robot.file.inputs}
-        channels += [Channel(name, units.get(name, "1")) for name in robot.inputs]
-    values = np.concatenate(parts, axis=2)
-    episodes = []
-    for e, name in enumerate(plan.names):
-        time = run.begin[e] + np.arange(values.shape[1]) * run.period
-        settings = {} if run.settings is None else dict(zip(robot.settings, run.settings[e], strict=True))
-        episodes.append(Episode(name, time, values[e], settings))
-    return Recording(tuple(channels), tuple(episodes), measured=False)
