@@ -114,7 +114,13 @@ def carriers(fields: Fields, term: Term, values: np.ndarray) -> tuple[Carrier, .
     made = [_carrier(fields, base, *key, places) for key, places in groups.items()]
     if any(one is None for one in made):
         return None
-    return tuple(_renamed(made)) if len(made) > 1 else tuple(made)
+    for i, one in (
+        enumerate(made) if len(made) > 1 else ()
+    ):  # each has a name of its own, by what it sets first
+        path = one.sets[0].split("[")[0].split(" ")[0].rpartition(".")[2]
+        index = one.sets[0].rpartition("[")[2].split("]")[0]
+        made[i] = replace(one, name=f"{base}_{path}" + (f"_{index}" if index.isdigit() else ""))
+    return tuple(made)
 
 
 def _changes(
@@ -165,11 +171,3 @@ def _named(fields: Fields, target: str, place: tuple[int, ...]) -> tuple[str | N
     else:
         name, index = names_of(fields.robot.model, target[3:].split("_")[0])[place[0]], place[1:]
     return (name if name and not set(name) & set(",[]*?") else None), index
-
-
-def _renamed(made: list[Carrier]) -> Iterator[Carrier]:
-    """Carriers of one effect with a name each, by what they set first."""
-    for one in made:
-        path = one.sets[0].split("[")[0].split(" ")[0].rpartition(".")[2]
-        index = one.sets[0].rpartition("[")[2].split("]")[0]
-        yield replace(one, name=f"{one.name}_{path}" + (f"_{index}" if index.isdigit() else ""))

@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -89,16 +89,13 @@ def _carried(robot: Robot, values: np.ndarray, terms: Terms, in_mjcf: bool) -> t
     for term, rows in zip(terms.terms, terms.values, strict=True):
         made = []
         for one in (carriers(fields, term, rows[0]) if carries(term.effect) else None) or ():
-            made.append(replace(one, name=_free(one.name, taken)))
-            taken.add(made[-1].name)
+            numbered = (f"{one.name}_{number}" for number in count(2))
+            name = next(n for n in chain([one.name], numbered) if n not in taken)
+            made.append(replace(one, name=name))
+            taken.add(name)
         told = term.effect.acts_on != "sensor" and (carries(term.effect) or says(term.effect.id))
         out.append(Written(term, rows[0], tuple(made), in_mjcf and told))
     return tuple(out)
-
-
-def _free(name: str, taken: set[str]) -> str:
-    numbered = (f"{name}_{number}" for number in count(2))
-    return name if name not in taken else next(n for n in numbered if n not in taken)
 
 
 def _without_idle(made: Robot, effects: tuple[Written, ...]) -> tuple[Written, ...]:
@@ -143,19 +140,13 @@ def _toml(robot: Robot, config: SimConfig, values: np.ndarray, added: Sequence[C
     _replace(lines, line_of(text, ("robot", "name")), "name", f'"{name}"')
     for one in added:
         lines += ["", "[[parameters]]", f'name = "{one.name}"', f'unit = "{one.unit}"']
-        lines += [f"{key} = {getattr(one, key2)!r}" for key, key2 in _NUMBERS]
-        lines += [f"tolerance = {SPREAD}", f"sets = [{', '.join(_quoted(s) for s in one.sets)}]"]
+        lines += [f"nominal = {one.value!r}", f"low = {one.low!r}", f"high = {one.high!r}"]
+        sets = ", ".join(f'"{entry}"' for entry in one.sets)
+        lines += [f"tolerance = {SPREAD}", f"sets = [{sets}]"]
     return "\n".join(lines) + "\n"
-
-
-_NUMBERS = (("nominal", "value"), ("low", "low"), ("high", "high"))
 
 
 def _replace(lines: list[str], number: int, key: str, value: str) -> None:
     """Put `key = value` in line `number` (from 1); what stands behind stays."""
     pattern = rf"(\b{key}\s*=\s*)(\"[^\"]*\"|'[^']*'|[^\s,#}}]+)"
     lines[number - 1] = re.sub(pattern, lambda m: m[1] + value, lines[number - 1], count=1)
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"'

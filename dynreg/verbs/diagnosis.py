@@ -47,6 +47,8 @@ def document(
     """
     problem, found, errors = made.problem, made.found, _errors(made, seen)
     of_robot = parameters(problem, found.extended, seen.draws, list(seen.simulators.values())[-1][0])
+    limit, spent, spread = found.threshold, problem.spent.candidates, problem.windows.spread[problem.use]
+    worst = (seen.errors[1] / np.maximum(spread, 1e-12)).argmax()  # channel of the calibrated simulator
     told = Diagnosis(
         robot=problem.robot.name,
         recording=about.recording.id,
@@ -58,19 +60,18 @@ def document(
         causes=_causes(made, seen),
         gain=_gain(seen.gain),
         ranking=_ranking(made),
-        threshold_nats=found.threshold.nats,
-        threshold=_threshold(made),
+        threshold_nats=limit.nats,
+        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(found)),
         parameters=of_robot,
         moved=_moved(made) if found.accepted else (),
-        error=errors[_worst(problem, seen)],
+        error=errors[int(worst)],
         errors=errors,
         where=_where(seen),
         finding=finding(seen.where),
         looked=looked(made, seen),
         inseparable=inseparable(made, seen),
         noise=Noise(**vars(made.evidence.noise)),
-        rest=_rest(seen),
-        residual=_residual(seen),
+        **_left(seen),
         experiments=experiments(made),
         parts=_parts(about, made),
         traces=_traces(about, made, seen),
@@ -80,14 +81,9 @@ def document(
         extended_simulator=ids.get("extended"),
         engine=problem.running,
         seed=asked.seed,
-        cost=_cost(made, seen),
+        cost=Cost(evaluations=0, rollouts=spent, test_rollouts=seen.simulated, seconds=0.0),
     )
     return told.model_copy(update={"sentence": diagnosis_sentence(told)})
-
-
-def _cost(made: Diagnosed, seen: Account) -> Cost:
-    rollouts = made.problem.spent.candidates
-    return Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
 
 
 def _gain(own: Gained | None) -> Gain | None:
@@ -132,11 +128,6 @@ def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
         )
         for column, errors in zip(made.problem.use, seen.errors.T, strict=True)
     )
-
-
-def _worst(problem: Problem, seen: Account) -> int:
-    """The channel that the calibrated simulator has most wrong, in units of its spread."""
-    return int((seen.errors[1] / np.maximum(problem.windows.spread[problem.use], 1e-12)).argmax())
 
 
 def parameters(problem: Problem, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
@@ -194,15 +185,11 @@ def _ranking(made: Diagnosed) -> tuple[Ranked, ...]:
     return tuple(out)
 
 
-def _threshold(made: Diagnosed) -> Threshold:
-    known = made.found.threshold
-    return Threshold(runs=len(known.scores), cached=known.cached, note=threshold_note(made.found))
-
-
-def _rest(seen: Account) -> tuple[Rest, ...] | None:
+def _left(seen: Account) -> dict[str, tuple[Rest | ResidualShare, ...]]:
+    """What is left of each joint, and the signals that tell it; nothing where nothing is left."""
     if seen.rest is None:
-        return None
-    return tuple(
+        return {}
+    told = [
         Rest(
             joint=one.joint,
             unit=one.unit,
@@ -213,17 +200,9 @@ def _rest(seen: Account) -> tuple[Rest, ...] | None:
             trajectories=one.trajectories,
         )
         for one in seen.rest
-    )
-
-
-def _residual(seen: Account) -> tuple[ResidualShare, ...] | None:
-    if seen.rest is None:
-        return None
-    return tuple(
-        ResidualShare(joint=row.joint, signal=row.signal, share=row.share)
-        for one in seen.rest
-        for row in one.rows
-    )
+    ]
+    shares = [ResidualShare(**vars(row)) for one in seen.rest for row in one.rows]
+    return {"rest": tuple(told), "residual": tuple(shares)}
 
 
 def _parts(about: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
@@ -235,9 +214,7 @@ def _where(seen: Account) -> tuple[Where, ...]:
     """Where the calibrated simulator errs, the largest shares first."""
     rows = sorted(seen.where, key=lambda r: (r.regime != "overall", -r.share))
     told = ("channel", "regime", "share", "joint", "unit", "error", "ratio")
-    return tuple(
-        Where(simulator="calibrated", **{key: getattr(r, key) for key in told}) for r in rows[:PLACES]
-    )
+    return tuple(Where(**{key: getattr(r, key) for key in told}) for r in rows[:PLACES])
 
 
 def _traces(about: Recorded, made: Diagnosed, seen: Account) -> tuple[DiagnosisTrace, ...]:
