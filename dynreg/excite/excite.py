@@ -102,7 +102,11 @@ def excite(
             search.rate(chosen)
     search, chosen, counts = _settled(pair, searches)
     report("excite", total, total)
-    return _answer(between, limits, search, chosen, counts)
+    judge, at = search.judge, np.array(chosen)
+    nats, usual = (
+        None if one is None else float(search.rated[one][counts].min()) for one in (chosen, search.usual)
+    )
+    return Chosen(between, pair, limits, judge.pool.take(at), judge.reached[at], nats, usual, counts)
 
 
 def _settled(pair: Pair, searches: list[Search]) -> tuple[Search, tuple[int, ...], np.ndarray]:
@@ -125,16 +129,6 @@ def _settled(pair: Pair, searches: list[Search]) -> tuple[Search, tuple[int, ...
         for one in todo:
             search.rate(one)
             again.add((number, one))
-
-
-def _answer(
-    between: tuple[str, str], limits: Limits, search: Search, chosen: tuple[int, ...], counts: np.ndarray
-) -> Chosen:
-    judge, at = search.judge, np.array(chosen)
-    nats, usual = (
-        None if one is None else float(search.rated[one][counts].min()) for one in (chosen, search.usual)
-    )
-    return Chosen(between, judge.pair, limits, judge.pool.take(at), judge.reached[at], nats, usual, counts)
 
 
 def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:

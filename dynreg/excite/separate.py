@@ -80,16 +80,14 @@ class Pair:
             if members:
                 parts.append((members, Terms(hypothesis.terms, tuple(c.effect_values(hypothesis, z)))))
         if disturbed:
-            noise = np.full((len(rows), 1), DISTURBANCE * c.drive_limit)
-            parts.append((np.arange(len(rows)), Terms((self._disturbance(run),), (noise,))))
+            draw = stream(self.seed, "excite", self.robot.name, "disturbance")
+            noise = draw.standard_normal((run.steps, len(self.robot.actions)))
+            term = noise_term(self.robot, run, np.broadcast_to(noise, (run.episodes, *noise.shape)))
+            size = np.full((len(rows), 1), DISTURBANCE * c.drive_limit)
+            parts.append((np.arange(len(rows)), Terms((term,), (size,))))
         nominal = c.values(np.array([at[:free] for _, at in rows]))
         acting = stacked(len(rows), parts)
         return rollout(self.robot, nominal, run, engine=self.engine, threads=self.threads, terms=acting)
-
-    def _disturbance(self, run: Run) -> Term:
-        draw = stream(self.seed, "excite", self.robot.name, "disturbance")
-        noise = draw.standard_normal((run.steps, len(self.robot.actions)))
-        return noise_term(self.robot, run, np.broadcast_to(noise, (run.episodes, *noise.shape)))
 
 
 @dataclass(frozen=True)
@@ -181,7 +179,11 @@ class Judge:
         self.usable = ~(fell | lost).any(axis=0)
         states = np.where(self.usable[None, :, None, None], made.states, 0.0)
         self.reached = np.stack([states.min(axis=(0, 2)), states.max(axis=(0, 2))], axis=1)
-        self.usable &= _within(robot, self.reached)
+        for column, name in enumerate(robot.channels):  # every joint is expected to stay inside its range
+            low, high = joint_range(robot, name)
+            slack = BEYOND * (high - low) if np.isfinite(high - low) else 0.0
+            least, most = self.reached[:, :, column].T
+            self.usable &= (least >= low - slack) & (most <= high + slack)
         seen = self._seen(made)
         self._true = seen[1:]
         draw = stream(pair.seed, "excite", robot.name, "sensors")
@@ -254,13 +256,3 @@ class Judge:
                 high[i] = min(high[i], (REACH - 1.0) * abs(z[i]) if z[i] > 0 else -z[i])
                 low[i] = max(low[i], (1.0 - REACH) * abs(z[i]) if z[i] < 0 else -z[i])
         return low, high, prior
-
-
-def _within(robot: Robot, reached: np.ndarray) -> np.ndarray:
-    """(E,) whether every joint with a range is expected to stay inside, from what is reached (E, 2, S)."""
-    out = np.ones(len(reached), dtype=bool)
-    for column, name in enumerate(robot.channels):
-        low, high = joint_range(robot, name)
-        slack = BEYOND * (high - low) if np.isfinite(high - low) else 0.0
-        out &= (reached[:, 0, column] >= low - slack) & (reached[:, 1, column] <= high + slack)
-    return out

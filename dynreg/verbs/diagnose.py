@@ -66,22 +66,11 @@ class DiagnoseSettings(Settings):
     threads: int = threads()
 
     def __post_init__(self) -> None:
+        from dynreg.sim.effects import effect
+
         super().__post_init__()
         if self.joints is not None:
             object.__setattr__(self, "joints", tuple(dict.fromkeys(self.joints)))
-        self._check_effects()
-        if not self.start:
-            raise UsageError(
-                "start ''", expected="nominal, nearest or the id of a simulator", do="name one of these"
-            )
-        if self.joints is not None and not self.joints:
-            raise UsageError(
-                "no joints", expected="at least one", do="name some, or leave the choice out for all"
-            )
-
-    def _check_effects(self) -> None:
-        from dynreg.sim.effects import effect
-
         for name in (*(self.effects or ()), *self.without):
             effect(name)
         both = sorted({*(self.effects or ())} & {*self.without})
@@ -94,6 +83,14 @@ class DiagnoseSettings(Settings):
         if self.effects is not None and not self.effects:
             raise UsageError(
                 "no effects", expected="at least one id", do="name some, or leave the choice out"
+            )
+        if not self.start:
+            raise UsageError(
+                "start ''", expected="nominal, nearest or the id of a simulator", do="name one of these"
+            )
+        if self.joints is not None and not self.joints:
+            raise UsageError(
+                "no joints", expected="at least one", do="name some, or leave the choice out for all"
             )
 
     @property

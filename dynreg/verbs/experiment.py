@@ -5,7 +5,6 @@ import numpy as np
 from dynreg.data.names import parts_of
 from dynreg.excite.candidates import Limits, Pool, joint_range
 from dynreg.excite.excite import Chosen
-from dynreg.excite.separate import Pair
 from dynreg.results import Experiment, LimitKept
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -14,9 +13,11 @@ from dynreg.sim.run import Run
 def experiment(chosen: Chosen) -> Experiment:
     """What the commands are expected to tell, and the limits that they keep."""
     pair, pool = chosen.pair, chosen.pool
-    silent = [
-        _said(pair, *truth) for truth, counts in zip(pair.truths, chosen.counts, strict=True) if not counts
-    ]
+    silent = []  # truths in words: the effect, and its sign where it has one
+    for (which, z), counts in zip(pair.truths, chosen.counts, strict=True):
+        signed = pair.hypotheses[which].parameters[0].signed
+        sign = (" (positive)" if z[len(pair.coordinates)] > 0 else " (negative)") if signed else ""
+        silent += [] if counts else [pair.terms[which].key + sign]
     return Experiment(
         robot=pair.robot.name,
         between=chosen.between,
@@ -26,13 +27,6 @@ def experiment(chosen: Chosen) -> Experiment:
         limits=(*_commanded(pair.robot, chosen.limits, pool.run), *_moved(pair.robot, chosen.reached)),
         note=_note(pair.robot, pool, silent),
     )
-
-
-def _said(pair: Pair, which: int, z: np.ndarray) -> str:
-    """A truth in words: the effect, and its sign where it has one."""
-    size = pair.hypotheses[which].parameters[0]
-    sign = (" (positive)" if z[len(pair.coordinates)] > 0 else " (negative)") if size.signed else ""
-    return pair.terms[which].key + sign
 
 
 def _commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
