@@ -12,11 +12,9 @@ from dynreg.index.distance import ToMany as ToMany
 from dynreg.index.graph import NO_CAP as NO_CAP
 from dynreg.index.graph import Graph as Graph
 from dynreg.index.graph import GraphSettings as GraphSettings
-from dynreg.index.graph import insert as insert
 from dynreg.index.searches import Found as Found
 from dynreg.index.searches import brute_force as brute_force
 from dynreg.index.searches import search as search
 from dynreg.index.searches import search_many as search_many
 from dynreg.index.searches import search_printed as search_printed
-from dynreg.index.vectors import VectorIndex as VectorIndex
 from dynreg.index.vectors import vector_index as vector_index

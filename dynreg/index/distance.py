@@ -38,7 +38,6 @@ class Counted:
     Attributes
     ----------
     evaluations : pairs evaluated since the beginning.
-    calls : batched calls made to the distance within.
 
     Parameters
     ----------
@@ -50,12 +49,7 @@ class Counted:
         self.distance = distance
         self.symmetric = symmetric
         self.evaluations = 0
-        self.calls = 0
         self._known: dict[int, float] = {}
-
-    def new_search(self) -> None:
-        """Forget the pairs, keep the count: the next search pays for itself."""
-        self._known.clear()
 
     def __len__(self) -> int:
         return len(self.distance)
@@ -65,19 +59,12 @@ class Counted:
 
     def pairs(self, a: Ids, b: Ids) -> Distances:
         a, b = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64)
-        keys = _pair_keys(a, b, self.symmetric)
+        low, high = (np.minimum(a, b), np.maximum(a, b)) if self.symmetric else (a, b)
+        keys = (low << 31) | high  # one integer for each pair; ids stay below 2**31
         unknown, first = np.unique(keys, return_index=True)
         first = first[[key not in self._known for key in unknown.tolist()]]
         if len(first):
             found = self.distance.pairs(a[first], b[first])
             self._known.update(zip(keys[first].tolist(), np.asarray(found).tolist(), strict=True))
             self.evaluations += len(first)
-            self.calls += 1
         return np.array([self._known[key] for key in keys.tolist()], dtype=np.float64)
-
-
-def _pair_keys(a: Ids, b: Ids, symmetric: bool) -> Ids:
-    """One integer for each pair; ids stay below 2**31."""
-    if symmetric:
-        a, b = np.minimum(a, b), np.maximum(a, b)
-    return (a << 31) | b

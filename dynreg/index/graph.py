@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from dynreg.arrays import Distances, Ids
+from dynreg.arrays import Ids
 from dynreg.errors import CorruptError, UsageError
 
 Links = list[dict[int, float]]
@@ -129,27 +129,6 @@ class Graph:
                 do="build the index again; it is a cache",
             ) from error
         return graph
-
-
-def insert(graph: Graph, neighbours: Ids, distances: Distances) -> Graph:
-    """The graph with one node more, `len(graph)`, linked both ways to the f nearest of `neighbours` (m,).
-
-    Raises
-    ------
-    UsageError : neighbours that are no nodes or repeat, or none though the graph has nodes.
-    """
-    ids, distances = np.asarray(neighbours, dtype=np.int64), np.asarray(distances, dtype=np.float64)
-    nodes = bool(np.all((ids >= 0) & (ids < len(graph)))) and len(np.unique(ids)) == len(ids)
-    if not nodes or ids.shape != distances.shape or (len(graph) and not len(ids)):
-        raise UsageError(
-            f"neighbours {ids.tolist()} with {len(distances)} distances for a new node",
-            expected=f"different ids from 0 to {len(graph) - 1}, at least one, each with its distance",
-            do="pass what a search of this graph found",
-        )
-    links = thaw(graph)
-    nearest = np.lexsort((ids, distances))[: graph.settings.f]
-    changed = link(links, ids[nearest].tolist(), distances[nearest].tolist(), graph.settings)
-    return freeze(graph, links, changed, graph.evaluations)
 
 
 def link(links: Links, ids: Sequence[int], distances: Sequence[float], settings: GraphSettings) -> set[int]:

@@ -162,7 +162,10 @@ def lockstep(walks: Sequence[Walk], to: ToMany, k: int) -> list[Found]:
             try:
                 asked[row] = walks[row].send(distances[at : at + len(ids)])
             except StopIteration as stop:
-                found[row] = _found(stop.value, k, evaluations[row])
+                best = sorted(stop.value)[:k]
+                nearest = np.array([node for _, node in best], dtype=np.int64)
+                apart = np.array([distance for distance, _ in best], dtype=np.float64)
+                found[row] = Found(nearest, apart, evaluations[row])
                 del asked[row]
             at += len(ids)
     return found
@@ -177,12 +180,6 @@ def _measure(to: ToMany, rows: Ids, ids: Ids) -> list[float]:
             do="leave out the entries whose model diverged",
         )
     return distances.tolist()
-
-
-def _found(best: list[tuple[float, int]], k: int, evaluations: int) -> Found:
-    best = sorted(best)[:k]
-    ids = np.array([node for _, node in best], dtype=np.int64)
-    return Found(ids, np.array([distance for distance, _ in best], dtype=np.float64), evaluations)
 
 
 def draw_starts(n: int, count: int, rng: np.random.Generator, repeat: bool = False) -> list[int]:

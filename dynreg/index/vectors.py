@@ -2,7 +2,6 @@
 
 import threading
 from importlib.util import find_spec
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,46 +11,15 @@ from dynreg.rng import stream_seed
 
 CHUNK = 1 << 22
 """Distances held at once by the exact search."""
-
-
-@runtime_checkable
-class VectorIndex(Protocol):
-    """Vectors of one dimension, numbered in the order in which they were added."""
-
-    def __len__(self) -> int:
-        """How many vectors there are."""
-        ...
-
-    def add(self, vectors: np.ndarray) -> None:
-        """Append vectors (m, D), which get the next m ids."""
-        ...
-
-    def nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Ids and Euclidean distances (Q, min(k, n)) of the nearest to `queries` (Q, D), nearest first."""
-        ...
-
-
-def vector_index(dimensions: int, *, kind: str = "auto", seed: int = 0) -> VectorIndex:
-    """An empty index: `kind` is "exact", "hnsw", or "auto" for hnsw where hnswlib is installed.
-
-    Raises
-    ------
-    UsageError : an unknown kind, or "hnsw" where hnswlib is not installed.
-    """
-    installed = find_spec("hnswlib") is not None
-    if kind == "exact" or (kind == "auto" and not installed):
-        return ExactVectors(dimensions)
-    if kind in ("hnsw", "auto") and installed:
-        return HnswVectors(dimensions, seed=seed)
-    raise UsageError(
-        f"no vector index {kind!r} here",
-        expected="exact, hnsw or auto; hnsw needs hnswlib",
-        do="install dynreg[hnsw], or use exact",
-    )
+LINKS = 16  # of a node on each layer of hnswlib's graph ("M")
+KEPT_TO_INSERT, KEPT_TO_ANSWER = 200, 100  # candidates, while inserting and while querying
 
 
 class ExactVectors:
-    """Brute force by one matrix product a block; equal distances are ordered by id."""
+    """Vectors of one dimension, numbered in the order in which they were added; equal distances are ordered by id.
+
+    Brute force by one matrix product a block.
+    """
 
     def __init__(self, dimensions: int):
         self._vectors = np.zeros((0, dimensions))
@@ -61,11 +29,13 @@ class ExactVectors:
         return len(self._vectors)
 
     def add(self, vectors: np.ndarray) -> None:
+        """Append vectors (m, D), which get the next m ids."""
         vectors = _checked(vectors, self._vectors.shape[1])
         self._vectors = np.concatenate([self._vectors, vectors])
         self._squares = np.concatenate([self._squares, np.sum(vectors**2, axis=1)])
 
     def nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Ids and Euclidean distances (Q, min(k, n)) of the nearest to `queries` (Q, D), nearest first."""
         queries = _checked(queries, self._vectors.shape[1])
         k = min(_positive(k), len(self))
         ids = np.zeros((len(queries), k), dtype=np.int64)
@@ -87,35 +57,21 @@ class ExactVectors:
 
 
 class HnswVectors:
-    """hnswlib's hierarchical graph (arXiv 1603.09320), built by one thread so that it is reproducible.
+    """The same by hnswlib's hierarchical graph (arXiv 1603.09320), built by one thread so that it is reproducible.
 
     hnswlib does not allow queries while it inserts: a lock keeps them apart.
-
-    Parameters
-    ----------
-    links : links of a node on each layer ("M").
-    ef_insert, ef_query : candidates kept while inserting and while querying.
     """
 
-    def __init__(
-        self,
-        dimensions: int,
-        *,
-        seed: int = 0,
-        links: int = 16,
-        ef_insert: int = 200,
-        ef_query: int = 100,
-    ):
+    def __init__(self, dimensions: int, *, seed: int = 0):
         import hnswlib
 
         self._dimensions = dimensions
-        self._ef = ef_query
         self._lock = threading.Lock()
         self._index = hnswlib.Index(space="l2", dim=dimensions)
         self._index.init_index(
             max_elements=1024,
-            M=links,
-            ef_construction=ef_insert,
+            M=LINKS,
+            ef_construction=KEPT_TO_INSERT,
             random_seed=stream_seed(seed, "hnsw") % (1 << 31),
         )
 
@@ -123,6 +79,7 @@ class HnswVectors:
         return self._index.get_current_count()
 
     def add(self, vectors: np.ndarray) -> None:
+        """Append vectors (m, D), which get the next m ids."""
         vectors = _checked(vectors, self._dimensions)
         with self._lock:
             size = len(self) + len(vectors)
@@ -131,17 +88,37 @@ class HnswVectors:
             self._index.add_items(vectors.astype(np.float32), np.arange(len(self), size), num_threads=1)
 
     def nearest(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Ids and Euclidean distances (Q, min(k, n)) of the nearest to `queries` (Q, D), nearest first."""
         queries = _checked(queries, self._dimensions)
         with self._lock:
             k = min(_positive(k), len(self))
             if not k or not len(queries):
                 return np.zeros((len(queries), k), dtype=np.int64), np.zeros((len(queries), k))
-            self._index.set_ef(max(self._ef, k))
+            self._index.set_ef(max(KEPT_TO_ANSWER, k))
             ids, squares = self._index.knn_query(queries.astype(np.float32), k=k)
         ids, squares = ids.astype(np.int64), squares.astype(np.float64)
         order = np.lexsort((ids, squares), axis=1)
         distances = np.sqrt(np.take_along_axis(squares, order, 1))
         return np.take_along_axis(ids, order, 1), distances
+
+
+def vector_index(dimensions: int, *, kind: str = "auto", seed: int = 0) -> ExactVectors | HnswVectors:
+    """An empty index: `kind` is "exact", "hnsw", or "auto" for hnsw where hnswlib is installed.
+
+    Raises
+    ------
+    UsageError : an unknown kind, or "hnsw" where hnswlib is not installed.
+    """
+    installed = find_spec("hnswlib") is not None
+    if kind == "exact" or (kind == "auto" and not installed):
+        return ExactVectors(dimensions)
+    if kind in ("hnsw", "auto") and installed:
+        return HnswVectors(dimensions, seed=seed)
+    raise UsageError(
+        f"no vector index {kind!r} here",
+        expected="exact, hnsw or auto; hnsw needs hnswlib",
+        do="install dynreg[hnsw], or use exact",
+    )
 
 
 def _checked(vectors: np.ndarray, dimensions: int) -> Vectors:

@@ -29,7 +29,11 @@ class Catalog:
         self.writable = os.access(folder, os.W_OK)
         self._engine = _engine(self.path, self.writable)
         try:
-            self._migrate()
+            with self.read() as connection:
+                names = migrations.pending(connection)
+            if names:
+                with self.write() as connection:
+                    migrations.apply(connection, migrations.pending(connection))
         except DynregError:
             self.close()
             raise
@@ -60,13 +64,6 @@ class Catalog:
         """Let go of the file; the write-ahead log is folded in by the last one who leaves."""
         self._engine.dispose()
 
-    def _migrate(self) -> None:
-        with self.read() as connection:
-            names = migrations.pending(connection)
-        if names:
-            with self.write() as connection:
-                migrations.apply(connection, migrations.pending(connection))
-
     @contextmanager
     def _transaction(self, begin: str) -> Iterator[Connection]:
         try:
@@ -74,15 +71,16 @@ class Catalog:
                 connection.execution_options(dynreg_begin=begin)
                 with connection.begin():
                     yield connection
-        except DBAPIError as error:
-            raise _explained(self.path, str(error.orig)) from error
-        except sqlite3.Error as error:
-            raise _explained(self.path, str(error)) from error
+        except (DBAPIError, sqlite3.Error) as error:
+            raise _explained(self.path, str(getattr(error, "orig", error))) from error
 
 
 def _engine(path: Path, writable: bool) -> Engine:
     def connect() -> sqlite3.Connection:
-        mode = "rwc" if writable else _read_only_mode(path)
+        # Without write access SQLite cannot keep its shared memory file; with nothing in the write-ahead log
+        # the database may be read as one that never changes.
+        log = path.with_name(path.name + "-wal")
+        mode = "rwc" if writable else "ro" if log.exists() and log.stat().st_size else "ro&immutable=1"
         return sqlite3.connect(
             f"{path.absolute().as_uri()}?mode={mode}",
             uri=True,
@@ -106,13 +104,6 @@ def _engine(path: Path, writable: bool) -> Engine:
         connection.exec_driver_sql(connection.get_execution_options().get("dynreg_begin", "BEGIN"))
 
     return engine
-
-
-def _read_only_mode(path: Path) -> str:
-    # Without write access SQLite cannot keep its shared memory file; with nothing in the write-ahead log
-    # the database may be read as one that never changes.
-    log = path.with_name(path.name + "-wal")
-    return "ro" if log.exists() and log.stat().st_size else "ro&immutable=1"
 
 
 def _use_write_ahead_log(connection: sqlite3.Connection) -> None:

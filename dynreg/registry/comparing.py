@@ -7,7 +7,7 @@ from typing import Any
 
 import dynreg.registry.tables as tables
 from dynreg.registry.files import ROBOTS, StoredFile
-from dynreg.registry.rebuild import Rows
+from dynreg.registry.rebuild import Rows, paths_in
 from dynreg.registry.scan import Found
 
 
@@ -48,16 +48,9 @@ class VerifyReport:
         return tuple(fault for fault in self.faults if fault.lost)
 
 
-def paths_in(held: Rows) -> set[str]:
-    """Paths that some row refers to: those of `files`, and those of rows whose `files` row is gone."""
-    columns = ("path", "states_path", "arrays_path")
-    return {row[column] for rows in held.values() for row in rows for column in columns if row.get(column)}
-
-
 def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     """The report on old rows against files; `faults` are those known already."""
-    faults = [*faults, *_file_faults(held, found), *_entry_faults(held, found), *_index_faults(held, found)]
-    faults += _row_faults(held, found)
+    faults = [*faults, *_file_faults(held, found), *_entry_faults(held, found), *_row_faults(held, found)]
     known = paths_in(held)
     faults += [
         Fault("stray", name, reason, lost=False)
@@ -136,16 +129,15 @@ def _entry_faults(held: Rows, found: Found) -> Iterator[Fault]:
             yield Fault("row", f"entries of {population[:12]}", f"{len(left)} belong to no shard", lost=False)
 
 
-def _index_faults(held: Rows, found: Found) -> Iterator[Fault]:
-    """Indexes of a population whose entries have changed are stale, no fault; a changed row is one."""
+def _row_faults(held: Rows, found: Found) -> Iterator[Fault]:
+    """Rows that refer to rows which are gone, and rows that do not say what their files say.
+
+    Indexes of a population whose entries have changed are stale, no fault.
+    """
     for row in held["indexes"]:
         sound = found.indexes.get((row["population_id"], row["key"]))
         if sound is not None and sound != row:
             yield Fault("index", row["path"], "its row is not what its file says", lost=False)
-
-
-def _row_faults(held: Rows, found: Found) -> Iterator[Fault]:
-    """Rows that refer to rows which are gone, and rows that do not say what their files say."""
     keys = {name: {_first_key(name, row) for row in rows} for name, rows in held.items()}
     for name, table in tables.metadata.tables.items():
         for key in table.foreign_keys:

@@ -141,35 +141,29 @@ def check_marker(path: Path) -> None:
 def _create(path: Path, create: bool) -> None:
     if path.exists() and not path.is_dir():
         problem = f"{str(path)!r} is a file"
-    elif path.is_dir() and _foreign(path):
+    elif path.is_dir() and any(not is_temporary(p.name) for p in path.iterdir()):
+        if (path / MARKER).is_file():  # another process has created it just now
+            return
         problem = f"{str(path)!r} is a directory that is not a registry"
-    elif create:
-        _lay_out(path)
-        return
-    else:
+    elif not create:
         problem = f"there is no registry at {str(path)!r}"
+    else:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RegistryError(
+                f"cannot create {str(path)!r}: {error.strerror}",
+                expected="a place that may be written",
+                do="name another directory with --registry",
+            ) from error
+        marker = {"format": "dynreg-registry", "version": VERSION}
+        write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
+        return
     raise RegistryError(
         problem,
         expected="a registry directory" + (" or an empty place for a new one" if create else ""),
         do="name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
     )
-
-
-def _foreign(path: Path) -> bool:
-    names = [p.name for p in path.iterdir() if not is_temporary(p.name)]
-    return bool(names) and not (path / MARKER).is_file()  # another process may be creating it right now
-
-
-def _lay_out(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RegistryError(
-            f"cannot create {str(path)!r}: {error.strerror}",
-            expected="a place that may be written",
-            do="name another directory with --registry",
-        ) from error
-    write_file(path / MARKER, json.dumps({"format": "dynreg-registry", "version": VERSION}).encode() + b"\n")
 
 
 def make_folders(path: Path) -> None:

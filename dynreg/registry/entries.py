@@ -55,33 +55,18 @@ def _put_span(
     states = content_name("shards", stem, states_data, "parquet")
     directory.stage(rest, rest_data)
     directory.stage(states, states_data)
+    row = {"population_id": record.id, "start": start, "stop": stop}
+    row |= {"states_path": states.path, "arrays_path": rest.path}
     with directory.catalog.write() as connection:
         if gaps_between(held_spans(connection, record.id), start, stop) != [(start, stop)]:
             return  # another process was quicker; the caller looks again
         directory.register(connection, rest, rest_data)
         directory.register(connection, states, states_data)
-        _insert_shard(connection, record.id, start, data, ids, (states.path, rest.path))
-
-
-def _insert_shard(
-    connection: Connection,
-    population_id: str,
-    start: int,
-    data: ShardData,
-    ids: Sequence[str],
-    paths: tuple[str, str],
-) -> None:
-    """The catalogue's rows of one shard and its entries; `paths` of its Parquet and safetensors files.
-
-    Raises RegistryError as `put_shard` does.
-    """
-    _check_ids(connection, population_id, start, ids)
-    layout = _check_layout(connection, population_id, data)
-    table = tables.populations
-    connection.execute(update(table).where(table.c.id == population_id).values(layout=layout))
-    row = {"population_id": population_id, "start": start, "stop": start + len(data)}
-    connection.execute(insert(tables.shards).values(**row, states_path=paths[0], arrays_path=paths[1]))
-    connection.execute(insert(tables.entries), entry_rows(population_id, start, data, ids))
+        _check_ids(connection, record.id, start, ids)
+        layout, table = _check_layout(connection, record.id, data), tables.populations
+        connection.execute(update(table).where(table.c.id == record.id).values(layout=layout))
+        connection.execute(insert(tables.shards).values(**row))
+        connection.execute(insert(tables.entries), entry_rows(record.id, start, data, ids))
 
 
 def entry_rows(population_id: str, start: int, data: ShardData, ids: Sequence[str]) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, decode_arrays, encode_arrays
-from dynreg.registry.hashes import entries_hash, ids_hash
+from dynreg.registry.hashes import entries_hash, hash_of
 from dynreg.registry.rows import require, row_of
 
 _KEY = re.compile(r"[A-Za-z0-9_.]+")
@@ -37,7 +37,7 @@ def put_index(
     with directory.catalog.read() as connection:
         require(connection, tables.populations, population_id, "population")
         present = entries_hash(connection, population_id)
-    fingerprint = present if entries is None else ids_hash(entries)
+    fingerprint = present if entries is None else hash_of(entries)
     if fingerprint != present:
         return False
     data = encode_arrays(arrays, {"population": population_id, "key": key, "entries": fingerprint})
@@ -70,7 +70,7 @@ def get_index(
         require(connection, tables.populations, population_id, "population")
         query = select(table).where(table.c.population_id == population_id, table.c.key == key)
         row = connection.execute(query).first()
-        wanted = entries_hash(connection, population_id) if entries is None else ids_hash(entries)
+        wanted = entries_hash(connection, population_id) if entries is None else hash_of(entries)
         if row is None or row.entries_hash != wanted:
             return None
         stored = row_of(connection, tables.files, row.path)

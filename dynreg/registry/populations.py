@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 from sqlalchemy import Connection, Row, insert, select, update
 
@@ -10,14 +9,7 @@ import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
 from dynreg.errors import RegistryError
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import (
-    LOCKS,
-    content_name,
-    decode_arrays,
-    encode_arrays,
-    sweep,
-    try_lock,
-)
+from dynreg.registry.files import LOCKS, content_name, decode_arrays, encode_arrays, sweep, try_lock
 from dynreg.registry.records import PopulationRecord
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
@@ -30,7 +22,17 @@ def put_population(directory: Directory, record: PopulationRecord) -> None:
 
     Raises RegistryError when the robot is unknown or when this id holds something else.
     """
-    data = encode_arrays(record.arrays, _header(record))
+    header = {
+        "id": record.id,
+        "robot": record.robot_hash,
+        "name": record.name,
+        "channels": [[c.name, c.unit] for c in record.channels],
+        "parameters": list(record.parameters),
+        "seed": record.seed,
+        "spec": dict(record.spec),
+        "shard_size": record.shard_size,
+    }
+    data = encode_arrays(record.arrays, header)
     file = content_name("populations", record.id[:16], data, "safetensors")
     directory.catalog.check_writable()
     sweep(directory.path)
@@ -130,16 +132,3 @@ def _check_same(connection: Connection, record: PopulationRecord, path: str) -> 
             do="give the new settings an id of their own",
         )
     return known
-
-
-def _header(record: PopulationRecord) -> dict[str, Any]:
-    return {
-        "id": record.id,
-        "robot": record.robot_hash,
-        "name": record.name,
-        "channels": [[c.name, c.unit] for c in record.channels],
-        "parameters": list(record.parameters),
-        "seed": record.seed,
-        "spec": dict(record.spec),
-        "shard_size": record.shard_size,
-    }

@@ -10,11 +10,17 @@ from sqlalchemy import Connection, delete, insert, text
 
 import dynreg.registry.tables as tables
 from dynreg.registry.files import ROBOTS, canonical_json
-from dynreg.registry.hashes import entries_hash, result_id
+from dynreg.registry.hashes import hash_of, result_id
 from dynreg.registry.scan import Found
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]
+
+
+def paths_in(held: Rows) -> set[str]:
+    """Paths that some row refers to: those of `files`, and those of rows whose `files` row is gone."""
+    columns = ("path", "states_path", "arrays_path")
+    return {row[column] for rows in held.values() for row in rows for column in columns if row.get(column)}
 
 
 def replace_rows(connection: Connection, root: Path, held: Rows, found: Found) -> list[str]:
@@ -30,8 +36,7 @@ def replace_rows(connection: Connection, root: Path, held: Rows, found: Found) -
     for table in tables.metadata.sorted_tables:
         if rows.get(table.name):
             connection.execute(insert(table), rows[table.name])
-    known = {row["path"] for row in rows["files"]} - _drop_stale_indexes(connection, rows["indexes"])
-    known |= {
+    known = {row["path"] for row in rows["files"]} | {
         f"{ROBOTS}/{row['hash']}/{name}" for row in rows["robots"] for name in json.loads(row["manifest"])
     }
     return sorted(name for name in {*found.files, *found.bad} if name not in known)
@@ -41,6 +46,8 @@ def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
     populations = _populations(held, found)
     alive = {row["id"] for row in populations}
     shards = [shard for key, shard in sorted(found.shards.items()) if key[0] in alive]
+    entries = [row for shard in shards for row in shard.entries]
+    present = {p: hash_of(row["id"] for row in entries if row["population_id"] == p) for p in alive}
     hashes = {name.split("/")[1] for name in found.files if name.startswith(f"{ROBOTS}/")}
     hashes |= {row["hash"] for row in held["robots"]} | {row["robot_hash"] for row in populations}
     recordings = _recordings(held, found, hashes)
@@ -52,12 +59,14 @@ def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
         "robots": _robots(root, held, found, used),
         "populations": populations,
         "shards": [shard.row for shard in shards],
-        "entries": [row for shard in shards for row in shard.entries],
+        "entries": entries,
         "recordings": recordings,
         "recording_names": [row for row in held["recording_names"] if row["recording_id"] in stored],
         "simulators": list(found.simulators.values()),
         "results": _results(held, found, stored),
-        "indexes": [row for row in found.indexes.values() if row["population_id"] in alive],
+        "indexes": [
+            row for row in found.indexes.values() if row["entries_hash"] == present.get(row["population_id"])
+        ],  # others are stale
     }
     return rows | {"files": _files(held, found, rows)}
 
@@ -132,20 +141,6 @@ def _results(held: Rows, found: Found, recordings: Iterable[str]) -> list[Row]:
 
 
 def _files(held: Rows, found: Found, rows: Rows) -> list[Row]:
-    columns = ("path", "states_path", "arrays_path")
-    paths = {row[column] for table in rows.values() for row in table for column in columns if row.get(column)}
     known = {row["path"]: row for row in held["files"]}
     sound = {path: {"path": path, "sha256": f.sha256, "size": f.size} for path, f in found.files.items()}
-    return [sound.get(path) or known[path] for path in sorted(paths)]
-
-
-def _drop_stale_indexes(connection: Connection, indexes: Iterable[Row]) -> set[str]:
-    table = tables.indexes
-    dropped = set()
-    for row in indexes:
-        population, key = row["population_id"], row["key"]
-        if row["entries_hash"] != entries_hash(connection, population):
-            connection.execute(delete(table).where(table.c.population_id == population, table.c.key == key))
-            connection.execute(delete(tables.files).where(tables.files.c.path == row["path"]))
-            dropped.add(row["path"])
-    return dropped
+    return [sound.get(path) or known[path] for path in sorted(paths_in(rows))]

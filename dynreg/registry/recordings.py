@@ -33,7 +33,8 @@ def put_recording(
     directory.catalog.check_writable()
     _check_name(name)
     file, data = _encode(directory, recording, robot_hash)
-    recording_id = recording.id
+    recording_id, table = recording.id, tables.recordings
+    mine = table.c.id == recording_id
     with directory.catalog.read() as connection:
         require_robot(connection, robot_hash)
         known = _check_robot(_known(connection, recording_id), robot_hash)
@@ -45,9 +46,13 @@ def put_recording(
         known = _check_robot(_known(connection, recording_id), robot_hash)
         if not _is_sound(directory, known):
             directory.register(connection, file, data)
-            _set_path(connection, recording_id, robot_hash, file.path)
-        table, ordinal = tables.recordings, next_ordinal(connection, tables.recordings)
-        connection.execute(update(table).where(table.c.id == recording_id).values(ordinal=ordinal))
+            row = {"id": recording_id, "robot_hash": robot_hash, "path": file.path, "ordinal": 0}
+            if known is None:
+                connection.execute(insert(table).values(**row))
+            elif known.path != file.path:  # its own was damaged
+                connection.execute(update(table).where(mine).values(path=file.path))
+                connection.execute(delete(tables.files).where(tables.files.c.path == known.path))
+        connection.execute(update(table).where(mine).values(ordinal=next_ordinal(connection, table)))
         if name is not None and row_of(connection, tables.recording_names, name) is None:
             row = {"name": name, "recording_id": recording_id}
             connection.execute(insert(tables.recording_names).values(**row))
@@ -118,18 +123,6 @@ def _check_robot(known: Row | None, robot_hash: str) -> Row | None:
 
 def _is_sound(directory: Directory, known: Row | None) -> bool:
     return known is not None and directory.holds(StoredFile(known.path, known.sha256, known.size))
-
-
-def _set_path(connection: Connection, recording_id: str, robot_hash: str, path: str) -> None:
-    """The row of a new recording, or the new file of one whose own was damaged."""
-    table = tables.recordings
-    old = connection.execute(select(table.c.path).where(table.c.id == recording_id)).scalar()
-    if old is None:
-        row = {"id": recording_id, "robot_hash": robot_hash, "path": path, "ordinal": 0}
-        connection.execute(insert(table).values(**row))
-    elif old != path:
-        connection.execute(update(table).where(table.c.id == recording_id).values(path=path))
-        connection.execute(delete(tables.files).where(tables.files.c.path == old))
 
 
 def _check_free(connection: Connection, name: str | None, recording_id: str) -> None:

@@ -55,7 +55,9 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
                 if find is _by_name
                 else "give more digits of the one you mean",
             )
-    near = _near(connection, ref, kinds)
+    columns = [name for kind, (name, _) in _NAME_COLUMNS.items() if kind in kinds]
+    names = {name for column in columns for name in connection.execute(select(column)).scalars()}
+    near = difflib.get_close_matches(ref, sorted(names), n=3, cutoff=0.5)
     raise NoMatchError(
         f"no {' or '.join(kinds) if len(kinds) < len(KINDS) else 'stored thing'} is called {ref!r}",
         expected="a hash, a unique prefix of 4 digits or more, "
@@ -103,9 +105,3 @@ def _by_prefix(connection: Connection, ref: str, kinds: Collection[str]) -> list
         query = select(column).where(column >= ref, column < f"{ref}g").order_by(column).limit(_SHOWN + 1)
         found += [(kind, identity) for identity in connection.execute(query).scalars()]
     return found
-
-
-def _near(connection: Connection, ref: str, kinds: Collection[str]) -> list[str]:
-    columns = [name for kind, (name, _) in _NAME_COLUMNS.items() if kind in kinds]
-    names = {name for column in columns for name in connection.execute(select(column)).scalars()}
-    return difflib.get_close_matches(ref, sorted(names), n=3, cutoff=0.5)

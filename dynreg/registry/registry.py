@@ -21,7 +21,7 @@ import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
 from dynreg.registry.directory import Directory, open_directory, take_away
 from dynreg.registry.files import SEARCHES
-from dynreg.registry.hashes import catalog_hash
+from dynreg.registry.hashes import hash_of
 from dynreg.registry.records import (
     EntryRecord,
     PopulationArrays,
@@ -218,5 +218,7 @@ class Registry:
 
     def content_hash(self) -> str:
         """Hash over all entries and recordings: equal for two registries that hold the same ones."""
+        kinds = {"entry": tables.entries, "recording": tables.recordings}
         with self.directory.catalog.read() as connection:
-            return catalog_hash(connection)
+            found = {kind: connection.execute(select(t.c.id)).scalars().all() for kind, t in kinds.items()}
+        return hash_of(sorted(f"{kind} {identity}" for kind, ids in found.items() for identity in ids))

@@ -104,9 +104,9 @@ def _read_folder(folder: Path, robot_hash: str) -> dict[str, bytes]:
             expected="a robot folder and its hash in hexadecimal digits",
             do="give the folder that holds robot.toml",
         )
-    paths = sorted(p for p in folder.rglob("*") if p.is_file() and not _left_out(p.relative_to(folder)))
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in paths}
-
-
-def _left_out(relative: Path) -> bool:
-    return any(part.startswith(".") or part == "__pycache__" for part in relative.parts)
+    paths = {p.relative_to(folder): p for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        relative.as_posix(): path.read_bytes()
+        for relative, path in paths.items()
+        if not any(part.startswith(".") or part == "__pycache__" for part in relative.parts)
+    }

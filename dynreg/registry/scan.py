@@ -82,10 +82,13 @@ def scan(root: Path, registered: set[str]) -> Found:
         except FileNotFoundError:
             continue  # an index that was replaced in the meantime
         try:
-            if folder != ROBOTS:
-                _check_name(path, file)
+            if folder != ROBOTS and not path.stem.endswith(f"-{file.sha256[:16]}"):
+                raise unreadable(path, "its bytes do not fit the hash in its name")
             if folder == "shards":
-                _sort_half(path, file, states, rest)
+                is_states = path.suffix == ".parquet"
+                header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
+                span = (header["population"], int(header["start"]), int(header["stop"]))
+                (states if is_states else rest).setdefault(span, []).append(relative)
             elif folder != ROBOTS:
                 _READERS[folder](found, path, file)
             found.files[relative] = file
@@ -100,18 +103,6 @@ def _files(root: Path) -> Iterator[str]:
         for path in (root / folder).rglob("*"):
             if not path.is_dir() and not is_temporary(path.name):
                 yield path.relative_to(root).as_posix()
-
-
-def _check_name(path: Path, file: StoredFile) -> None:
-    if not path.stem.endswith(f"-{file.sha256[:16]}"):
-        raise unreadable(path, "its bytes do not fit the hash in its name")
-
-
-def _sort_half(path: Path, file: StoredFile, states: dict, rest: dict) -> None:
-    is_states = path.suffix == ".parquet"
-    header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
-    span = (header["population"], int(header["start"]), int(header["stop"]))
-    (states if is_states else rest).setdefault(span, []).append(file.path)
 
 
 def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:

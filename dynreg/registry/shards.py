@@ -32,7 +32,12 @@ def encode_states(states: np.ndarray, channels: Sequence[Channel], header: dict[
     fields = [pa.field("episode", pa.int16()), pa.field("step", pa.int16())]
     fields += [pa.field(c.name, pa.float32(), metadata={"unit": c.unit}) for c in channels]
     schema = pa.schema(fields, metadata={"dynreg": canonical_json(header | {"shape": states.shape})})
-    table = pa.Table.from_arrays([_column(c) for c in (episode, step, *columns)], schema=schema)
+    # pa.array() would load pandas to see whether it was given some of it.
+    arrays = [
+        pa.Array.from_buffers(pa.from_numpy_dtype(c.dtype), len(c), [None, pa.py_buffer(c)])
+        for c in (episode, step, *columns)
+    ]
+    table = pa.Table.from_arrays(arrays, schema=schema)
     # Splitting the bytes of floats makes them smaller and, decoded from the cache, quicker to read.
     encoding = {c.name: "BYTE_STREAM_SPLIT" for c in channels}
     encoding |= {"episode": "DELTA_BINARY_PACKED", "step": "DELTA_BINARY_PACKED"}
@@ -50,13 +55,8 @@ def encode_states(states: np.ndarray, channels: Sequence[Channel], header: dict[
     return sink.getvalue().to_pybytes()
 
 
-def _column(values: np.ndarray) -> pa.Array:
-    # pa.array() would load pandas to see whether it was given some of it.
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
-
-
 def _values(column: pa.Array) -> np.ndarray:
-    # Nor may to_numpy() be asked, for the same reason.
+    # to_numpy() would load pandas, too.
     if column.type != pa.float32() or column.null_count:
         raise ValueError(f"a channel of {column.type} with {column.null_count} gaps")
     return np.frombuffer(column.buffers()[1], np.float32, len(column), 4 * column.offset)
@@ -127,21 +127,16 @@ def read_shard(states_path: Path, rest_path: Path) -> tuple[dict[str, Any], Shar
     states = np.empty(header["shape"], np.float32)
     read_states(states_path, states)
     try:
-        return header, shard_data(arrays, states)
+        return header, ShardData(
+            arrays["values"],
+            states,
+            strip(arrays, "weights/"),
+            arrays["own_loss"],
+            arrays["train_loss"],
+            strip(arrays, "extra/"),
+        )
     except KeyError as error:
         raise unreadable(rest_path, f"it lacks {error}") from error
-
-
-def shard_data(arrays: dict[str, np.ndarray], states: np.ndarray) -> ShardData:
-    """Put together what `encode_rest` took apart."""
-    return ShardData(
-        arrays["values"],
-        states,
-        strip(arrays, "weights/"),
-        arrays["own_loss"],
-        arrays["train_loss"],
-        strip(arrays, "extra/"),
-    )
 
 
 def strip(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

@@ -10,10 +10,10 @@ from sqlalchemy import Connection, select, text
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, DynregError, RegistryError
 from dynreg.registry.catalog import FILE, Catalog
-from dynreg.registry.comparing import Fault, VerifyReport, compare, paths_in
+from dynreg.registry.comparing import Fault, VerifyReport, compare
 from dynreg.registry.directory import check_marker, make_folders
 from dynreg.registry.files import LOST_AND_FOUND, ROBOTS, sweep
-from dynreg.registry.rebuild import Rows, replace_rows
+from dynreg.registry.rebuild import Rows, paths_in, replace_rows
 from dynreg.registry.scan import scan
 
 

@@ -4,13 +4,13 @@ Both code every number by ten bits and choose parents by tournaments. Details of
 does not print are ours: see `Operon`.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 import numpy as np
 
 from dynreg.errors import UsageError
 from dynreg.search.start import Start
-from dynreg.search.turns import may_ask, may_tell, ranked
+from dynreg.search.turns import Turns, ranked
 
 BITS = 10  # of a number
 LIST = 6  # values of a locus at most
@@ -24,8 +24,13 @@ def numbers(bits: np.ndarray) -> np.ndarray:
     return bits.reshape(*bits.shape[:-1], -1, BITS) @ weights / (2.0**BITS - 1.0)
 
 
-class _Bits(ABC):
-    """What both have in common: turns, tournaments, and the best that go on as they are."""
+class _Bits(Turns):
+    """What both have in common: tournaments, and the best that go on as they are.
+
+    bits : (population, 10 P) of the generation.
+    """
+
+    bits: np.ndarray
 
     def __init__(
         self,
@@ -53,44 +58,24 @@ class _Bits(ABC):
         self._rng, self._size, self._tournament, self._elite = rng, population, tournament, elite
         self._loci = BITS * dimensions
         self._mutation = 1.0 / self._loci if mutation is None else mutation
-        self._asked: np.ndarray | None = None
         self._begin()
 
-    @property
-    def middle(self) -> None:
-        """None: it bets on the best that it saw."""
-        return None
+    def candidates(self) -> np.ndarray:
+        """(population, P) the generation."""
+        return numbers(self.bits)
 
-    @property
-    def stopped(self) -> bool:
-        """Never."""
-        return False
-
-    def ask(self) -> np.ndarray:
-        """(population, P) the generation to evaluate; raises UsageError when the last one was not told yet."""
-        may_ask(self._asked)
-        self._asked = numbers(self._expressed())
-        return self._asked.copy()
-
-    def tell(self, losses: np.ndarray) -> None:
-        """Losses (population,), lower is better, NaN the worst; raises UsageError without an ask."""
-        may_tell(self._asked, losses)
+    def learn(self, asked: np.ndarray, losses: np.ndarray) -> None:
+        """The next generation is bred from the winners of tournaments; a loss that is NaN is the worst."""
         order, rank = ranked(losses, self._rng)
         drawn = self._rng.integers(self._size, size=(self._size, self._tournament))
-        parents = order[rank[drawn].min(axis=1)]
-        self._breed(parents, order[: self._elite])
-        self._asked = None
+        self.breed(order[rank[drawn].min(axis=1)], order[: self._elite])
 
     @abstractmethod
     def _begin(self) -> None:
         """Draw the first generation."""
 
     @abstractmethod
-    def _expressed(self) -> np.ndarray:
-        """(population, 10 P) bits."""
-
-    @abstractmethod
-    def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
+    def breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
         """Replace the generation by children of `parents` (population,); the first are `elite`, unchanged."""
 
 
@@ -98,20 +83,17 @@ class BitGenetic(_Bits):
     """The plain one: two-point crossover of bits in `CROSSOVER` of the children, and mutation."""
 
     def _begin(self) -> None:
-        self._bits = self._rng.integers(2, size=(self._size, self._loci), dtype=np.uint8)
+        self.bits = self._rng.integers(2, size=(self._size, self._loci), dtype=np.uint8)
 
-    def _expressed(self) -> np.ndarray:
-        return self._bits
-
-    def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
-        kept, children = self._bits[elite], self._bits[parents]
+    def breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
+        kept, children = self.bits[elite], self.bits[parents]
         cuts = np.sort(self._rng.integers(self._loci + 1, size=(self._size, 2)), axis=1)
         at = np.arange(self._loci)
         mixed = (at >= cuts[:, :1]) & (at < cuts[:, 1:]) & (self._rng.random((self._size, 1)) < CROSSOVER)
-        children = np.where(mixed, self._bits[self._rng.permutation(parents)], children)
+        children = np.where(mixed, self.bits[self._rng.permutation(parents)], children)
         children ^= (self._rng.random(children.shape) < self._mutation).astype(np.uint8)
         children[: self._elite] = kept
-        self._bits = children
+        self.bits = children
 
 
 class Operon(_Bits):
@@ -131,11 +113,9 @@ class Operon(_Bits):
         self._values[:, :, 0] = self._rng.integers(2, size=shape)
         self._length = np.ones(shape, dtype=np.int64)
         self._ends = np.ones(shape, dtype=bool)  # whether an operon ends behind a locus
+        self.bits = self._values[:, :, 0]
 
-    def _expressed(self) -> np.ndarray:
-        return self._values[:, :, 0]
-
-    def _breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
+    def breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
         kept = [a[elite] for a in (self._values, self._length, self._ends)]
         self._values, self._length, self._ends = (
             a[parents] for a in (self._values, self._length, self._ends)
@@ -150,6 +130,7 @@ class Operon(_Bits):
         self._values ^= (turned & there).astype(np.uint8)
         for own, best in zip((self._values, self._length, self._ends), kept, strict=True):
             own[: self._elite] = best
+        self.bits = self._values[:, :, 0]
 
     def _operon(self, child: int) -> np.ndarray:
         """Loci of a random operon."""

@@ -3,12 +3,12 @@
 import numpy as np
 
 from dynreg.search.start import Start
-from dynreg.search.turns import may_ask, may_tell
+from dynreg.search.turns import Turns
 
 SIGMA = 0.12  # first step, of the range
 
 
-class CmaEs:
+class CmaEs(Turns):
     """Covariance matrix adaptation (Hansen, arXiv 1604.00772) with box bounds [0, 1].
 
     Parameters
@@ -36,19 +36,15 @@ class CmaEs:
         if batch is not None:
             options["popsize"] = batch
         self._search = cma.CMAEvolutionStrategy(np.clip(start, 0.0, 1.0), sigma, options)
-        self._asked: list[np.ndarray] | None = None
 
-    def ask(self) -> np.ndarray:
-        """(n, P) candidates to evaluate; raises UsageError when the last ones were not told yet."""
-        may_ask(self._asked)
-        self._asked = self._search.ask()
-        return self._inside(np.array(self._asked))
+    def candidates(self) -> np.ndarray:
+        """(n, P) draws of the distribution."""
+        self._drawn = self._search.ask()
+        return self._inside(np.array(self._drawn))
 
-    def tell(self, losses: np.ndarray) -> None:
-        """Losses (n,) of the candidates asked for, lower is better; raises UsageError without an ask."""
-        may_tell(self._asked, losses)
-        self._search.tell(self._asked, [float(x) for x in losses])
-        self._asked = None
+    def learn(self, asked: np.ndarray, losses: np.ndarray) -> None:
+        """The distribution moves to what is better."""
+        self._search.tell(self._drawn, [float(x) for x in losses])
 
     @property
     def stopped(self) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.errors import UsageError
 from dynreg.search.start import Start
-from dynreg.search.turns import may_ask, may_tell, ranked
+from dynreg.search.turns import Turns, ranked
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Rules:
 PUBLISHED = Rules()
 
 
-class Genetic:
+class Genetic(Turns):
     """Generations of candidates, each bred from the one before by `rules`; the first is drawn evenly.
 
     dimensions : P. rng : of all draws. start : (P,) the first candidate, random without it.
@@ -65,40 +65,19 @@ class Genetic:
         self._next = rng.uniform(size=(rules.population, dimensions))
         if start is not None:
             self._next[0] = start
-        self._asked: np.ndarray | None = None
 
-    def ask(self) -> np.ndarray:
-        """(population, P) the generation to evaluate; raises UsageError when the last one was not told yet."""
-        may_ask(self._asked)
-        self._asked = self._next
-        return self._asked.copy()
+    def candidates(self) -> np.ndarray:
+        """(population, P) the generation."""
+        return self._next
 
-    def tell(self, losses: np.ndarray) -> None:
-        """Losses (population,), lower is better, NaN the worst, from which the next generation is bred.
-
-        Raises UsageError without an ask.
-        """
-        may_tell(self._asked, losses)
+    def learn(self, asked: np.ndarray, losses: np.ndarray) -> None:
+        """The next generation is bred from the winners of as many tournaments; a loss that is NaN is the worst."""
+        size, elite = self._rules.population, self._rules.elite
         order, rank = ranked(losses, self._rng)
-        children = self._mutated(self._crossed(self._parents(rank)))
-        children[: self._rules.elite] = self._asked[order[: self._rules.elite]]
-        self._next, self._asked = children, None
-
-    @property
-    def middle(self) -> None:
-        """None: it bets on the best that it saw."""
-
-    @property
-    def stopped(self) -> bool:
-        """Never: generations end with the budget."""
-        return False
-
-    def _parents(self, rank: np.ndarray) -> np.ndarray:
-        """(population, P) winners of as many tournaments; `rank` (population,) is 0 for the best."""
-        size = self._rules.population
         drawn = self._rng.integers(0, size, (size, self._rules.tournament))
         winners = drawn[np.arange(size), rank[drawn].argmin(axis=1)]
-        return self._asked[winners]
+        self._next = self._mutated(self._crossed(asked[winners]))
+        self._next[:elite] = asked[order[:elite]]
 
     def _crossed(self, parents: np.ndarray) -> np.ndarray:
         """Pairs of neighbours replaced by their two children, about the same mean, gene by gene near or far apart."""

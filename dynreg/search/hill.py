@@ -3,10 +3,10 @@
 import numpy as np
 
 from dynreg.search.start import Start
-from dynreg.search.turns import may_ask, may_tell
+from dynreg.search.turns import Turns
 
 
-class HillClimber:
+class HillClimber(Turns):
     """Climbers side by side, each from a random start: a Gaussian step in every dimension, kept where it is better.
 
     A climber that has found nothing yet (no loss below 0) is put to another start: from a plain there is no way up.
@@ -32,36 +32,22 @@ class HillClimber:
         self._periodic = np.zeros(dimensions, dtype=bool) if periodic is None else periodic
         self._at = np.full((restarts, dimensions), np.nan)
         self._losses = np.full(restarts, np.inf)
-        self._asked: np.ndarray | None = None
         self._first = start
 
-    def ask(self) -> np.ndarray:
-        """(restarts, P) one candidate of every climber; raises UsageError when the last ones were not told yet."""
-        may_ask(self._asked)
+    def candidates(self) -> np.ndarray:
+        """(restarts, P) one of every climber."""
         start = self._rng.uniform(size=self._at.shape)
         if self._first is not None:
             start[0], self._first = self._first, None
         near = self._at + self._step * self._rng.standard_normal(self._at.shape)
         asked = np.where((self._losses < 0.0)[:, None], near, start)
-        self._asked = np.where(self._periodic, np.mod(asked, 1.0), np.clip(asked, 0.0, 1.0))
-        return self._asked.copy()
+        return np.where(self._periodic, np.mod(asked, 1.0), np.clip(asked, 0.0, 1.0))
 
-    def tell(self, losses: np.ndarray) -> None:
-        """Losses (restarts,) of the candidates asked for, lower is better; raises UsageError without an ask."""
-        may_tell(self._asked, losses)
+    def learn(self, asked: np.ndarray, losses: np.ndarray) -> None:
+        """Climbers step to what is better."""
         better = losses < self._losses
-        self._at = np.where(better[:, None], self._asked, self._at)
+        self._at = np.where(better[:, None], asked, self._at)
         self._losses = np.where(better, losses, self._losses)
-        self._asked = None
-
-    @property
-    def middle(self) -> None:
-        """None: it bets on the best that it saw."""
-
-    @property
-    def stopped(self) -> bool:
-        """Never: climbers do not know when they are at the top."""
-        return False
 
 
 def begin(start: Start) -> HillClimber:

@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from dynreg.errors import CorruptError, UsageError
-from dynreg.index import NO_CAP, Graph, GraphSettings, build, extend, insert
+from dynreg.index import NO_CAP, Graph, GraphSettings, build, extend
 
 
 def strong_parts(graph):
@@ -125,22 +125,6 @@ def test_a_stored_link_to_no_node_is_corrupt(nodes):
     arrays["neighbours"][3] = 100
     with pytest.raises(CorruptError):
         Graph.from_arrays(arrays)
-
-
-def test_insert_links_both_ways_and_leaves_the_old_graph_alone(nodes):
-    graph = build(nodes, 64, GraphSettings(f=3))
-    before = graph.degree.copy()
-    grown = insert(graph, np.array([5, 9, 2, 7]), np.array([2.0, 1.0, 3.0, 9.0]))
-    assert grown.edges(64).tolist() == [9, 5, 2]
-    assert all(64 in grown.edges(i) for i in (9, 5, 2)) and 64 not in grown.edges(7)
-    np.testing.assert_array_equal(graph.degree, before)
-    assert strong_parts(extend(grown, nodes, 130)) == 1
-
-
-@pytest.mark.parametrize("ids", [[64], [-1], [3, 3], []])
-def test_insert_refuses_neighbours_that_are_none(nodes, ids):
-    with pytest.raises(UsageError):
-        insert(build(nodes, 64), np.array(ids, dtype=np.int64), np.ones(len(ids)))
 
 
 @pytest.mark.parametrize("bad", [{"f": 0}, {"degree_cap": 10}, {"batch": 0}, {"seed": -1}])

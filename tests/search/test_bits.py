@@ -72,14 +72,14 @@ def test_operons_join_and_part(search: Operon) -> None:
 def test_what_is_duplicated_can_change_unseen_and_be_turned_out(search: Operon) -> None:
     for _ in range(19):
         search._connect(0)
-    before = search._expressed()[0].copy()
+    before = search.bits[0].copy()
     search._duplicate(0)
-    assert np.array_equal(search._expressed()[0], before) and (search._length[0] == 2).all()
+    assert np.array_equal(search.bits[0], before) and (search._length[0] == 2).all()
     assert np.array_equal(search._values[0, :, 1], before)
     search._values[0, 4, 1] ^= 1  # a mutation that nobody sees
-    assert np.array_equal(search._expressed()[0], before)
+    assert np.array_equal(search.bits[0], before)
     search._invert(0)
-    changed = np.flatnonzero(search._expressed()[0] != before)
+    changed = np.flatnonzero(search.bits[0] != before)
     assert changed.tolist() == [4] and search._values[0, 4, 1] == before[4]
     for _ in range(10):
         search._duplicate(0)
