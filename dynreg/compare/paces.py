@@ -1,8 +1,8 @@
 """How long predictions take, beside the closed form."""
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from timeit import repeat
 
 import numpy as np
 
@@ -55,15 +55,6 @@ def pace(contender: Predicts, which: np.ndarray) -> tuple[float | None, float]:
     if isinstance(contender, Replayed):
         return None, MICRO * contender.seconds / len(contender.told.commands)
     alone = [which[i : i + 1] for i in range(min(ALONE, len(which)))]
-    one = _quickest(lambda: [contender.moved(single) for single in alone])
-    return MICRO * one / len(alone), MICRO * _quickest(lambda: contender.moved(which)) / len(which)
-
-
-def _quickest(do: Callable[[], object]) -> float:
-    """Seconds."""
-    took = []
-    for _ in range(TIMES):
-        began = time.perf_counter()
-        do()
-        took.append(time.perf_counter() - began)
-    return min(took)
+    one = min(repeat(lambda: [contender.moved(single) for single in alone], number=1, repeat=TIMES))
+    together = min(repeat(lambda: contender.moved(which), number=1, repeat=TIMES))
+    return MICRO * one / len(alone), MICRO * together / len(which)

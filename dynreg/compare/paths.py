@@ -94,32 +94,25 @@ def driven(
     runs: np.ndarray,
 ) -> tuple[DrivenPath, ...]:
     """Some of the runs (R, 10), evenly: the measured way and each prediction's."""
-    which = np.unique(np.linspace(0, len(runs) - 1, min(SHOWN, len(runs))).round().astype(int))
-    return tuple(_driven(told, recording, pose, contenders, runs[i]) for i in which)
-
-
-def _driven(
-    told: Told,
-    recording: Recording,
-    pose: tuple[str, ...],
-    contenders: Mapping[str, Predicts],
-    run: np.ndarray,
-) -> DrivenPath:
-    episode = recording.episodes[told.episode[run[0]]]
-    begin, end = told.begin[run], told.end[run]
-    within = begin[:, None] + np.array(SHARES) * (end - begin)[:, None]
-    times = np.concatenate([begin[:1], within.ravel()])
-    values = episode.values[:, recording.columns(pose[:2])]
-    longest = np.append(end[0] - begin[0], np.repeat(end - begin, len(SHARES)))
-    measured = np.stack([_known(times, longest, episode.time, column) for column in values.T])
-    start = told.start[run[0]]
-    return DrivenPath(
-        episode=episode.name,
-        begin=float(begin[0]),
-        seconds=float(end[-1] - begin[0]),
-        measured=_way(*measured),
-        models={name: _way(*_predicted(c, run, start)) for name, c in contenders.items()},
-    )
+    out = []
+    for i in np.unique(np.linspace(0, len(runs) - 1, min(SHOWN, len(runs))).round().astype(int)):
+        run, start = runs[i], told.start[runs[i, 0]]
+        episode = recording.episodes[told.episode[run[0]]]
+        begin, end = told.begin[run], told.end[run]
+        within = begin[:, None] + np.array(SHARES) * (end - begin)[:, None]
+        times = np.concatenate([begin[:1], within.ravel()])
+        values = episode.values[:, recording.columns(pose[:2])]
+        longest = np.append(end[0] - begin[0], np.repeat(end - begin, len(SHARES)))
+        out.append(
+            DrivenPath(
+                episode=episode.name,
+                begin=float(begin[0]),
+                seconds=float(end[-1] - begin[0]),
+                measured=_way(*(_known(times, longest, episode.time, column) for column in values.T)),
+                models={name: _way(*_predicted(c, run, start)) for name, c in contenders.items()},
+            )
+        )
+    return tuple(out)
 
 
 def _known(times: np.ndarray, longest: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -146,9 +139,5 @@ def _predicted(contender: Predicts, run: np.ndarray, start: np.ndarray) -> np.nd
     return np.concatenate([start[None], points])[:, :2].T
 
 
-def _way(x: np.ndarray, y: np.ndarray) -> Way:
-    return Way(x=_rounded(x), y=_rounded(y))
-
-
-def _rounded(values: np.ndarray) -> tuple[float | None, ...]:
-    return tuple(float(f"{v:.6g}") if np.isfinite(v) else None for v in values)
+def _way(*axes: np.ndarray) -> Way:
+    return Way(*(tuple(float(f"{v:.6g}") if np.isfinite(v) else None for v in axis) for axis in axes))

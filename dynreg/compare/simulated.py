@@ -71,7 +71,8 @@ def replayed(
         ) from None
     began = time.perf_counter()
     even = evenly(robot, recording)
-    cut = windows(_whole(robot), even)
+    in_whole_episodes = replace(robot, file=robot.file.model_copy(update={"replay": ReplayTable()}))
+    cut = windows(in_whole_episodes, even)
     values = robot.space.from_dict(dict(config.values))[None]
     states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config)).states[0]
     poses = _poses(robot, even, cut, states, pose)
@@ -113,26 +114,16 @@ def evenly(robot: Robot, recording: Recording) -> Recording:
             if name in recording.names:
                 values[:, column] = e.values[:, recording.names.index(name)]
         early = e.time - e.time[0] <= START * (1.0 + EVEN)
-        begin = _first_values(values[early, : len(robot.channels)])
+        states = values[early, : len(robot.channels)]
+        first = np.isfinite(states).argmax(axis=0)  # row of the first number; any, where there is none
+        begin = np.take_along_axis(states, first[None], axis=0)[0]
         stamps = e.time
         if uneven:
             stamps, row = grid(e.time, step)
             values = values[row]
-        values[0, : len(robot.channels)] = begin
+        values[0, : len(robot.channels)] = np.where(np.isfinite(begin), begin, np.nan)
         episodes.append(Episode(e.name, stamps, values, e.settings))
     return Recording(tuple(Channel(n, units[n]) for n in names), tuple(episodes), recording.measured)
-
-
-def _first_values(values: np.ndarray) -> np.ndarray:
-    """(S,) the first number in each column of (T, S), NaN where there is none."""
-    known = np.isfinite(values)
-    first = values[known.argmax(axis=0), np.arange(values.shape[1])]
-    return np.where(known.any(axis=0), first, np.nan)
-
-
-def _whole(robot: Robot) -> Robot:
-    """The robot with recordings replayed in whole episodes."""
-    return replace(robot, file=robot.file.model_copy(update={"replay": ReplayTable()}))
 
 
 def _poses(

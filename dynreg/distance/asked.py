@@ -9,7 +9,7 @@ import numpy as np
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.transitions import Transitions, transitions
 from dynreg.distance.population import Population
-from dynreg.distance.rows import Rows, thin
+from dynreg.distance.rows import Rows, recording_rows, thin
 from dynreg.errors import LogError
 from dynreg.index import Graph
 from dynreg.models.mlp import MlpStack
@@ -93,7 +93,7 @@ class Asked:
     @cached_property
     def rows(self) -> Rows:
         """The recording's rows as the population's models expect them."""
-        return self.population.shared.recording_rows(self.transitions)
+        return recording_rows(self.transitions, self.population.shared.normaliser)
 
     @cached_property
     def model(self) -> MlpStack:

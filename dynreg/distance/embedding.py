@@ -33,12 +33,7 @@ class Embedding:
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """Arrays by name, for the index cache."""
-        return {
-            "probes": self.probes,
-            "base": self.base,
-            "mean": self.mean,
-            "components": self.components,
-        }
+        return dict(vars(self))
 
 
 def fit_embedding(stack: MlpStack, base: MlpStack, probes: np.ndarray, dimensions: int = 64) -> Embedding:

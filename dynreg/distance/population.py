@@ -5,10 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.data.transitions import Transitions
 from dynreg.distance.cross_loss import CrossLoss
 from dynreg.distance.embedding import Embedding
-from dynreg.distance.rows import Rows, bank_rows, recording_rows, thin
+from dynreg.distance.rows import Rows, bank_rows, thin
 from dynreg.errors import UsageError
 from dynreg.models.mlp import MlpStack
 from dynreg.models.normaliser import Normaliser
@@ -77,10 +76,6 @@ class Shared:
     def rows(self, states: np.ndarray) -> Rows:
         """Rows of entries (M, E, T+1, S)."""
         return bank_rows(states, self.run.actions, self.context, self.normaliser)
-
-    def recording_rows(self, rows: Transitions) -> Rows:
-        """Rows of a recording of the same robot."""
-        return recording_rows(rows, self.normaliser)
 
     def with_noise(self, numbers: np.ndarray) -> Run:
         """The bank with the motor noise of the entries `numbers`: each entry's is its own."""

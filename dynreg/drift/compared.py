@@ -13,6 +13,7 @@ from dynreg.timed.cells import Grid, Pieces, pieces
 from dynreg.timed.reference import Reference, fitted, on_the_way
 from dynreg.timed.table import Rules
 from dynreg.timed.told import Told, told
+from dynreg.timed.wheels import law_of
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def compared(robot: Robot, recent: Held, earlier: Held, plan: Plan) -> Compared:
     """
     old_told, new_told = (told(robot, held.recording, longest=plan.sample) for held in (earlier, recent))
     grid = _grid(robot, old_told, plan.cells)
-    nominal = _nominal(robot)
+    nominal = Reference(law_of(robot.file.base), robot.file.base.track)
     begun = _pieces(old_told, grid, plan.sample, nominal)
     _require(begun, old_told, earlier, plan.sample)
     reference = fitted(nominal, begun.commands, begun.moved, stream(plan.seed, "drift", "fitted commands"))
@@ -66,19 +67,6 @@ def compared(robot: Robot, recent: Held, earlier: Held, plan: Plan) -> Compared:
     _require(new, new_told, recent, plan.sample)
     off = [p.moved - reference.predict(p.commands) for p in (old, new)]
     return Compared(grid, reference, old, new, *off)
-
-
-def _nominal(robot: Robot) -> Reference:
-    base = robot.file.base
-    parameters = (
-        base.speed_lag,
-        base.yaw_lag,
-        base.centrifugal,
-        base.speed_drag,
-        base.coupling,
-        base.yaw_drag,
-    )
-    return Reference(np.array(parameters), base.track)
 
 
 def _grid(robot: Robot, earlier: Told, cells: int) -> Grid:

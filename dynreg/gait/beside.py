@@ -10,6 +10,7 @@ from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError
 from dynreg.gait.runs import Motion, Topic, joint_states, topics
 from dynreg.gait.trials import Trials
+from dynreg.replay.timed import held
 from dynreg.sim.layout import BASE, layout_of
 from dynreg.sim.robot import Robot, require_commands
 
@@ -71,8 +72,7 @@ def _held(actions: np.ndarray, name: str) -> np.ndarray:
             expected="the commands that were played",
             do="log them too and map them",
         )
-    last = np.maximum.accumulate(np.where(known, np.arange(len(actions))[:, None], -1), axis=0)
-    return np.take_along_axis(actions, np.where(last < 0, known.argmax(axis=0), last), axis=0)
+    return held(actions, np.take_along_axis(actions, known.argmax(axis=0)[None], axis=0)[0])
 
 
 def _simulated(trials: Trials, simulator: int, actions: np.ndarray) -> Motion:

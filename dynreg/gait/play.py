@@ -1,6 +1,6 @@
 """Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from typing import Protocol
 
@@ -67,28 +67,24 @@ def joints(space: GaitSpace, genes: np.ndarray) -> tuple[Sine, ...]:
 
 def require_playable(gait: Played) -> None:
     """UsageError where a gait's joints would pass their limits, or a number is none, as after a change by hand."""
-    for what, expected in _unplayable(gait):
-        raise _unlike(gait.robot, what, expected)
-
-
-def _unplayable(gait: Played) -> Iterator[tuple[str, str]]:
-    """What keeps a gait from being played, and what is expected."""
     numbers = "finite numbers, times and rates above 0"
     for name in ("frequency", "rate", "ramp", "seconds"):
         if not 0.0 < (value := getattr(gait, name)) < np.inf:
-            yield f"{name} = {value}", numbers
+            raise _unlike(gait.robot, f"{name} = {value}", numbers)
     for j in gait.joints:
         for name in ("rest", "offset", "amplitude", "phase"):
             if not np.isfinite(value := getattr(j, name)):
-                yield f"{name} of {j.action} = {value}", numbers
+                raise _unlike(gait.robot, f"{name} of {j.action} = {value}", numbers)
     for j in gait.joints:
         size = abs(j.amplitude)
         least, most = j.offset - size, j.offset + size
         if (j.low is not None and least < j.low - SLACK) or (j.high is not None and most > j.high + SLACK):
-            yield f"{j.action} would go from {least:.3f} to {most:.3f} rad", f"{j.low} to {j.high} rad"
+            what = f"{j.action} would go from {least:.3f} to {most:.3f} rad"
+            raise _unlike(gait.robot, what, f"{j.low} to {j.high} rad")
         fastest = size * (2 * np.pi * gait.frequency + 1 / gait.ramp) + abs(j.offset - j.rest) / gait.ramp
         if j.speed is not None and fastest > j.speed + SLACK:
-            yield f"{j.action} would turn at {fastest:.2f} rad/s", f"at most {j.speed} rad/s"
+            what = f"{j.action} would turn at {fastest:.2f} rad/s"
+            raise _unlike(gait.robot, what, f"at most {j.speed} rad/s")
 
 
 def require_own(space: GaitSpace, genes: Mapping[str, float], gait: Played) -> None:

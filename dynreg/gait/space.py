@@ -126,7 +126,7 @@ class GaitSpace:
         frequency = genes[:, :1]
         offset = np.clip(genes[:, 1 + roles : 1 + 2 * roles], *self._role_limits)
         room = np.minimum(offset - self._role_limits[0], self._role_limits[1] - offset)
-        rate = self._role_speed - self._reach(offset) / self.ramp
+        rate = self.speed[self.columns].min(axis=0) - self._reach(offset) / self.ramp
         most = np.minimum(room, rate / (2 * np.pi * frequency + 1.0 / self.ramp))
         genes[:, 1 : 1 + roles] = np.clip(genes[:, 1 : 1 + roles], 0.0, np.maximum(most, 0.0))
         genes[:, 1 + roles : 1 + 2 * roles] = offset
@@ -178,10 +178,6 @@ class GaitSpace:
             [np.where(flipped, -high, low).max(axis=0), np.where(flipped, -low, high).min(axis=0)]
         )
 
-    @cached_property
-    def _role_speed(self) -> np.ndarray:
-        return self.speed[self.columns].min(axis=0)
-
     def _reach(self, offset: np.ndarray) -> np.ndarray:
         """(..., R) how far [rad] the ramp takes the joints of a role from rest to their offset."""
         rest = self.signs * self.pose[self.columns]
@@ -197,6 +193,11 @@ def gait_space(robot: Robot) -> GaitSpace:
             expected="[gait] with its legs and roles, and [[tasks]], in robot.toml",
             do="add them, or name a robot that walks, such as 'quadruped'",
         )
+    genes = [Gene("frequency", "Hz", *table.frequency)]
+    genes += [Gene(f"amplitude_{role.name}", "rad", *role.amplitude) for role in table.roles]
+    genes += [Gene(f"offset_{role.name}", "rad", *role.offset) for role in table.roles]
+    phases = [f"phase_{part.name}" for part in (*table.roles, *table.legs[1:])]
+    genes += [Gene(name, "rad", -np.pi, np.pi, True) for name in phases]
     columns = [[robot.joints.index(leg.joints[role.name]) for role in table.roles] for leg in table.legs]
     signs = [[-1.0 if role.name in leg.mirrored else 1.0 for role in table.roles] for leg in table.legs]
     low, high, speed = _limits(robot)
@@ -205,7 +206,7 @@ def gait_space(robot: Robot) -> GaitSpace:
         robot.actions,
         tuple(role.name for role in table.roles),
         tuple(leg.name for leg in table.legs),
-        _genes(table),
+        tuple(genes),
         table.ramp,
         np.array(columns),
         np.array(signs),
@@ -215,14 +216,6 @@ def gait_space(robot: Robot) -> GaitSpace:
         speed,
         tuple(table.start),
     )
-
-
-def _genes(table) -> tuple[Gene, ...]:
-    genes = [Gene("frequency", "Hz", *table.frequency)]
-    genes += [Gene(f"amplitude_{role.name}", "rad", *role.amplitude) for role in table.roles]
-    genes += [Gene(f"offset_{role.name}", "rad", *role.offset) for role in table.roles]
-    phases = [f"phase_{role.name}" for role in table.roles] + [f"phase_{leg.name}" for leg in table.legs[1:]]
-    return (*genes, *(Gene(name, "rad", -np.pi, np.pi, True) for name in phases))
 
 
 def _limits(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

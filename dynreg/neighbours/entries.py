@@ -60,7 +60,7 @@ def make_entries(
     shared: Shared, numbers: np.ndarray, threads: int = 0, watch: Stopwatch | None = None
 ) -> Made:
     """Simulate and train the entries `numbers` (consecutive) of a population; `watch` takes the time."""
-    watch, robot = watch or Stopwatch(), shared.robot
+    watch, robot, every = watch or Stopwatch(), shared.robot, np.arange(len(numbers))
     with watch.of("simulate"):
         values = robot.space.sample(
             int(numbers[0]), int(numbers[-1]) + 1, stream_seed(shared.seed, "entries") % 2**31
@@ -73,14 +73,10 @@ def make_entries(
         states = _held(states) if diverged.any() else states
         rows = shared.rows(states)
         stack = shared.training.entries(shared.base, *rows.train, shared.seed, threads)
-        own, train_loss = (_own_losses(stack, *part, threads) for part in (rows.held, rows.train))
+        banks = (LossBank(stack, *part, threads=threads or None) for part in (rows.held, rows.train))
+        own, train_loss = (bank.pairs(every, every) for bank in banks)
     fallen = (done.fell <= shared.run.steps).mean(axis=1)
     return Made(values, states, stack, own, train_loss, fallen, diverged.astype(float))
-
-
-def _own_losses(stack: MlpStack, inputs: np.ndarray, targets: np.ndarray, threads: int) -> np.ndarray:
-    every = np.arange(len(stack))
-    return LossBank(stack, inputs, targets, threads=threads or None).pairs(every, every)
 
 
 def _held(states: np.ndarray) -> np.ndarray:

@@ -67,8 +67,15 @@ def rows_of(robot: Robot, recording: Recording) -> Rows:
 
     Raises LogError where the recording lacks a state or the commands to replay.
     """
+    missing = [name for name in robot.actions if name not in recording.names]
+    if missing or not robot.actions:
+        raise LogError(
+            f"the recording has no commands ({missing[0] if missing else 'the robot has no actions'})",
+            expected=f"the channels {list(robot.actions)}",
+            do="record the commands too: without them nothing can be replayed or compared",
+        )
     recording = on_grid(robot, recording)
-    state, action = recording.columns(robot.channels), _action_columns(robot, recording)
+    state, action = recording.columns(robot.channels), recording.columns(robot.actions)
     logged = [i for i, name in enumerate(robot.inputs) if name in recording.names]
     source = recording.columns([robot.inputs[i] for i in logged])
     inputs = [np.full((len(e.time), len(robot.inputs)), np.nan) for e in recording.episodes]
@@ -83,14 +90,3 @@ def rows_of(robot: Robot, recording: Recording) -> Rows:
         tuple(inputs),
         np.array(settings).reshape(len(recording.episodes), len(robot.settings)),
     )
-
-
-def _action_columns(robot: Robot, recording: Recording) -> np.ndarray:
-    missing = [name for name in robot.actions if name not in recording.names]
-    if missing or not robot.actions:
-        raise LogError(
-            f"the recording has no commands ({missing[0] if missing else 'the robot has no actions'})",
-            expected=f"the channels {list(robot.actions)}",
-            do="record the commands too: without them nothing can be replayed or compared",
-        )
-    return recording.columns(robot.actions)

@@ -115,6 +115,9 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
     """The tests of errors {model: (n,)} on one axis, in `unit`."""
     from scipy import stats
 
+    def ranks(differences: np.ndarray) -> float:
+        return float(stats.wilcoxon(differences).pvalue) if differences.any() else 1.0
+
     names, columns = list(errors), list(errors.values())
     steady = all(np.ptp(c) == 0.0 for c in columns)
     f, p = _without_scatter(columns) if steady else map(float, stats.f_oneway(*columns))
@@ -123,7 +126,7 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
     tukey = None if steady else stats.tukey_hsd(*columns)
     interval = None if steady else tukey.confidence_interval(0.95)
     both = list(combinations(range(len(columns)), 2))
-    paired = _holm([_signed_ranks(columns[a] - columns[b]) for a, b in both])
+    paired = _holm([ranks(columns[a] - columns[b]) for a, b in both])  # 1 where the models predict the same
     pairs = []
     for (a, b), chance in zip(both, paired, strict=True):
         apart = float(columns[a].mean() - columns[b].mean())
@@ -157,13 +160,6 @@ def spread(errors: np.ndarray, unit: str) -> Spread:
         sd=float(errors.std(ddof=1)) if len(errors) > 1 else 0.0,
         unit=unit,
     )
-
-
-def _signed_ranks(differences: np.ndarray) -> float:
-    """p-value; 1 where the models predict the same."""
-    from scipy.stats import wilcoxon
-
-    return float(wilcoxon(differences).pvalue) if differences.any() else 1.0
 
 
 def _holm(chances: list[float]) -> list[float]:

@@ -37,7 +37,8 @@ def seen(pose: np.ndarray) -> np.ndarray:
     away = TARGET - pose[:, :2]
     bearing = np.arctan2(away[:, 1], away[:, 0]) - pose[:, 2]
     each = np.arange(len(pose))
-    _fill(target, each, _sector(bearing), np.hypot(*away.T) - REACHED)
+    sector = np.floor(np.mod(bearing / (2.0 * np.pi) * SECTORS + 0.5, SECTORS)).astype(int)
+    _fill(target, each, sector, np.hypot(*away.T) - REACHED)
     for sector in range(SECTORS):
         heading = pose[:, 2] + 2.0 * np.pi * sector / SECTORS
         _fill(walls, each, np.full(len(pose), sector), _to_wall(pose[:, :2], heading))
@@ -48,11 +49,6 @@ def _fill(image: np.ndarray, which: np.ndarray, sector: np.ndarray, distance: np
     ring = np.searchsorted(RINGS, distance, side="right")
     image[which, sector, ring] = True
     image[which, sector, np.minimum(ring + 1, len(RINGS))] = True
-
-
-def _sector(bearing: np.ndarray) -> np.ndarray:
-    """(n,) of bearings [rad]; the first one lies about straight ahead."""
-    return np.floor(np.mod(bearing / (2.0 * np.pi) * SECTORS + 0.5, SECTORS)).astype(int)
 
 
 def _to_wall(where: np.ndarray, heading: np.ndarray) -> np.ndarray:

@@ -71,8 +71,12 @@ class Path:
 def driven(plan: Plan, model: Model) -> Path:
     """The path that a model predicts, from the middle, looking along x: points every 0.1 s, and each end."""
     many, told = len(plan.left), ~plan.null
-    before = _before(plan)
-    asked = Commands(*(column[told] for column in (plan.left, plan.right, plan.seconds, *before)))
+    left, right, seconds = (column[told] for column in (plan.left, plan.right, plan.seconds))
+    follows = (
+        np.diff(np.nonzero(told)[0], prepend=-1) == 0
+    )  # a command that was not left out; else from standstill
+    before = (np.where(follows, np.roll(side, 1), 0.0) for side in (left, right))
+    asked = Commands(left, right, seconds, *before)
     found = along(model, asked, SAMPLE)
     moved = np.full((many, COMMANDS, found.shape[1], 3), np.nan)
     moved[told] = found
@@ -84,17 +88,6 @@ def driven(plan: Plan, model: Model) -> Path:
         points[:, i] = pose_after(pose[:, None], moved[:, i])
         pose = pose_after(pose, whole[:, i])
     return Path(points, pose, np.where(plan.null, 0.0, plan.seconds).sum(axis=1))
-
-
-def _before(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
-    """(B, 10) the speeds of the last command that was not left out; 0 before the first."""
-    out = (np.zeros_like(plan.left), np.zeros_like(plan.right))
-    held = [np.zeros(len(plan.left)), np.zeros(len(plan.left))]
-    for i in range(COMMANDS):
-        for number, side in enumerate((plan.left, plan.right)):
-            out[number][:, i] = held[number]
-            held[number] = np.where(plan.null[:, i], held[number], side[:, i])
-    return out
 
 
 def fitness(path: Path, within: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -1,12 +1,11 @@
 """A controller of pulsed neurons: 128 inputs, two motor neurons and a hidden one, which hear each other (396 numbers).
 
-Paper C. Neurons follow the spike response model (Gerstner): what comes in adds up through the kernel `heard`, a spike
-of its own silences a neuron for a while (`silence`), and it spikes where the sum is above its threshold. An input that
+Paper C. Neurons follow the spike response model (Gerstner): what comes in adds up through the kernel `HEARD`, a spike
+of its own silences a neuron for a while (`SILENCE`), and it spikes where the sum is above its threshold. An input that
 is on spikes at every tick; the spikes of a motor neuron in one window are the number of its command.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -16,6 +15,10 @@ TICKS = 20  # ms in a window
 MEMBRANE, SYNAPSE, DELAY = 4.0, 10.0, 2.0  # ms
 THRESHOLD = 3.9  # the highest
 SPEEDS = 20  # commands of a motor
+SINCE = np.arange(TICKS) - DELAY
+# (ticks,) what a spike adds so many ticks later, to who hears it and to the neuron itself
+HEARD = np.where(SINCE >= 0, np.exp(-SINCE / MEMBRANE) * (1.0 - np.exp(-SINCE / SYNAPSE)), 0.0)
+SILENCE = -np.exp(-np.arange(TICKS) / MEMBRANE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +52,12 @@ class Controllers:
 
         Every window begins at rest. No spike at all is the lowest command, too.
         """
-        heard, silence = _kernels()
-        steady = np.cumsum(heard)  # of an input that spikes at every tick
+        steady = np.cumsum(HEARD)  # of an input that spikes at every tick
         drive = np.einsum("bni,bi->bn", self.inputs, seen.astype(float))
         spikes = np.zeros((len(seen), NEURONS, TICKS))
         for tick in range(TICKS):
-            ago = heard[1 : tick + 1][::-1]  # of the spikes at 0 to tick - 1
+            ago = HEARD[1 : tick + 1][::-1]  # of the spikes at 0 to tick - 1
             told = np.einsum("bnm,bmt,t->bn", self.neurons, spikes[:, :, :tick], ago)
-            own = spikes[:, :, :tick] @ silence[1 : tick + 1][::-1]
+            own = spikes[:, :, :tick] @ SILENCE[1 : tick + 1][::-1]
             spikes[:, :, tick] = drive * steady[tick] + told + own > self.thresholds
         return np.clip(spikes[:, :MOTORS].sum(axis=2).astype(int) - 1, 0, SPEEDS - 1)
-
-
-@cache
-def _kernels() -> tuple[np.ndarray, np.ndarray]:
-    """(ticks,) what a spike adds so many ticks later, to who hears it and to the neuron itself."""
-    since = np.arange(TICKS) - DELAY
-    heard = np.where(since >= 0, np.exp(-since / MEMBRANE) * (1.0 - np.exp(-since / SYNAPSE)), 0.0)
-    return heard, -np.exp(-np.arange(TICKS) / MEMBRANE)

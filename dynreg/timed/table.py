@@ -59,22 +59,23 @@ class DisplacementTable:
 
     def moments(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples that count, their mean and standard deviation: (cells, 3) each; NaN where there are too few."""
-        return _moments(self.cells, self.cell, self.values, self.counts)
+        out = np.zeros((3, self.cells, self.values.shape[1]))
+        for axis in range(self.values.shape[1]):
+            use = self.counts[:, axis]
+            where, x = self.cell[use], self.values[use, axis]
+            n = np.bincount(where, minlength=self.cells).astype(float)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mean = np.bincount(where, x, self.cells) / n
+                square = np.bincount(where, (x - mean[where]) ** 2, self.cells)
+                out[:, :, axis] = n, mean, np.sqrt(square / (n - 1.0))
+        out[2][out[0] < 2] = np.nan
+        return out[0], out[1], out[2]
 
-    def draw(self, cell: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """(n, 3) displacements of commands (n,), from normal distributions.
-
-        Raises UsageError for a cell with fewer than two samples.
-        """
-        count, mean, deviation = self.moments()
-        few = np.flatnonzero((count[cell] < 2).any(axis=1))
-        if len(few):
-            raise UsageError(
-                f"cell {cell[few[0]]} has {count[cell[few[0]]].min():.0f} samples",
-                expected="two or more",
-                do="measure this command",
-            )
-        return mean[cell] + deviation[cell] * rng.standard_normal((len(cell), 3))
+    def joined(self, other: "DisplacementTable") -> "DisplacementTable":
+        """With the samples of another table of the same cells behind its own."""
+        columns = ("cell", "values", "born", "counts")
+        both = (np.concatenate([getattr(self, c), getattr(other, c)]) for c in columns)
+        return DisplacementTable(self.cells, *both)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +105,8 @@ def updated(
     rules = rules or Rules()
     known, aged = _without_old(table, now, rules)
     new = DisplacementTable.of(table.cells, cell, values, now)
-    p, rejected = rejections(known if rules.apart else _joined(known, new), new, rules)
-    merged = _joined(known, new)
+    merged = known.joined(new)
+    p, rejected = rejections(known if rules.apart else merged, new, rules)
     counts = merged.counts.copy()
     removed = np.zeros((table.cells, len(AXES)), dtype=int)
     for at, axis in np.argwhere(rejected):
@@ -190,29 +191,3 @@ def _without_old(table: DisplacementTable, now: int, rules: Rules) -> tuple[Disp
         table.cells, table.cell[stay], table.values[stay], table.born[stay], table.counts[stay]
     )
     return kept, int((~stay).sum())
-
-
-def _joined(known: DisplacementTable, new: DisplacementTable) -> DisplacementTable:
-    pairs = (
-        (known.cell, new.cell),
-        (known.values, new.values),
-        (known.born, new.born),
-        (known.counts, new.counts),
-    )
-    return DisplacementTable(known.cells, *(np.concatenate(pair) for pair in pairs))
-
-
-def _moments(
-    cells: int, cell: np.ndarray, values: np.ndarray, counts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    out = np.zeros((3, cells, values.shape[1]))
-    for axis in range(values.shape[1]):
-        use = counts[:, axis]
-        where, x = cell[use], values[use, axis]
-        n = np.bincount(where, minlength=cells).astype(float)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mean = np.bincount(where, x, cells) / n
-            square = np.bincount(where, (x - mean[where]) ** 2, cells)
-            out[:, :, axis] = n, mean, np.sqrt(square / (n - 1.0))
-    out[2][out[0] < 2] = np.nan
-    return out[0], out[1], out[2]

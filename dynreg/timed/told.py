@@ -10,7 +10,7 @@ from dynreg.errors import LogError
 from dynreg.sim.robot import Robot
 from dynreg.timed.commands import Commands, displacement
 from dynreg.timed.unicycle import unicycle
-from dynreg.timed.wheels import ROUNDING, Wheels, pose_names, unwrapped, wheels_of, within_one_turn
+from dynreg.timed.wheels import ROUNDING, Wheels, law_of, pose_names, unwrapped, wheels_of, within_one_turn
 
 EARLY = 0.3  # s of an episode that tell whether it begins with a robot on its way: three times the lag of small ones
 APART = 5.0  # standard deviations of a difference of two poses: what noise does not do
@@ -119,10 +119,8 @@ def _moves_already(
     last = early[-1]
     base, seconds, zero = robot.file.base, time[last : last + 1] - time[0], np.zeros(1)
     told = Commands(commands.left[:1], commands.right[:1], seconds, zero, zero)
-    law = np.array([STILL, STILL, 0.0, 1.0, 0.0, 1.0])
-    if base:
-        law[:] = base.speed_lag, base.yaw_lag, base.centrifugal, base.speed_drag, base.coupling, base.yaw_drag
-        law[:2] = np.maximum(law[:2], STILL)
+    law = law_of(base) if base else np.array([STILL, STILL, 0.0, 1.0, 0.0, 1.0])
+    law[:2] = np.maximum(law[:2], STILL)
     standing = unicycle(told, law, track, step=0.5 * STILL)[0, 1:]
     noise = {c.name: c.noise for c in robot.file.channels}
     sigma = np.array([max(noise[pose[0]], noise[pose[1]]), noise[pose[2]]])

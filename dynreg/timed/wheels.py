@@ -8,6 +8,7 @@ import numpy as np
 from dynreg.data.names import joint_of, quantity_of
 from dynreg.errors import LogError, RobotError
 from dynreg.sim.robot import Robot
+from dynreg.sim.spec import BaseTable
 
 POSE = ("base/x", "base/y", "base/yaw")
 BASE_COMMANDS = ("speed_command", "yaw_rate_command")
@@ -57,6 +58,12 @@ def wheels_of(robot: Robot, names: Sequence[str]) -> Wheels:
         base.wheel_radius if on_wheels else None,
         base.track if base else TRACK,
     )
+
+
+def law_of(base: BaseTable) -> np.ndarray:
+    """(6,) what robot.toml says of a base, as parameters of `unicycle`."""
+    lags, drags = (base.speed_lag, base.yaw_lag), (base.speed_drag, base.coupling, base.yaw_drag)
+    return np.array([*lags, base.centrifugal, *drags])
 
 
 def pose_names(robot: Robot, names: Sequence[str]) -> tuple[str, ...]:
