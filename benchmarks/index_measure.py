@@ -106,7 +106,7 @@ def nearest_lists(distance: Distance, n: int, k: int) -> list[np.ndarray]:
     lists = []
     for node in range(n):
         others = np.delete(np.arange(n), node)
-        distances = distance.between(node, others)
+        distances = distance.pairs(np.full(len(others), node), others)
         lists.append(others[np.lexsort((others, distances))[:k]])
     return lists
 

@@ -166,11 +166,11 @@ def _describe(
     distance: Distance, new: Int[ndarray, " N"], ids: Int[ndarray, " M"], symmetric: bool
 ) -> tuple[Float[ndarray, "N M"], Float[ndarray, "M N"]]:
     """Log-distances (new, m) to the landmarks and (m, new) from them."""
-    inward = np.array([distance.between(landmark, new) for landmark in ids.tolist()])
+    inward = np.array([distance.pairs(np.full(len(new), landmark), new) for landmark in ids.tolist()])
     inward = _log(inward.reshape(len(ids), len(new)), ids, new)
     if symmetric:
         return inward.T.copy(), inward
-    outward = np.array([distance.between(entry, ids) for entry in new.tolist()])
+    outward = np.array([distance.pairs(np.full(len(ids), entry), ids) for entry in new.tolist()])
     return _log(outward.reshape(len(new), len(ids)), new, ids), inward
 
 
@@ -193,7 +193,7 @@ def _spread(distance: Distance, n: int, m: int, first: int) -> Ids:
     ids = [first]
     nearest = np.full(n, np.inf)
     while len(ids) < m:
-        nearest = np.minimum(nearest, distance.between(ids[-1], np.arange(n)))
+        nearest = np.minimum(nearest, distance.pairs(np.full(n, ids[-1]), np.arange(n)))
         nearest[ids[-1]] = -np.inf
         ids.append(int(np.argmax(nearest)))
     return np.sort(np.array(ids, dtype=np.int64))

@@ -106,13 +106,13 @@ def evenly(robot: Robot, recording: Recording) -> Recording:
     step = robot.file.robot.timestep
     extra = [name for name in (*robot.actions, *robot.inputs) if name in recording.names]
     names = tuple(dict.fromkeys([*robot.channels, *extra]))
+    logged = [column for column, name in enumerate(names) if name in recording.names]
+    source = recording.columns([names[column] for column in logged])
     units = {c.name: c.unit for c in (*robot.file.channels, *recording.channels)}
     episodes = []
     for e in recording.episodes:
         values = np.full((len(e.time), len(names)), np.nan)
-        for column, name in enumerate(names):
-            if name in recording.names:
-                values[:, column] = e.values[:, recording.names.index(name)]
+        values[:, logged] = e.values[:, source]
         early = e.time - e.time[0] <= START * (1.0 + EVEN)
         states = values[early, : len(robot.channels)]
         first = np.isfinite(states).argmax(axis=0)  # row of the first number; any, where there is none

@@ -42,10 +42,6 @@ class CrossLoss:
         losses = self.bank.pairs(np.concatenate([a, b]), np.concatenate([b, a]))
         return (losses[: len(a)] + losses[len(a) :]) / (self.own[a] + self.own[b])
 
-    def between(self, a: int, others: np.ndarray) -> np.ndarray:
-        """(m,) distances of entry `a` to `others`."""
-        return self.pairs(np.full(len(others), a), np.asarray(others))
-
     def matrix(self) -> np.ndarray:
         """(M, M) all distances: the oracle."""
         losses = self.bank.all()

@@ -71,7 +71,7 @@ class Shared:
     @cached_property
     def context(self) -> np.ndarray:
         """(E, T, K) inputs and settings of each step of the bank."""
-        return context_of(self.robot, self.run)
+        return context_of(self.run)
 
     def rows(self, states: np.ndarray) -> Rows:
         """Rows of entries (M, E, T+1, S)."""
@@ -145,7 +145,7 @@ def cross_loss(
     return CrossLoss(stack, inputs[:, some], targets[:, some], own, threads=threads or None)
 
 
-def context_of(robot: Robot, run: Run) -> np.ndarray:
+def context_of(run: Run) -> np.ndarray:
     """(E, T, K) inputs, then settings, of each step: the context of dynamics models."""
     episodes, steps = run.episodes, run.steps
     inputs = run.inputs if run.inputs is not None else np.zeros((episodes, steps, 0))

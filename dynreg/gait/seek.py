@@ -33,7 +33,7 @@ DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simula
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How a gait is sought. rollouts : runs of one simulator, in all; patience, target : see `drive.Limits`.
+    """How a gait is sought. rollouts : runs of one simulator, in all; patience : see `drive.Limits`.
 
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
@@ -44,7 +44,6 @@ class SearchSettings:
     rollouts: int = 750
     seed: int = 0
     patience: int | None = None
-    target: float | None = None
     again: float = 0.0
 
     def __post_init__(self):
@@ -131,13 +130,12 @@ def seek(
 
     # who learns from one batch alone lives with noise that is another for every batch, and finds what walks whatever
     # the noise. Climbers compare candidates of different batches; so does who ends a search early
-    early = settings.patience is not None or settings.target is not None
-    draws_anew = bool(finals) and kind.by_order and not early
+    draws_anew = bool(finals) and kind.by_order and settings.patience is None
     found = drive(
         search,
         lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
         watched,
-        Limits(evaluations, settings.patience, settings.target),
+        Limits(evaluations, settings.patience),
         journal=kept,
         progress=(lambda done, total: progress("search", done, total)) if progress else None,
     )

@@ -23,44 +23,28 @@ class Distance(Protocol):
         """How many nodes there are."""
         ...
 
-    def between(self, a: int, others: Ids) -> Distances:
-        """Distances of node `a` to `others` (m,) -> (m,)."""
-        ...
-
     def pairs(self, a: Ids, b: Ids) -> Distances:
         """Distances a[i] to b[i]: (m,), (m,) -> (m,)."""
         ...
 
 
 class Counted:
-    """A distance that remembers: within one search a pair is evaluated, and counted, once.
+    """A symmetric distance that remembers: a pair is evaluated, and counted, once.
 
-    Attributes
-    ----------
-    evaluations : pairs evaluated since the beginning.
-
-    Parameters
-    ----------
-    distance : what is to be counted.
-    symmetric : whether (a, b) and (b, a) are the same pair.
+    evaluations : pairs evaluated since the beginning; (a, b) and (b, a) are the same one.
     """
 
-    def __init__(self, distance: Distance, *, symmetric: bool = True):
+    def __init__(self, distance: Distance):
         self.distance = distance
-        self.symmetric = symmetric
         self.evaluations = 0
         self._known: dict[int, float] = {}
 
     def __len__(self) -> int:
         return len(self.distance)
 
-    def between(self, a: int, others: Ids) -> Distances:
-        return self.pairs(np.full(len(others), a), others)
-
     def pairs(self, a: Ids, b: Ids) -> Distances:
         a, b = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64)
-        low, high = (np.minimum(a, b), np.maximum(a, b)) if self.symmetric else (a, b)
-        keys = (low << 31) | high  # one integer for each pair; ids stay below 2**31
+        keys = (np.minimum(a, b) << 31) | np.maximum(a, b)  # one integer for each pair; ids stay below 2**31
         unknown, first = np.unique(keys, return_index=True)
         first = first[[key not in self._known for key in unknown.tolist()]]
         if len(first):

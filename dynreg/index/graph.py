@@ -80,10 +80,6 @@ class Graph:
     def __len__(self) -> int:
         return len(self.neighbours)
 
-    def edges(self, node: int) -> Ids:
-        """The ids that `node` links to, nearest first."""
-        return self.neighbours[node]
-
     @property
     def degree(self) -> Ids:
         """(n,) how many links each node has."""

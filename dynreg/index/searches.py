@@ -16,6 +16,8 @@ from dynreg.index.distance import To, ToMany
 from dynreg.index.graph import Graph
 from dynreg.rng import stream
 
+STARTS = 8  # random nodes that a search starts from, all measured at once
+EF = 30  # of the best nodes found, usually, are kept and expanded
 Walk = Generator[list[int], list[float], list[tuple[float, int]]]
 
 
@@ -34,16 +36,7 @@ class Found:
     evaluations: int
 
 
-def search(
-    graph: Graph,
-    to: To,
-    k: int,
-    rng: np.random.Generator,
-    *,
-    ef: int = 30,
-    starts: int = 8,
-    beam: int = 1,
-) -> Found:
+def search(graph: Graph, to: To, k: int, rng: np.random.Generator, *, ef: int = EF) -> Found:
     """The k nodes nearest to a query, by best-first search on the flat graph.
 
     Parameters
@@ -52,38 +45,18 @@ def search(
     rng : draws the nodes to start from.
     ef : how many of the best nodes are kept and expanded; at least k is used. With ef = len(graph) the
         search looks at every node.
-    starts : random nodes to start from, all measured at once.
-    beam : nodes expanded in a step; more makes fewer and larger distance calls for some more evaluations.
     """
-    walk = best_first(graph.neighbours, draw_starts(len(graph), starts, rng), max(ef, k), beam)
+    walk = best_first(graph.neighbours, draw_starts(len(graph), STARTS, rng), max(ef, k))
     return lockstep([walk], lambda rows, ids: to(ids), k)[0]
 
 
-def search_many(
-    graph: Graph,
-    to: ToMany,
-    queries: int,
-    k: int,
-    *,
-    seed: int,
-    ef: int = 30,
-    starts: int = 8,
-    beam: int = 1,
-) -> list[Found]:
+def search_many(graph: Graph, to: ToMany, queries: int, k: int, *, seed: int, ef: int = EF) -> list[Found]:
     """`search` for `queries` queries that advance in lockstep; `to(rows, ids)` serves them all at once.
 
     Row i draws from the stream (seed, "search", i), whatever other rows there are.
     """
-    walks = [
-        best_first(
-            graph.neighbours,
-            draw_starts(len(graph), starts, stream(seed, "search", row)),
-            max(ef, k),
-            beam,
-        )
-        for row in range(queries)
-    ]
-    return lockstep(walks, to, k)
+    starts = [draw_starts(len(graph), STARTS, stream(seed, "search", row)) for row in range(queries)]
+    return lockstep([best_first(graph.neighbours, some, max(ef, k)) for some in starts], to, k)
 
 
 def search_printed(graph: Graph, to: To, k: int, rng: np.random.Generator, restarts: int = 4) -> Found:
@@ -100,7 +73,7 @@ def brute_force(to: To, n: int, k: int) -> Found:
     return Found(ids, distances[ids], n)
 
 
-def best_first(neighbours: Sequence[np.ndarray], starts: Sequence[int], ef: int, beam: int = 1) -> Walk:
+def best_first(neighbours: Sequence[np.ndarray], starts: Sequence[int], ef: int) -> Walk:
     """Expand the nearest node not yet expanded until none is nearer than the ef best found."""
     seen = set(starts)
     asked = list(starts)
@@ -116,12 +89,10 @@ def best_first(neighbours: Sequence[np.ndarray], starts: Sequence[int], ef: int,
                 continue
             heappush(open_nodes, (distance, node))
         asked = []
-        expanded = 0
-        while open_nodes and (expanded < beam or not asked):
+        while open_nodes and not asked:
             distance, node = heappop(open_nodes)
             if len(best) == ef and distance > -best[0][0]:
                 break
-            expanded += 1
             for neighbour in neighbours[node].tolist():
                 if neighbour not in seen:
                     seen.add(neighbour)

@@ -122,7 +122,7 @@ def _base_rows(
     seeds = np.array([stream_seed(seed, "base", i) % 2**62 for i in range(first, stop)])
     noise = motor_noise(seeds, *run.actions.shape)
     states = rollout(robot, values, replace(run, noise=noise), threads=threads).states.astype(np.float32)
-    context = context_of(robot, run)
+    context = context_of(run)
     count = int(np.prod(states.shape[:2])) * run.steps
     flat = lambda a: np.broadcast_to(a, (len(states), *a.shape[-3:])).reshape(count, a.shape[-1])  # noqa: E731
     columns = (flat(states[:, :, :-1]), flat(run.actions), flat(context), flat(states[:, :, 1:]))

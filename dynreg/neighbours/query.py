@@ -12,13 +12,7 @@ from dynreg.errors import UsageError
 from dynreg.index import Graph
 from dynreg.neighbours.judge import channel_errors, misfit
 from dynreg.neighbours.retrieve import Retrieved
-from dynreg.neighbours.synthesise import (
-    Evidence,
-    Interval,
-    empty_evidence,
-    estimates,
-    refine,
-)
+from dynreg.neighbours.synthesise import Evidence, Interval, estimates, evidence_of, refine
 from dynreg.replay.data import Data, data
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.parts import seen
@@ -200,7 +194,7 @@ def _replayed(case: Case, found: Retrieved, effort: Effort) -> tuple[tuple[Candi
     units = case.with_known(np.array([*unit, *case.population.unit[entries]]))
     replay = lambda some: case.replayer.residuals(space.from_unit(some), chosen)  # noqa: E731
     case.report("replay", 0, effort.budget)
-    evidence = empty_evidence(space, ~case.fixed, case.data.parts.fit[chosen]).grown(units, replay(units))
+    evidence = evidence_of(space, ~case.fixed, case.data.parts.fit[chosen], units, replay(units))
     case.report("replay", len(first), effort.budget)
     left = effort.budget - len(first)
     if effort.synthesise and left > 0 and evidence.free.any() and len(first) > 3:

@@ -40,15 +40,9 @@ class Evidence:
 
     def grown(self, unit: np.ndarray, residuals: np.ndarray) -> "Evidence":
         """With the replays of unit parameters (m, P), residuals (m, W', T, S') over all replayed windows."""
-        error, rest = errors(residuals), ~self.to_fit
-        mine = residuals[:, self.to_fit].astype(np.float32)
-        return replace(
-            self,
-            unit=np.concatenate([self.unit, unit]),
-            residuals=np.concatenate([self.residuals, mine]) if len(self.unit) else mine,
-            fit=np.concatenate([self.fit, error[:, self.to_fit].mean(axis=1)]),
-            select=np.concatenate([self.select, (error[:, rest] if rest.any() else error).mean(axis=1)]),
-        )
+        more = evidence_of(self.space, self.free, self.to_fit, unit, residuals)
+        columns = ("unit", "residuals", "fit", "select")
+        return replace(self, **{c: np.concatenate([getattr(self, c), getattr(more, c)]) for c in columns})
 
     @property
     def score(self) -> np.ndarray:
@@ -57,10 +51,14 @@ class Evidence:
         return share * self.fit + (1.0 - share) * self.select
 
 
-def empty_evidence(space: ParameterSpace, free: np.ndarray, to_fit: np.ndarray) -> Evidence:
-    """Evidence without replays."""
-    nothing = np.zeros(0)
-    return Evidence(space, free, to_fit, np.zeros((0, len(space))), np.zeros((0, 0, 0, 0)), nothing, nothing)
+def evidence_of(
+    space: ParameterSpace, free: np.ndarray, to_fit: np.ndarray, unit: np.ndarray, residuals: np.ndarray
+) -> Evidence:
+    """Of the first replays: unit parameters (n, P), residuals (n, W', T, S') over all replayed windows."""
+    error, rest = errors(residuals), ~to_fit
+    select = (error[:, rest] if rest.any() else error).mean(axis=1)
+    mine = residuals[:, to_fit].astype(np.float32)
+    return Evidence(space, free, to_fit, unit, mine, error[:, to_fit].mean(axis=1), select)
 
 
 def refine(

@@ -29,7 +29,15 @@ def put_shard(directory: Directory, population_id: str, start: int, data: ShardD
         the ones that it holds under these numbers.
     """
     record = get_population(directory, population_id)
-    _check_fits(record, start, data)
+    width = (data.values.shape[1], data.states.shape[3])
+    planned = (len(record.parameters), len(record.channels))
+    if start < 0 or start + len(data) > record.size or width != planned:
+        raise RegistryError(
+            f"entries {start} to {start + len(data)} with {width[0]} parameters and {width[1]} channels "
+            f"do not fit population {record.id[:12]}",
+            expected=f"numbers in 0 to {record.size}, {planned[0]} parameters and {planned[1]} channels",
+            do="let the population grow first, or compute the shard with its settings",
+        )
     ids = data.entry_ids(population_id)
     stop = start + len(data)
     while True:
@@ -83,18 +91,6 @@ def entry_rows(population_id: str, start: int, data: ShardData, ids: Sequence[st
         }
         for i, entry_id in enumerate(ids)
     ]
-
-
-def _check_fits(record: PopulationRecord, start: int, data: ShardData) -> None:
-    width = (data.values.shape[1], data.states.shape[3])
-    planned = (len(record.parameters), len(record.channels))
-    if start < 0 or start + len(data) > record.size or width != planned:
-        raise RegistryError(
-            f"entries {start} to {start + len(data)} with {width[0]} parameters and {width[1]} channels "
-            f"do not fit population {record.id[:12]}",
-            expected=f"numbers in 0 to {record.size}, {planned[0]} parameters and {planned[1]} channels",
-            do="let the population grow first, or compute the shard with its settings",
-        )
 
 
 def _check_layout(connection: Connection, population_id: str, data: ShardData) -> str:

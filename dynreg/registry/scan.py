@@ -4,7 +4,6 @@ Every file but those of the robots carries the hash of its bytes in its name and
 is, so the catalogue can be compared with the files, and written again from them.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -72,7 +71,9 @@ def scan(root: Path, registered: set[str]) -> Found:
         if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
             found.bad[path.name] = "no part of a registry"
     states, rest = {}, {}
-    for relative in sorted(_files(root), key=lambda name: (name not in registered, name)):
+    files = (path for folder in FOLDERS for path in (root / folder).rglob("*") if not path.is_dir())
+    names = [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
+    for relative in sorted(names, key=lambda name: (name not in registered, name)):
         path, folder = root / relative, relative.split("/")[0]
         if path.is_symlink():
             found.bad[relative] = "a link, which a registry does not hold"
@@ -96,13 +97,6 @@ def scan(root: Path, registered: set[str]) -> Found:
             found.bad[relative] = getattr(error, "problem", str(error))
     _pair(root, found, states, rest)
     return found
-
-
-def _files(root: Path) -> Iterator[str]:
-    for folder in FOLDERS:
-        for path in (root / folder).rglob("*"):
-            if not path.is_dir() and not is_temporary(path.name):
-                yield path.relative_to(root).as_posix()
 
 
 def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:

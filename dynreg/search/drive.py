@@ -28,12 +28,10 @@ class Limits:
 
     evaluations : candidates at most. cut : of a batch that would not fit, those are tried that do; else it is not begun
     (the first one always is). patience : candidates without a better one after which to give up, None for never.
-    target : value that is good enough.
     """
 
     evaluations: int
     patience: int | None = None
-    target: float | None = None
     cut: bool = False
 
 
@@ -41,7 +39,7 @@ class Limits:
 class Found:
     """The best candidate (P,), its grades (k,) and value, and (evaluations, best value) whenever it rose.
 
-    ended : "budget", "patience", "target" or "converged". resumed : evaluations taken from the journal.
+    ended : "budget", "patience" or "converged". resumed : evaluations taken from the journal.
     """
 
     best: np.ndarray
@@ -94,17 +92,8 @@ def drive(
         spent += len(asked)
         if progress:
             progress(spent, limits.evaluations)
-        ended = _ended(search, limits, best[2], spent, spent - last)
-        if ended:
+        if limits.patience is not None and spent - last >= limits.patience:
+            return Found(*best, tuple(history), spent, resumed, "patience")
+        if spent >= limits.evaluations or search.stopped:
+            ended = "budget" if spent >= limits.evaluations else "converged"
             return Found(*best, tuple(history), spent, resumed, ended)
-
-
-def _ended(search: Search, limits: Limits, value: float, spent: int, since: int) -> str:
-    """Why a search is over, "" where it is not: `since` so many candidates of those spent nothing was better."""
-    if limits.target is not None and value >= limits.target:
-        return "target"
-    if limits.patience is not None and since >= limits.patience:
-        return "patience"
-    if spent >= limits.evaluations:
-        return "budget"
-    return "converged" if search.stopped else ""

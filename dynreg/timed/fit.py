@@ -15,7 +15,7 @@ from dynreg.timed.unicycle import unicycle
 
 # a1 to a6: the lags and drags of published robots from a Khepera to a wheelchair, and couplings beyond theirs
 RANGES = np.array([[0.01, 0.5], [0.01, 0.5], [-0.02, 0.02], [0.8, 1.2], [-0.1, 0.1], [0.8, 1.2]])
-STEP = 0.02  # s
+STEP = 0.02  # s at most: twice that of the model is as good for lags that robots have, and half the work
 AT_ONCE = 20  # candidates in one batch: what fits the cache
 
 
@@ -53,14 +53,12 @@ def fit_unicycle(
     track: float,
     breeding: Breeding = BREEDING,
     *,
-    step: float = STEP,
     threads: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fitted:
     """The six parameters that explain displacements (n, 3) of commands (n,) best.
 
     Of the best of every generation the one with the lowest error on `validation` is kept (Pretorius et al.).
-    step : time step [s] at most; twice that of the model is as good for lags that robots have, and half the work.
     threads : that simulate side by side; they change no number. progress : called with generations done and all.
     """
     variance = moved.var(axis=0)
@@ -69,7 +67,7 @@ def fit_unicycle(
     parameters = lambda unit: RANGES[:, 0] + unit * np.ptp(RANGES, axis=1)  # noqa: E731
     history: list[float] = []
     with ThreadPoolExecutor(threads) as pool:
-        errors_of = partial(_errors, variance=variance, track=track, step=step, pool=pool)
+        errors_of = partial(_errors, variance=variance, track=track, pool=pool)
 
         def grades(unit: np.ndarray) -> np.ndarray:
             """(n, 2) errors on what is fitted, and on the validation part: infinite but for the best of them."""
@@ -99,13 +97,12 @@ def _errors(
     *,
     variance: np.ndarray,
     track: float,
-    step: float,
     pool: ThreadPoolExecutor,
 ) -> np.ndarray:
     """(B,) of parameters (B, 6); NaN where a simulation is no number."""
 
     def errors(some: np.ndarray) -> np.ndarray:
-        found = unicycle(commands, some, track, step=step)
+        found = unicycle(commands, some, track, step=STEP)
         with np.errstate(over="ignore", invalid="ignore"):
             return ((found - moved) ** 2 / variance).sum(axis=2).mean(axis=1)
 

@@ -91,7 +91,8 @@ def _answers(
     MINPACK never lets go of Python's lock, so threads would not help. scikit-learn's processes do not run the caller's
     script again, as those of the standard library do where it has no main guard.
     """
-    asked = [(seed, axis, start, *_of(axis, known, unseen), ITERATIONS) for axis, start in jobs]
+    along = [[(inputs, moved[:, axis]) for inputs, moved in (known, unseen)] for axis in range(len(AXES))]
+    asked = [(seed, axis, start, *along[axis]) for axis, start in jobs]
     if workers < 2:
         return (trained(*one) for one in asked)
     from sklearn.utils.parallel import Parallel, delayed
@@ -101,19 +102,13 @@ def _answers(
     )
 
 
-def _of(axis: int, *parts: Part) -> tuple[Part, ...]:
-    return tuple((inputs, moved[:, axis]) for inputs, moved in parts)
-
-
 def scales(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(C,) mean and standard deviation of columns (n, C); deviation 1 where a column does not change."""
     mean, scale = table.mean(axis=0), table.std(axis=0)
     return mean, np.where(scale > STILL * np.maximum(np.abs(mean), STILL), scale, 1.0)
 
 
-def trained(
-    seed: int, axis: int, start: int, known: Part, unseen: Part, iterations: int
-) -> tuple[np.ndarray, float]:
+def trained(seed: int, axis: int, start: int, known: Part, unseen: Part) -> tuple[np.ndarray, float]:
     """Weights (141,) of the network of an axis with the lowest validation error on the way from a start; that error.
 
     known, unseen : standardised inputs (n, 5) and displacements (n,) along the axis.
@@ -137,7 +132,7 @@ def trained(
 
     try:
         least_squares(
-            lambda w: _out(w, known[0])[0] - known[1], first, jac=slopes, method="lm", max_nfev=iterations
+            lambda w: _out(w, known[0])[0] - known[1], first, jac=slopes, method="lm", max_nfev=ITERATIONS
         )
     except _Enough:
         pass

@@ -10,7 +10,6 @@ from dynreg.timed.commands import Commands
 
 STEP = 0.01  # s
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6")
-UNITS = ("s", "s", "s*m/rad^2", "1", "s/m", "1")
 KHEPERA = np.array([0.087, 0.101, 1.17e-8, 0.989, 6.00e-6, 0.989])  # Pretorius et al., Table II
 LAUT = np.array([0.0228, 0.0568, -0.0001, 1.0030, 0.0732, 0.9981])  # a Khepera III, Laut
 PIONEER = np.array(

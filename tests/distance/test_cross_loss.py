@@ -39,7 +39,7 @@ def test_an_entry_is_at_distance_one_of_itself_and_the_order_does_not_matter(sta
     np.testing.assert_allclose(distance.pairs(every, every), 1.0, rtol=1e-6)
     matrix = distance.matrix()
     np.testing.assert_array_equal(matrix, matrix.T)
-    np.testing.assert_allclose(distance.between(2, every), matrix[2], rtol=1e-5)
+    np.testing.assert_allclose(distance.pairs(np.full(MODELS, 2), every), matrix[2], rtol=1e-5)
 
 
 def test_own_losses_from_training_take_the_place_of_measured_ones(stack, rows):

@@ -15,9 +15,6 @@ class Spy:
     def __len__(self):
         return self.matrix.shape[1]
 
-    def between(self, a, others):
-        return self.pairs(np.full(len(others), a), others)
-
     def pairs(self, a, b):
         self.asked.append(np.stack([a, b]))
         return self.matrix[a, b]

@@ -11,30 +11,23 @@ SMALL = SyntheticEntries.draw(12, seed=2).matrix()
 PAIRS = st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11)), min_size=1, max_size=30)
 
 
-@given(st.lists(PAIRS, min_size=1, max_size=4), st.booleans())
-def test_counted_gives_the_distances_and_counts_each_pair_once(calls, symmetric):
-    counted = Counted(MatrixDistance(SMALL), symmetric=symmetric)
+@given(st.lists(PAIRS, min_size=1, max_size=4))
+def test_counted_gives_the_distances_and_counts_each_pair_once(calls):
+    counted = Counted(MatrixDistance(SMALL))
     seen = set()
     for call in calls:
         a, b = np.array(call).T
         np.testing.assert_allclose(counted.pairs(a, b), SMALL[a, b], rtol=1e-12)
-        seen |= {tuple(sorted(pair)) if symmetric else pair for pair in call}
+        seen |= {tuple(sorted(pair)) for pair in call}
         assert counted.evaluations == len(seen)
 
 
 def test_what_is_known_is_not_asked_again(spy):
     counted = Counted(spy)
-    first = counted.between(3, np.array([1, 2, 5, 2]))
-    again = counted.between(3, np.array([5, 1]))
+    first = counted.pairs(np.full(len([1, 2, 5, 2]), 3), np.array([1, 2, 5, 2]))
+    again = counted.pairs(np.full(len([5, 1]), 3), np.array([5, 1]))
     assert counted.evaluations == 3 == spy.count and len(spy.asked) == 1
     np.testing.assert_array_equal(again, first[[2, 0]])
-
-
-def test_a_one_sided_distance_is_not_taken_for_symmetric():
-    matrix = np.arange(9.0).reshape(3, 3)
-    counted = Counted(MatrixDistance(matrix), symmetric=False)
-    np.testing.assert_array_equal(counted.pairs(np.array([0, 1]), np.array([1, 0])), [1.0, 3.0])
-    assert counted.evaluations == 2
 
 
 @pytest.mark.parametrize("matrix", [np.ones(3), np.array([[1.0, np.nan], [1.0, 1.0]])])

@@ -64,12 +64,12 @@ def test_links_are_mutual_without_a_cap_and_lengths_are_the_distances(nodes, tab
         build_as_printed(nodes, 200),
         build(nodes, 200),
     ):
-        links = {(i, int(j)) for i in range(200) for j in graph.edges(i)}
+        links = {(i, int(j)) for i in range(200) for j in graph.neighbours[i]}
         assert all(i != j for i, j in links)
         if graph.settings.degree_cap < 0:
             assert links == {(j, i) for i, j in links}
         for node in range(200):
-            ids, lengths = graph.edges(node), graph.lengths[node]
+            ids, lengths = graph.neighbours[node], graph.lengths[node]
             assert len(set(ids.tolist())) == len(ids)
             assert np.all(np.diff(lengths) >= 0)
             np.testing.assert_allclose(lengths, tables[0][ids, node])

@@ -5,8 +5,8 @@ import pytest
 
 from dynreg.neighbours.synthesise import (
     Evidence,
-    empty_evidence,
     estimates,
+    evidence_of,
     linearise,
     propose,
     refine,
@@ -44,7 +44,7 @@ class Plant:
 def started(space: ParameterSpace, plant: Plant, free=(True,) * 4, count: int = 18) -> Evidence:
     unit = stream(1, "start").uniform(size=(count, 4))
     unit = np.where(free, unit, TRUTH)
-    return empty_evidence(space, np.array(free), np.arange(WINDOWS) < 3).grown(unit, plant.residuals(unit))
+    return evidence_of(space, np.array(free), np.arange(WINDOWS) < 3, unit, plant.residuals(unit))
 
 
 @pytest.mark.parametrize("curvature", [0.0, 0.5])

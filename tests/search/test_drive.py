@@ -121,7 +121,6 @@ def test_climbers_on_a_plain_try_other_starts_and_then_climb() -> None:
 
 def test_a_search_ends_where_it_is_told_to() -> None:
     ended = lambda **limits: drive(MAKE["cma"](stream(1, "a")), hump, judge, Limits(500, **limits)).ended  # noqa: E731
-    assert ended(target=0.9) == "target"
     assert ended(patience=30) == "patience"
     flat = drive(MAKE["hill"](stream(1, "a")), lambda x: np.zeros((len(x), 1)), judge, Limits(40))
     assert flat.ended == "budget" and flat.history == ((1, 0.0),)

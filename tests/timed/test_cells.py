@@ -36,8 +36,8 @@ def test_pieces_of_a_drive_are_one_sample_and_others_are_left_out() -> None:
     assert (found.short, found.long, found.outside) == (1, 1, 1)
     assert found.drive.tolist() == [0, 0, 1, 2] and found.episode.tolist() == [0, 0, 1]
     assert np.allclose(found.by_drive(found.moved), [(moved[0] + moved[1]) / 2, moved[5], moved[6]])
-    table = found.table(GRID, found.moved, 3)
-    assert table.cell.tolist() == [14, 14, 14] and table.born.tolist() == [3, 3, 3]
+    table = found.table(GRID, found.moved)
+    assert table.cell.tolist() == [14, 14, 14] and table.born.tolist() == [0, 0, 0]
     means = mean_by_cell(GRID.cells, table.cell, table.values)
     assert np.allclose(means[14], table.values.mean(axis=0)) and np.isnan(np.delete(means, 14, axis=0)).all()
 
