@@ -68,7 +68,9 @@ def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
             row for row in found.indexes.values() if row["entries_hash"] == present.get(row["population_id"])
         ],  # others are stale
     }
-    return rows | {"files": _files(held, found, rows)}
+    registered = {row["path"]: row for row in held["files"]}
+    sound = {path: {"path": path, "sha256": f.sha256, "size": f.size} for path, f in found.files.items()}
+    return rows | {"files": [sound.get(path) or registered[path] for path in sorted(paths_in(rows))]}
 
 
 def _robots(root: Path, held: Rows, found: Found, used: Iterable[str]) -> list[Row]:
@@ -138,9 +140,3 @@ def _results(held: Rows, found: Found, recordings: Iterable[str]) -> list[Row]:
             row = {"id": result_id(result["kind"], about[0], result["sha256"]), "kind": result["kind"]}
             rows.append(row | {"recording_id": about[0], "path": path, "ordinal": last})
     return rows
-
-
-def _files(held: Rows, found: Found, rows: Rows) -> list[Row]:
-    known = {row["path"]: row for row in held["files"]}
-    sound = {path: {"path": path, "sha256": f.sha256, "size": f.size} for path, f in found.files.items()}
-    return [sound.get(path) or known[path] for path in sorted(paths_in(rows))]

@@ -1,6 +1,6 @@
 """The table of searches, one line each, and how any of them is begun; without heavy imports.
 
-A search is a class with `ask` and `tell`, a function that begins it, and a line here.
+A search is a class of `turns.Turns`, a function that begins it, and a line here.
 """
 
 from collections.abc import Mapping
