@@ -30,7 +30,16 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
     Where control is timed there are none: a row stands where a command begins.
     """
     where = f"{episode.file}, episode {episode.name}"
-    findings = list(_missing(episode, spec, where))
+    findings = [
+        Finding("error", "missing", where, f"channel {c.name!r} is missing")
+        for c in spec.channels
+        if c.name not in episode.channels and not c.optional
+    ]
+    findings += [
+        Finding("warning", "missing", where, f"setting {name!r} is not known")
+        for name in spec.settings
+        if name not in episode.settings and name not in spec.usual
+    ]
     specs = {c.name: c for c in spec.channels}
     shown = {name: s for name, s in episode.channels.items() if not specs[name].hold}
     findings += check_clocks(episode.channels, where, None)
@@ -169,15 +178,6 @@ def check_range(
             yield Finding("warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text)
 
 
-def _missing(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
-    for channel in spec.channels:
-        if channel.name not in episode.channels and not channel.optional:
-            yield Finding("error", "missing", where, f"channel {channel.name!r} is missing")
-    for name in spec.settings:
-        if name not in episode.settings and name not in spec.usual:
-            yield Finding("warning", "missing", where, f"setting {name!r} is not known")
-
-
 def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where: str) -> Iterator[Finding]:
     """States that keep one value while a command of the same joint moves."""
     for name, series in episode.channels.items():
@@ -221,12 +221,8 @@ def _velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:
             continue
         unit = next((u for u, k in MISTAKES.items() for f in (k, 1 / k) if 0.85 < slope / f < 1.15), None)
         text = f"is {slope:.3g} times the rate of its position"
-        if unit is None:
-            yield Finding("warning", "units", f"{where}, {name}", f"{text}; check its sign and unit")
-        else:
-            yield Finding(
-                "error", "units", f"{where}, {name}", f"{text}: one of the two is in {unit}; set `unit`"
-            )
+        told = f": one of the two is in {unit}; set `unit`" if unit else "; check its sign and unit"
+        yield Finding("error" if unit else "warning", "units", f"{where}, {name}", text + told)
 
 
 def velocity_slope(position: Series, velocity: Series) -> float | None:

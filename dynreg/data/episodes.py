@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.data.gaps import silent
-from dynreg.data.maps import LogMap, SettingMap, factors
+from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError, MapError
@@ -88,15 +88,21 @@ def _channels(log: RawLog, log_map: LogMap, spec: RecordingSpec, select: Select)
         entry = log_map.channels.get(channel.name)
         if entry is None or entry.source is None:
             continue  # absent, or differentiated later from a channel of this episode
-        series = _source(log, entry.source, channel)
-        if series is not None:
-            out[channel.name] = in_si(select(series), channel, log_map)
+        if entry.source in log.sources:
+            out[channel.name] = _in_si(select(log.sources[entry.source]), channel, entry)
+        elif not channel.optional:
+            near = [name for name in log.sources if name.split(".")[0] == entry.source.split(".")[0]]
+            near = near or log.metadata.get("topics") or list(log.sources)
+            raise MapError(
+                f"{log.path.name!r} has no source {entry.source!r} for channel {channel.name!r}",
+                expected=f"one of {near[:30]}",
+                do="correct `source` in the map, or run `dynreg doctor` on the log to list what it holds",
+            )
     return out
 
 
-def in_si(series: Series, channel: ChannelSpec, log_map: LogMap) -> Series:
+def _in_si(series: Series, channel: ChannelSpec, entry: ChannelMap) -> Series:
     """A source's series in the channel's unit, on stamps without its delay."""
-    entry = log_map.channels[channel.name]
     if entry.unit is None and series.unit is not None:
         entry = entry.model_copy(update={"unit": series.unit})
     factor, offset = factors(entry, channel)
@@ -108,26 +114,11 @@ def in_si(series: Series, channel: ChannelSpec, log_map: LogMap) -> Series:
     return Series(series.time - entry.delay, values, channel.unit)
 
 
-def _source(log: RawLog, source: str, channel: ChannelSpec) -> Series | None:
-    if source in log.sources:
-        return log.sources[source]
-    if channel.optional:
-        return None
-    near = [name for name in log.sources if name.split(".")[0] == source.split(".")[0]]
-    near = near or log.metadata.get("topics") or list(log.sources)
-    raise MapError(
-        f"{log.path.name!r} has no source {source!r} for channel {channel.name!r}",
-        expected=f"one of {near[:30]}",
-        do="correct `source` in the map, or run `dynreg doctor` on the log to list what it holds",
-    )
-
-
 def _settings(log: RawLog, log_map: LogMap, select: Select) -> dict[str, float]:
     out = {}
     for name, entry in log_map.settings.items():
         value = _setting(entry, log, select)
-        if value is None:
-            value = entry.default
+        value = entry.default if value is None else value
         if value is not None:
             out[name] = entry.scale * value
     return out
@@ -142,7 +133,16 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
     elif entry.metadata in log.metadata:
         text = log.metadata[entry.metadata]
     elif entry.metadata in log.sources:
-        return _constant(log, entry.metadata, select)
+        values = select(log.sources[entry.metadata]).values
+        distinct = np.unique(values[np.isfinite(values)])
+        if len(distinct) > 1:
+            both = f"{distinct[0]:g} and {distinct[1]:g}"
+            raise LogError(
+                f"{log.path.name!r}: setting {entry.metadata!r} is {both} in one episode",
+                expected="one value an episode",
+                do="split the episodes where it changes",
+            )
+        text = distinct[0] if len(distinct) else None
     elif entry.metadata in log.labels:
         text = log.labels[entry.metadata][0]
     else:
@@ -155,18 +155,6 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
             expected="a number",
             do="correct it in the log, or [settings] in the map",
         ) from None
-
-
-def _constant(log: RawLog, column: str, select: Select) -> float | None:
-    values = select(log.sources[column]).values
-    distinct = np.unique(values[np.isfinite(values)])
-    if len(distinct) > 1:
-        raise LogError(
-            f"{log.path.name!r}: setting {column!r} is {distinct[0]:g} and {distinct[1]:g} in one episode",
-            expected="one value an episode",
-            do="split the episodes where it changes",
-        )
-    return float(distinct[0]) if len(distinct) else None
 
 
 def _name(log: RawLog, log_map: LogMap, settings: Mapping[str, float], part: str | None) -> str:

@@ -1,6 +1,7 @@
 """From log files to a Recording: read, map, check, resample, and write down what was done."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -45,10 +46,11 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
             do="run `dynreg doctor` on it to see everything that was found",
         )
     starts, kept = {}, []
-    names = _unique([episode.name for episode in episodes])
-    for name, raw in zip(names, episodes, strict=True):
-        start, time, values = resample(raw, spec)
-        starts[name] = start
+    seen: Counter[str] = Counter()
+    for raw in episodes:
+        seen[raw.name] += 1
+        name = raw.name if seen[raw.name] == 1 else f"{raw.name}#{seen[raw.name]}"
+        starts[name], time, values = resample(raw, spec)
         kept.append((name, time, values, raw.settings))
     present = np.any([np.isfinite(values).any(axis=0) for _, _, values, _ in kept], axis=0)
     channels = tuple(
@@ -87,7 +89,13 @@ def doctor(
             episodes, findings, _ = _mapped(files, spec, log_map)
         except DynregError as error:
             return (_finding(error, files),)
-        return (*findings, *_resampling(episodes, spec, findings))
+        for episode in episodes if not errors(findings) else ():
+            try:
+                resample(episode, spec)
+            except LogError as error:
+                where = f"{episode.file}, episode {episode.name}"
+                findings.append(Finding("error", "span", where, str(error)))
+        return tuple(findings)
     findings = []
     options = _options(log_map)
     for path in files:
@@ -126,14 +134,12 @@ def _logs(files: Sequence[Path], log_map: LogMap | None) -> Iterable[RawLog]:
             yield read_log(path, options)
         return
     for stem, members in _groups(files, log_map.files).items():
-        logs = {m: read_log(path, _member_options(options, m)) for m, path in members.items()}
+        logs = {}
+        for member, path in members.items():
+            own = [s for s in options.sources if s.startswith(f"{member}.")]
+            wanted = tuple(s.removeprefix(f"{member}.") for s in own)
+            logs[member] = read_log(path, replace(options, sources=wanted))
         yield side_by_side(next(iter(members.values())).with_name(stem), logs)
-
-
-def _member_options(options: ReadOptions, member: str) -> ReadOptions:
-    prefix = f"{member}."
-    wanted = tuple(s.removeprefix(prefix) for s in options.sources or () if s.startswith(prefix))
-    return replace(options, sources=wanted)
 
 
 def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dict[str, Path]]:
@@ -149,20 +155,6 @@ def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dic
             )
         groups.setdefault(path.name.removesuffix(suffixes[member]), {})[member] = path
     return groups
-
-
-def _resampling(
-    episodes: Iterable[RawEpisode], spec: RecordingSpec, found: Iterable[Finding]
-) -> list[Finding]:
-    if errors(found):
-        return []
-    out = []
-    for episode in episodes:
-        try:
-            resample(episode, spec)
-        except LogError as error:
-            out.append(Finding("error", "span", f"{episode.file}, episode {episode.name}", str(error)))
-    return out
 
 
 def _finding(error: DynregError, files: Sequence[Path]) -> Finding:
@@ -188,20 +180,6 @@ def _expand(paths: Paths) -> list[Path]:
             raise LogError(f"log {str(path)!r} is given twice", expected="each log once", do="leave one out")
         seen.add(path.resolve())
     return files
-
-
-def _unique(names: Sequence[str]) -> list[str]:
-    """Names with a number after those that came before.
-
-    >>> _unique(["a", "b", "a"])
-    ['a', 'b', 'a#2']
-    """
-    seen: dict[str, int] = {}
-    out = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        out.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return out
 
 
 def _hashes(path: Path) -> list[dict[str, Any]]:

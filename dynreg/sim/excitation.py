@@ -6,7 +6,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dynreg.rng import stream
-from dynreg.sim.ports import nominal_ports
+from dynreg.sim.ports import nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -134,15 +134,9 @@ def reset_pose(robot: Robot) -> np.ndarray:
     if not robot.actions:
         return np.zeros(0)
     model = robot.model
-    name = robot.file.reset.keyframe
-    qpos = model.keyframe(name).qpos if name else model.qpos0
-    types = nominal_ports(robot, 1).types
-    return np.array(
-        [
-            qpos[model.joint(j).qposadr[0]] if t in ("position", "duty_servo") else 0.0
-            for j, t in zip(robot.joints, types, strict=True)
-        ]
-    )
+    qpos = model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe]
+    pose = qpos[[model.joint(joint).qposadr[0] for joint in robot.joints]]
+    return np.where(takes_positions(nominal_ports(robot, 1)), pose, 0.0)
 
 
 def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
@@ -150,15 +144,15 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
 
     Empty for floating robots, whose joints cannot be put anywhere without moving the base.
     """
-    types = nominal_ports(robot, 1).types if robot.actions else []
-    if any(model_type == 0 for model_type in robot.model.jnt_type):
+    if not robot.actions or (robot.model.jnt_type == 0).any():
         return []
     channels = {name: i for i, name in enumerate(robot.channels)}
-    out = []
-    for a, (joint, kind) in enumerate(zip(robot.joints, types, strict=True)):
-        if kind in ("position", "duty_servo") and f"{joint}/position" in channels:
-            out.append((a, channels[f"{joint}/position"], channels.get(f"{joint}/velocity", -1)))
-    return out
+    held = takes_positions(nominal_ports(robot, 1))
+    return [
+        (a, channels[f"{joint}/position"], channels.get(f"{joint}/velocity", -1))
+        for a, joint in enumerate(robot.joints)
+        if held[a] and f"{joint}/position" in channels
+    ]
 
 
 def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray, reach: float) -> None:

@@ -30,8 +30,7 @@ def names_of(model: mujoco.MjModel, prefix: str) -> list[str]:
         owner = np.searchsorted(model.jnt_qposadr, np.arange(model.nq), side="right") - 1
         return [model.joint(int(j)).name for j in owner]
     kind = _OBJECTS[prefix]
-    count = {"jnt": model.njnt, "body": model.nbody, "geom": model.ngeom}.get(prefix)
-    count = getattr(model, {"actuator": "nu"}.get(prefix, f"n{prefix}")) if count is None else count
+    count = getattr(model, "nu" if prefix == "actuator" else f"n{prefix}")
     return [mujoco.mj_id2name(model, kind, i) or "" for i in range(count)]
 
 

@@ -56,7 +56,7 @@ def layout_of(robot: Robot) -> Layout:
             raise _unknown(f"channel {name!r}", [f"{owner}/{q}" for q in choices])
     base = free[0] if free else -1
     return Layout(
-        *(_pairs(columns[key]) for key in ("position", "velocity", "base")),
+        *(tuple(np.array(pairs, dtype=int).reshape(-1, 2).T) for pairs in columns.values()),
         int(model.jnt_qposadr[base]) if free else -1,
         int(model.jnt_dofadr[base]) if free else -1,
         *_action_addresses(robot, joints),
@@ -65,30 +65,23 @@ def layout_of(robot: Robot) -> Layout:
 
 def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray, ...]:
     model = robot.model
-    qpos, dof, actuator, ranges = [], [], [], []
-    for owner, action in zip(robot.joints, robot.file.actions, strict=True):
+    qpos, dof, actuator = [], [], []
+    for owner, action in zip(robot.joints, robot.actions, strict=True):
         if owner not in joints:
-            raise _unknown(f"action {action.name!r}", list(joints))
+            raise _unknown(f"action {action!r}", list(joints))
         joint = joints[owner]
-        driven = [
-            i
-            for i in range(model.nu)
-            if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[i, 0] == joint
-        ]
-        if not driven:
+        on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        driven = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
+        if not len(driven):
             raise RobotError(
-                f"action {action.name!r}: no actuator of the model moves joint {owner!r}",
+                f"action {action!r}: no actuator of the model moves joint {owner!r}",
                 expected="a <general>, <motor> or <position> actuator on that joint",
                 do="add one to the MJCF",
             )
         qpos.append(model.jnt_qposadr[joint])
         dof.append(model.jnt_dofadr[joint])
         actuator.append(driven[0])
-        low = -np.inf if action.low is None else action.low
-        high = np.inf if action.high is None else action.high
-        ranges.append((low, high))
-    as_ids = lambda items: np.array(items, dtype=int)  # noqa: E731
-    return as_ids(qpos), as_ids(dof), as_ids(actuator), np.array(ranges, dtype=float).reshape(-1, 2)
+    return *(np.array(items, dtype=int) for items in (qpos, dof, actuator)), robot.action_ranges
 
 
 def observe(layout: Layout, qpos: np.ndarray, qvel: np.ndarray, channels: int) -> np.ndarray:
@@ -131,11 +124,6 @@ def place(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.ndarray
     for (columns, addresses), target in ((layout.position, qpos), (layout.velocity, qvel)):
         known = states[:, columns]
         target[:, addresses] = np.where(np.isnan(known), target[:, addresses], known)
-
-
-def _pairs(items: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    columns = np.array([c for c, _ in items], dtype=int)
-    return columns, np.array([a for _, a in items], dtype=int)
 
 
 def _unknown(what: str, choices: list[str]) -> RobotError:

@@ -3,7 +3,7 @@
 Both engines read the same `Ports`, and one torque law (`servo_law`) serves every drive on every engine.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -12,21 +12,7 @@ from dynreg.errors import RobotError, SimulationError
 from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
-from dynreg.sim.sets import PORT_KEYS, Assignment, combine, matching
-
-_DEFAULTS = {
-    "gain": 1.0,
-    "rate_gain": 0.0,
-    "torque_limit": 1e6,
-    "speed_limit": 1e6,
-    "duty_gain": 0.0,
-    "kt": 0.0,
-    "resistance": 1.0,
-    "supply": 0.0,
-    "lag": 0.0,
-    "gain_factor": 1.0,
-    "limit_factor": 1.0,
-}
+from dynreg.sim.sets import DRIVE_DEFAULTS, PORT_KEYS, Assignment, combine, matching
 
 
 @dataclass
@@ -59,7 +45,13 @@ class Ports:
             return
         port, _, key = assignment.path.partition(".")
         if port == "base":
-            self.base[key] = np.array(combine(assignment.op, self._base(assignment)[key], values))
+            if not self.base:
+                raise RobotError(
+                    f"sets entry {assignment.text!r}: the robot has no base on wheels",
+                    expected="a [base] table in robot.toml",
+                    do="add it, or correct the entry",
+                )
+            self.base[key] = np.array(combine(assignment.op, self.base[key], values))
             return
         array = getattr(self, port)[key]
         # a base has two drives under one name: elements with a slash are actions, the others joints
@@ -67,47 +59,19 @@ class Ports:
         at = matching(self.actions if whole else self.joints, assignment.elements, assignment.text)
         array[:, at] = combine(assignment.op, array[:, at], values)
 
-    def _base(self, assignment: Assignment) -> dict[str, np.ndarray]:
-        if not self.base:
-            raise RobotError(
-                f"sets entry {assignment.text!r}: the robot has no base on wheels",
-                expected="a [base] table in robot.toml",
-                do="add it, or correct the entry",
-            )
-        return self.base
-
     def repeat(self, times: int) -> "Ports":
         """Each simulator `times` times in a row, for its episodes."""
         spread = lambda group: {k: np.repeat(v, times, axis=0) for k, v in group.items()}  # noqa: E731
-        return Ports(
-            self.joints,
-            self.types,
-            spread(self.drive),
-            spread(self.friction),
-            spread(self.sensor),
-            spread(self.control),
-            self.supply_input,
-            self.enable_input,
-            self.actions,
-            spread(self.base),
-        )
+        groups = ("drive", "friction", "sensor", "control", "base")
+        return replace(self, **{group: spread(getattr(self, group)) for group in groups})
 
     def take(self, drives: np.ndarray) -> "Ports":
         """Only these drives (numbers)."""
         cut = lambda group: {k: v[:, drives] for k, v in group.items()}  # noqa: E731
-        names = lambda items: [items[i] for i in drives]  # noqa: E731
-        return Ports(
-            names(self.joints),
-            names(self.types),
-            cut(self.drive),
-            cut(self.friction),
-            cut(self.sensor),
-            self.control,
-            self.supply_input[drives],
-            self.enable_input[drives],
-            names(self.actions),
-            self.base,
-        )
+        parts = {group: cut(getattr(self, group)) for group in ("drive", "friction", "sensor")}
+        names = {group: [getattr(self, group)[i] for i in drives] for group in ("joints", "types", "actions")}
+        inputs = {"supply_input": self.supply_input[drives], "enable_input": self.enable_input[drives]}
+        return replace(self, **parts, **names, **inputs)
 
 
 def nominal_ports(robot: Robot, n: int) -> Ports:
@@ -115,7 +79,7 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
     joints = list(robot.joints)
     tables = [_drive_of(robot, *names) for names in zip(robot.joints, robot.actions, strict=True)]
     drive = {
-        key: np.tile(np.array([getattr(t, key, _DEFAULTS[key]) for t in tables], dtype=float), (n, 1))
+        key: np.tile(np.array([getattr(t, key, DRIVE_DEFAULTS[key]) for t in tables], dtype=float), (n, 1))
         for key in PORT_KEYS["drive"]
     }
     inputs, wheels = list(robot.inputs), robot.file.base
@@ -196,6 +160,13 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
         on = np.where(ports.enable_input >= 0, flag, True)
         gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
     return ServoLaw(gain, stiffness, rate, limit, damping, -stiffness * offset)
+
+
+def slice_of(numbers: np.ndarray) -> slice | np.ndarray:
+    """The same rows or columns as a slice where they are in a row: arrays are cut several times faster so."""
+    if len(numbers) and (np.diff(numbers) == 1).all():
+        return slice(int(numbers[0]), int(numbers[-1]) + 1)
+    return numbers
 
 
 def takes_positions(ports: Ports) -> np.ndarray:

@@ -49,6 +49,15 @@ class Robot:
         """Names of the action vector (A,)."""
         return tuple(a.name for a in self.file.actions)
 
+    @property
+    def action_ranges(self) -> np.ndarray:
+        """(A, 2) lowest and highest command of each action; infinite where it states none."""
+        ends = [
+            (-np.inf if a.low is None else a.low, np.inf if a.high is None else a.high)
+            for a in self.file.actions
+        ]
+        return np.array(ends, dtype=float).reshape(-1, 2)
+
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """What each action moves: its joint, its wheel, or the base (A,)."""
@@ -73,6 +82,12 @@ class Robot:
     def settings(self) -> tuple[str, ...]:
         """Names of the known constants of an episode (K,)."""
         return tuple(s.name for s in self.file.settings)
+
+    @property
+    def keyframe(self) -> int:
+        """Number of the model's keyframe that episodes start from; -1 where they start from its own pose."""
+        name = self.file.reset.keyframe
+        return self.model.keyframe(name).id if name else -1
 
     @property
     def input_defaults(self) -> np.ndarray:
@@ -130,18 +145,16 @@ class Robot:
     @property
     def recording_spec(self) -> RecordingSpec:
         """What a log of this robot must hold."""
-        channels = [ChannelSpec(c.name, c.unit, "state", False, c.low, c.high) for c in self.file.channels]
-        channels += [
-            ChannelSpec(a.name, a.unit, "action", a.optional, a.low, a.high) for a in self.file.actions
+        file = self.file
+        signals = {"state": file.channels, "action": file.actions, "input": file.inputs}
+        channels = [
+            ChannelSpec(t.name, t.unit, kind, getattr(t, "optional", False), t.low, t.high)
+            for kind, tables in signals.items()
+            for t in tables
         ]
-        channels += [
-            ChannelSpec(i.name, i.unit, "input", i.optional, i.low, i.high) for i in self.file.inputs
-        ]
-        channels += [
-            ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(self.file.inputs) :]
-        ]
-        usual = tuple(s.name for s in self.file.settings if s.values == [s.nominal])
-        return RecordingSpec(self.name, tuple(channels), self.settings, self.file.robot.control_rate, usual)
+        channels += [ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(file.inputs) :]]
+        usual = tuple(s.name for s in file.settings if s.values == [s.nominal])
+        return RecordingSpec(self.name, tuple(channels), self.settings, file.robot.control_rate, usual)
 
     @cached_property
     def setters(self) -> tuple[tuple[Assignment, ...], ...]:
@@ -214,7 +227,7 @@ def with_population(robot: Robot, ranges: str) -> Robot:
             do="correct the name, or add it to robot.toml",
         )
     space = robot.space.with_ranges(robot.file.populations[ranges].ranges)
-    return Robot(robot.name, robot.folder, robot.file, space, robot.hash)
+    return replace(robot, space=space)
 
 
 def require_commands(robot: Robot, recording: Recording) -> None:

@@ -1,6 +1,6 @@
 """What is asked of an engine, and what it gives back."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -67,17 +67,12 @@ class Run:
     def take(self, episodes: np.ndarray) -> "Run":
         """Only these episodes (indexes)."""
         pick = lambda a: None if a is None else a[episodes]  # noqa: E731
-        return Run(
-            self.actions[..., episodes, :, :],
-            pick(self.inputs),
-            pick(self.settings),
-            pick(self.initial),
-            self.period,
-            None if self.noise is None else self.noise[:, episodes],
-            pick(self.begin),
-            self.joints,
-            pick(self.velocity),
-            pick(self.before),
+        own = ("inputs", "settings", "initial", "begin", "velocity", "before")
+        return replace(
+            self,
+            actions=self.actions[..., episodes, :, :],
+            noise=None if self.noise is None else self.noise[:, episodes],
+            **{name: pick(getattr(self, name)) for name in own},
         )
 
 

@@ -17,21 +17,25 @@ _FORM = re.compile(
     r"^(?P<root>mj|port|control|modifier)\.(?P<path>[A-Za-z_][A-Za-z0-9_.]*)"
     r"(\[(?P<first>[^\]]+)\])?(\[(?P<second>\d+)\])?\s*(?P<op>=|\+=|\*=)$"
 )
-CONTROL_KEYS = ("rate", "noise", "max_step", "clock")
+NAMES = {
+    "control": ("rate", "noise", "max_step", "clock"),
+    "modifier": ("link_length", "mass", "gravity"),
+}
+DRIVE_DEFAULTS = {  # of drives whose type does not have the key
+    "gain": 1.0,
+    "rate_gain": 0.0,
+    "torque_limit": 1e6,
+    "speed_limit": 1e6,
+    "duty_gain": 0.0,
+    "kt": 0.0,
+    "resistance": 1.0,
+    "supply": 0.0,
+    "lag": 0.0,
+    "gain_factor": 1.0,
+    "limit_factor": 1.0,
+}
 PORT_KEYS = {
-    "drive": (
-        "gain",
-        "rate_gain",
-        "torque_limit",
-        "speed_limit",
-        "duty_gain",
-        "kt",
-        "resistance",
-        "supply",
-        "lag",
-        "gain_factor",
-        "limit_factor",
-    ),
+    "drive": tuple(DRIVE_DEFAULTS),
     "friction": ("coulomb", "viscous"),
     "sensor": ("offset", "scale"),
     "base": (
@@ -45,7 +49,6 @@ PORT_KEYS = {
         "yaw_drag",
     ),
 }
-MODIFIERS = ("link_length", "mass", "gravity")
 
 
 @dataclass(frozen=True)
@@ -73,25 +76,19 @@ def parse(text: str) -> Assignment:
     elements = tuple(part.strip() for part in first.split(",")) if first else ()
     index = int(second) if second is not None else None
     assignment = Assignment(text, match["root"], match["path"], elements, index, match["op"])
-    _check_path(assignment)
+    if assignment.root in NAMES:
+        _check_choice(text, assignment.path, NAMES[assignment.root])
+    elif assignment.root == "port":
+        port, _, key = assignment.path.partition(".")
+        _check_choice(text, port, tuple(PORT_KEYS))
+        _check_choice(text, key, PORT_KEYS[port])
     return assignment
 
 
-def _check_path(a: Assignment) -> None:
-    if a.root == "control":
-        _check_choice(a, a.path, CONTROL_KEYS)
-    elif a.root == "modifier":
-        _check_choice(a, a.path, MODIFIERS)
-    elif a.root == "port":
-        port, _, key = a.path.partition(".")
-        _check_choice(a, port, tuple(PORT_KEYS))
-        _check_choice(a, key, PORT_KEYS[port])
-
-
-def _check_choice(a: Assignment, given: str, choices: tuple[str, ...]) -> None:
+def _check_choice(text: str, given: str, choices: tuple[str, ...]) -> None:
     if given not in choices:
         raise RobotError(
-            f"sets entry {a.text!r} names {given!r}",
+            f"sets entry {text!r} names {given!r}",
             expected=f"one of {list(choices)}",
             do="correct the entry",
         )

@@ -1,5 +1,7 @@
 """Parameters of a robot's simulators, their ranges and how they are sampled."""
 
+import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,23 +79,14 @@ class ParameterSpace:
         sobol = qmc.Sobol(len(self), scramble=True, rng=np.random.default_rng(stream_seed(seed, "sobol")))
         if start:
             sobol.fast_forward(start)
-        import warnings
-
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", UserWarning
-            )  # balance needs a power of two; ranges need not be one
+            # balance needs a power of two; ranges need not be one
+            warnings.simplefilter("ignore", UserWarning)
             return self.from_unit(sobol.random(stop - start))
 
     def with_ranges(self, ranges: dict[str, tuple[float, float]]) -> "ParameterSpace":
         """The same parameters with other bounds; nominal values are moved inside them."""
-        unknown = sorted(set(ranges) - set(self.names))
-        if unknown:
-            raise UsageError(
-                f"unknown parameter {unknown[0]!r}",
-                expected=f"one of {list(self.names)}",
-                do="correct the name",
-            )
+        self._check_known(ranges)
         changed = []
         for p in self.parameters:
             low, high = ranges.get(p.name, (p.low, p.high))
@@ -112,14 +105,17 @@ class ParameterSpace:
 
     def from_dict(self, values: dict[str, float]) -> np.ndarray:
         """(P,) from {name: value}; parameters not named take their nominal value."""
-        unknown = sorted(set(values) - set(self.names))
+        self._check_known(values)
+        return np.array([float(values.get(p.name, p.nominal)) for p in self.parameters])
+
+    def _check_known(self, names: Iterable[str]) -> None:
+        unknown = sorted(set(names) - set(self.names))
         if unknown:
             raise UsageError(
                 f"unknown parameter {unknown[0]!r}",
                 expected=f"one of {list(self.names)}",
                 do="correct the name",
             )
-        return np.array([float(values.get(p.name, p.nominal)) for p in self.parameters])
 
     @property
     def _log(self) -> np.ndarray:

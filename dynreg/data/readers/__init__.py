@@ -85,7 +85,15 @@ def format_of(path: Path) -> LogFormat:
     Raises LogError where there is no such file or the format is not known.
     """
     if path.is_dir():
-        return _of_folder(path)
+        folders = {f.folder: f for f in formats().values() if f.folder}
+        for (file, _), form in folders.items():
+            if (path / file).exists():
+                return form
+        raise LogError(
+            f"{path.name!r} is a folder that holds neither {' nor '.join(file for file, _ in folders)}",
+            expected=f"a {' or '.join(called for _, called in folders)} folder, or the paths of single logs",
+            do="pass the logs in it by name",
+        )
     if not path.exists():
         raise LogError(f"there is no log {str(path)!r}", expected="an existing file", do="check the path")
     with path.open("rb") as file:
@@ -101,18 +109,6 @@ def format_of(path: Path) -> LogFormat:
             do="export the log to CSV, Parquet or MCAP",
         )
     return told[0]
-
-
-def _of_folder(path: Path) -> LogFormat:
-    folders = {f.folder: f for f in formats().values() if f.folder}
-    for (file, _), form in folders.items():
-        if (path / file).exists():
-            return form
-    raise LogError(
-        f"{path.name!r} is a folder that holds neither {' nor '.join(file for file, _ in folders)}",
-        expected=f"a {' or '.join(called for _, called in folders)} folder, or the paths of single logs",
-        do="pass the logs in it by name",
-    )
 
 
 def read_log(path: str | Path, options: ReadOptions | None = None) -> RawLog:

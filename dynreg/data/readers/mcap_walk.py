@@ -55,7 +55,8 @@ class _Open:
 def walk(path: Path, tally: Tally) -> Iterator[Item]:
     """Schemas, channels and messages in file order; `tally` tells afterwards what was lost."""
     tally.size = path.stat().st_size
-    resume = _chunk_offsets(path)
+    summary = _summary(path)
+    resume = sorted(c.chunk_start_offset for c in summary.chunk_indexes) if summary else []
     chunk: _Open | None = None
     with path.open("rb") as file:
         at = MAGIC_BYTES
@@ -71,7 +72,8 @@ def walk(path: Path, tally: Tally) -> Iterator[Item]:
                 _settle(chunk, tally)
                 chunk = None
             if opcode == Opcode.MESSAGE_INDEX and whole and chunk is not None:
-                chunk.indexed += _indexed(file.read(length))
+                # channel (2 bytes), length (4), then 16 bytes a message
+                chunk.indexed += max(len(file.read(length)) - 6, 0) // 16
             elif opcode == Opcode.CHUNK:
                 chunk = yield from _chunk(file.read(min(length, RECORD_LIMIT)), at, tally)
             elif whole:
@@ -164,32 +166,17 @@ def _items(opcode: int, body: bytes, tally: Tally, times: tuple[int, int] | None
                 tally.read += 1
                 tally.message_bytes += _HEAD.size + len(body)
                 yield Message(channel, log_time, body[_MESSAGE.size :], publish_time, sequence)
-        elif opcode == Opcode.SCHEMA:
-            yield _parse(Schema, body)
-        elif opcode == Opcode.CHANNEL:
-            yield _parse(Channel, body)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            record = Schema if opcode == Opcode.SCHEMA else Channel
+            yield record.read(ReadDataStream(BytesIO(body)))
     except Exception as error:  # a record of noise can fail in any way; the walk goes on
         tally.problems.append(f"unreadable record of type {opcode}: {error}")
-
-
-def _indexed(body: bytes) -> int:
-    """Entries in a MessageIndex record: channel (2 bytes), length (4), then 16 bytes a message."""
-    return max(len(body) - 6, 0) // 16
-
-
-def _parse(record: type, body: bytes):
-    return record.read(ReadDataStream(BytesIO(body)))
 
 
 def message_count(path: Path) -> int | None:
     """Messages that the file's own summary states; None where it has none."""
     summary = _summary(path)
     return summary.statistics.message_count if summary and summary.statistics else None
-
-
-def _chunk_offsets(path: Path) -> list[int]:
-    summary = _summary(path)
-    return sorted(c.chunk_start_offset for c in summary.chunk_indexes) if summary else []
 
 
 def _summary(path: Path):

@@ -13,6 +13,7 @@ from dynreg.data.series import Finding, Series
 MAX_ITEMS = 64  # longer arrays are images, scans and point clouds, not signals
 MAX_DEPTH = 16
 MAX_LEAVES = 4096
+JOINT_STATE = ("position", "velocity", "effort")
 FOREIGN_CLOCK = 60.0  # [s] header stamps further than this from the log's own are of another clock
 
 Leaf = float | np.ndarray
@@ -71,14 +72,10 @@ def get(message: Any, name: str) -> Any:
 
 def header_stamp(message: Any) -> int | None:
     """`header.stamp` [ns], or None where there is none or it is zero."""
-    stamp = get(get(message, "header"), "stamp") if get(message, "header") is not None else None
-    if stamp is None:
-        return None
+    stamp = get(get(message, "header"), "stamp")
     seconds = get(stamp, "sec") if get(stamp, "sec") is not None else get(stamp, "secs")
-    nanos = next(
-        (get(stamp, key) for key in ("nanosec", "nanosecs", "nsec", "nsecs") if get(stamp, key) is not None),
-        0,
-    )
+    told = (get(stamp, key) for key in ("nanosec", "nanosecs", "nsec", "nsecs"))
+    nanos = next((n for n in told if n is not None), 0)
     if not isinstance(seconds, int) or not isinstance(nanos, int):
         return None
     return (seconds * 10**9 + nanos) or None
@@ -91,7 +88,7 @@ def is_joint_state(message: Any) -> bool:
         isinstance(names, list | tuple)
         and 0 < len(names) <= MAX_ITEMS
         and all(isinstance(n, str) for n in names)
-        and any(get(message, f) is not None for f in ("position", "velocity", "effort"))
+        and any(get(message, f) is not None for f in JOINT_STATE)
     )
 
 
@@ -112,18 +109,12 @@ class Topic:
         for path, value in leaves(message):
             if path in self._leaves or len(self._leaves) < MAX_LEAVES:
                 self._keep(path, row, value)
-        if is_joint_state(message):
-            self._add_joints(message, row)
-
-    def _add_joints(self, message: Any, row: int) -> None:
         # By name as well as by index: the order of the joints may change from message to message.
-        for field in ("position", "velocity", "effort"):
-            values = get(message, field)
-            names = get(message, "name")
-            if not isinstance(values, list | tuple | np.ndarray) or len(values) != len(names):
-                continue
-            for joint, value in zip(names, values, strict=True):
-                self._keep(f".{field}[{joint}]", row, float(value))
+        for field in JOINT_STATE if is_joint_state(message) else ():
+            values, names = get(message, field), get(message, "name")
+            if isinstance(values, list | tuple | np.ndarray) and len(values) == len(names):
+                for joint, value in zip(names, values, strict=True):
+                    self._keep(f".{field}[{joint}]", row, float(value))
 
     def _keep(self, path: str, row: int, value: Leaf) -> None:
         rows, values = self._leaves.setdefault(path, ([], []))

@@ -17,14 +17,18 @@ def ros_decoder(name: str, definition: str, schema_encoding: str, message_encodi
     """
     if message_encoding not in ("ros1", "cdr") or schema_encoding not in ("ros1msg", "ros2msg", "ros2idl"):
         return None
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
     from rosbags.typesys.msg import normalize_msgtype
 
     name = normalize_msgtype(name)
-    if schema_encoding == "ros2idl":
-        types = _idl_types(definition)
+    types: dict[str, Any] = {}
+    if schema_encoding != "ros2idl":
+        types.update(get_types_from_msg(definition, name))
+    elif not definition.startswith(f"{_IDL_SEPARATOR}IDL: "):
+        types.update(get_types_from_idl(definition))
     else:
-        types = get_types_from_msg(definition, name)
+        for part in definition.split(_IDL_SEPARATOR)[1:]:
+            types.update(get_types_from_idl(part.split("\n", 1)[1]))
     store = get_typestore(Stores.EMPTY)
     store.max_sequence_length = _MAX_SEQUENCE
     known = get_typestore(Stores.ROS2_HUMBLE).fielddefs
@@ -35,14 +39,3 @@ def ros_decoder(name: str, definition: str, schema_encoding: str, message_encodi
     if message_encoding == "ros1":
         return lambda data: store.deserialize_ros1(data, name)
     return lambda data: store.deserialize_cdr(data, name)
-
-
-def _idl_types(definition: str) -> dict[str, Any]:
-    from rosbags.typesys import get_types_from_idl
-
-    if not definition.startswith(f"{_IDL_SEPARATOR}IDL: "):
-        return dict(get_types_from_idl(definition))
-    types: dict[str, Any] = {}
-    for part in definition.split(_IDL_SEPARATOR)[1:]:
-        types.update(get_types_from_idl(part.split("\n", 1)[1]))
-    return types

@@ -1,5 +1,6 @@
 """ROS 1 bags, rosbag2 .db3 files and rosbag2 folders (read with the rosbags library)."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +21,21 @@ def read(path: Path, options: ReadOptions) -> RawLog:
         info = bag_information(path)
         if info.get("storage_identifier") == "mcap":
             return _read_mcap_folder(path, info, options)
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     topics: dict[str, Topic] = {}
-    findings: list[Finding] = []
-    failed: dict[str, int] = {}
+    failed: Counter[str] = Counter()
     try:
-        with _open(path) as reader:
+        # Older rosbag2 files carry no definitions; the standard types of Humble decode them.
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             count, names = reader.message_count, sorted(reader.topics)
             wanted = [c for c in reader.connections if options.wants(c.topic)]
             for connection, stamp, data in reader.messages(wanted) if wanted else ():
                 try:
                     message = reader.deserialize(data, connection.msgtype)
                 except Exception:  # the message's bytes and its definition come from the file
-                    failed[connection.topic] = failed.get(connection.topic, 0) + 1
+                    failed[connection.topic] += 1
                     continue
                 topics.setdefault(connection.topic, Topic(connection.topic)).add(message, stamp)
     except Exception as error:  # rosbags, apsw, bz2 and lz4 each have their own errors for a damaged file
@@ -40,21 +44,13 @@ def read(path: Path, options: ReadOptions) -> RawLog:
             expected="a whole bag with its index",
             do="mend it with `rosbag reindex` or `ros2 bag reindex`, or record it again",
         ) from error
-    for topic, n in failed.items():
-        findings.append(
-            Finding("warning", "decode", f"{path.name}, {topic}", f"{n} messages cannot be decoded")
-        )
+    findings = [
+        Finding("warning", "decode", f"{path.name}, {topic}", f"{n} messages cannot be decoded")
+        for topic, n in failed.items()
+    ]
     sources, metadata, found = gather(topics, options.time != "log")
     metadata.update(messages_read=count, messages_lost=0, topics=names)
     return RawLog(path, sources, metadata, findings=(*findings, *found))
-
-
-def _open(path: Path):
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
-    # Older rosbag2 files carry no definitions; the standard types of Humble decode them.
-    return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
 
 def _read_mcap_folder(path: Path, info: dict[str, Any], options: ReadOptions) -> RawLog:

@@ -22,8 +22,11 @@ def read(path: Path, options: ReadOptions) -> RawLog:
     List columns become "name[0]", "name[1]", ...; text columns are kept as labels; units are taken from the
     `unit` key of Parquet field metadata. Raises LogError for a file that is neither or is damaged.
     """
+    import pyarrow.parquet as pq
+
     try:
-        table = _read_parquet(path) if format_of(path).name == "parquet" else _read_csv(path)
+        parquet = format_of(path).name == "parquet"
+        table = pq.read_table(path, partitioning=None) if parquet else _read_csv(path)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise LogError(
             f"{path.name!r} cannot be read as a table: {error}",
@@ -84,12 +87,6 @@ def _read_csv(path: Path) -> pa.Table:
         convert_options=csv.ConvertOptions(null_values=["", "nan", "NaN", "NA", "null", "None"]),
     )
     return table.rename_columns([name.strip().lstrip("# ") for name in table.column_names])
-
-
-def _read_parquet(path: Path) -> pa.Table:
-    import pyarrow.parquet as pq
-
-    return pq.read_table(path, partitioning=None)
 
 
 def _numbers(field: pa.Field, column: pa.ChunkedArray) -> list[tuple[str, np.ndarray]]:

@@ -214,9 +214,8 @@ def at_reset(robot: Robot):
 
     model = robot.model
     data = mujoco.MjData(model)
-    name = robot.file.reset.keyframe
-    if name:
-        mujoco.mj_resetDataKeyframe(model, data, model.keyframe(name).id)
+    if robot.keyframe >= 0:
+        mujoco.mj_resetDataKeyframe(model, data, robot.keyframe)
     mujoco.mj_forward(model, data)
     return data
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from dynreg.sim.ports import Ports
+from dynreg.sim.ports import Ports, slice_of
 from dynreg.sim.robot import Robot
 
 Values = Mapping[str, np.ndarray]  # the effect's parameters by name, each (rows, 1)
@@ -55,7 +55,7 @@ class Moment:
     """What an effect sees of its rows at one time step: shapes (rows, joints) unless stated.
 
     time : (rows, 1) [s] since the log began. h : (rows, 1) the time step [s].
-    q, v : position and velocity of the joints. u : their commands. load : gravity and spring torque [N m].
+    q, v : position and velocity of the joints. load : gravity and spring torque [N m].
     torque : what the drives give [N m]; friction sees it less the drives' damping (a motor's back-EMF).
     limit, stiffness, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state, kept
     between time steps.
@@ -67,7 +67,6 @@ class Moment:
     h: Any = 0.0
     q: Any = None
     v: Any = None
-    u: Any = None
     torque: Any = None
     load: Any = None
     limit: Any = None
@@ -216,10 +215,7 @@ class Terms:
     def rows(self, number: int, repeat: int) -> Any:
         """Simulations that have term `number` when each simulator runs `repeat` episodes: a slice where possible."""
         has = np.repeat(np.isfinite(self.values[number]).all(axis=1), repeat)
-        at = np.flatnonzero(has)
-        if len(at) and at[-1] - at[0] + 1 == len(at):
-            return slice(int(at[0]), int(at[-1]) + 1)
-        return at
+        return slice_of(np.flatnonzero(has))
 
     def at(self, number: int, repeat: int) -> Values:
         """{name: (rows, 1)} values of term `number` in its rows."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
 from dynreg.sim.effects import Effect, Moment, Site, Terms, Values, effects
-from dynreg.sim.ports import Ports, ServoLaw
+from dynreg.sim.ports import Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -102,11 +102,11 @@ def on_drives(active: list[Acting], drives: np.ndarray) -> list[Acting]:
     return out
 
 
-def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, h: np.ndarray) -> None:
-    """Tell the terms the constants of their rows: the drive's law (n, A), inertia (n, A), time step (n,) [s]."""
+def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, clock: "Clock") -> None:
+    """Tell the terms what holds for their rows: the drive's law (n, A), inertia (n, A), and the clock."""
+    clock.show(active)
     for a in active:
         a.see(limit=law.limit, stiffness=law.stiffness, damping=law.damping, inertia=inertia)
-        a.moment.h = h[a.rows, None]
 
 
 def on(active: list[Acting], port: str) -> list[Acting]:
@@ -143,33 +143,30 @@ class Clock:
             return None
         return (self.substeps[rows] <= self.substep)[:, None]
 
-    def now(self, a: Acting) -> Callable[[], np.ndarray]:
-        """What `Moment.time` answers for one term now; few effects ask."""
+    def show(self, active: list[Acting]) -> None:
+        """Let the terms read the clock from here on: the time step, and when they ask the time and past commands."""
+        for a in active:
+            a.moment.h = self.h[a.rows, None]
+            a.moment.now, a.moment.past = partial(self.now, a), partial(self.past, a)
 
-        def now() -> np.ndarray:
-            passed = self.step * self.period[a.rows] + self.substep * self.h[a.rows]
-            return (self.begin[a.rows] + passed)[:, None]
+    def now(self, a: Acting) -> np.ndarray:
+        """What `Moment.time` answers for one term."""
+        passed = self.step * self.period[a.rows] + self.substep * self.h[a.rows]
+        return (self.begin[a.rows] + passed)[:, None]
 
-        return now
-
-    def past(self, a: Acting) -> Callable[[np.ndarray], np.ndarray]:
-        """What `Moment.past` answers for one term now."""
-
-        def past(delay: np.ndarray) -> np.ndarray:
-            rows = np.arange(len(self.commands))[a.rows]
-            period, h = self.period[a.rows], self.h[a.rows]
-            begins = self.step * period + self.substep * h - delay[:, 0]
-            ends = begins + h
-            last = np.floor(ends / period - 1e-9)
-            # share of the time step after the change
-            share = np.clip((ends - last * period) / h, 0.0, 1.0)[:, None]
-            late = np.clip(last, 0, self.step).astype(int)
-            early = np.clip(last - 1, 0, self.step).astype(int)
-            joints = a.joints
-            now = self.commands[rows[:, None], late[:, None], joints]
-            return share * now + (1.0 - share) * self.commands[rows[:, None], early[:, None], joints]
-
-        return past
+    def past(self, a: Acting, delay: np.ndarray) -> np.ndarray:
+        """What `Moment.past` answers for one term."""
+        rows = np.arange(len(self.commands))[a.rows]
+        period, h = self.period[a.rows], self.h[a.rows]
+        begins = self.step * period + self.substep * h - delay[:, 0]
+        ends = begins + h
+        last = np.floor(ends / period - 1e-9)
+        # share of the time step after the change
+        share = np.clip((ends - last * period) / h, 0.0, 1.0)[:, None]
+        late = np.clip(last, 0, self.step).astype(int)
+        early = np.clip(last - 1, 0, self.step).astype(int)
+        now = self.commands[rows[:, None], late[:, None], a.joints]
+        return share * now + (1.0 - share) * self.commands[rows[:, None], early[:, None], a.joints]
 
 
 def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
@@ -188,7 +185,6 @@ def commanded(
     u = u.copy()
     for a in active:
         x = a.see(q=measured, v=v)
-        x.past, x.now = clock.past(a), clock.now(a)
         u[a.where] = a.ask(a.effect.command, clock, u[a.where], x)
     return u
 
@@ -202,7 +198,6 @@ def driven(
     torque = torque.copy()
     for a in active:
         x = a.see(q=q, v=v, torque=torque, load=load)
-        x.now = clock.now(a)
         torque[a.where] = a.ask(a.effect.drive, clock, torque[a.where], x)
     return torque
 
@@ -222,7 +217,6 @@ def bound(
     friction = friction.copy()
     for a in active:
         x = a.see(q=q, v=v, torque=torque, load=load)
-        x.now = clock.now(a)
         friction[a.where] += a.ask(a.effect.friction, clock, x)
     return friction
 
@@ -286,10 +280,6 @@ def _columns(robot: Robot, joints: np.ndarray) -> dict[str, list[int]]:
 
 
 def _where(rows: Any, joints: np.ndarray, count: int) -> tuple:
-    if len(joints) == count:
-        return (rows, slice(None))
-    if len(joints) and joints[-1] - joints[0] + 1 == len(joints):
-        return (rows, slice(int(joints[0]), int(joints[-1]) + 1))
-    if isinstance(rows, slice):
-        return (rows, joints)
-    return (rows[:, None], joints)
+    columns = slice(None) if len(joints) == count else slice_of(joints)
+    crossed = not isinstance(rows, slice) and not isinstance(columns, slice)
+    return (rows[:, None] if crossed else rows, columns)

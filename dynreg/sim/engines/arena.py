@@ -8,15 +8,13 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
-from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Moment, Terms
 from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed
-from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, limited_range
+from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, quiet, told
 from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
-from dynreg.sim.engines.quiet import quiet
 from dynreg.sim.layout import Layout, base_motion, observe
-from dynreg.sim.ports import Ports, law_changes, servo_law, takes_positions
+from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run, Walk
 
@@ -59,10 +57,12 @@ class Arena:
         self._drives.apply(servo_law(ports, self._inputs[:, 0]))
         batch.set_const()
         self._period, self._begin = clock_of(batch.nsim, ports, run)
-        self._h = _time_steps(robot, batch, self._period)
+        self._h = self._period / robot.substeps(self._period)  # each divides its own period between commands
+        batch.expand("opt.timestep")[:] = self._h.reshape(batch.expand("opt.timestep").shape)
         self._busy = busy_simulations(self._active, batch.nsim)
-        self._inertia = _inertia(robot, batch, model, self.layout) if len(self._busy) else None
-        reset(robot, batch, model, self.layout, episodes, run, ports)
+        batch.reset(keyframe=robot.keyframe)
+        self._inertia = joint_inertia(batch, model, self.layout) if len(self._busy) else None
+        reset(robot, batch, model, self.layout, run, ports)
         self._start = {name: batch.bind(name).copy() for name in _KEPT}
         self._memory = [copy.deepcopy(a.moment.memory) for a in self._active]
         self._used = False
@@ -77,7 +77,10 @@ class Arena:
         states = observed(self.robot, self._active, states, self._ports, steps.clock.period)
         states[_diverged(trace_v)] = np.nan
         taken = int(steps.clock.substeps.sum()) * run.steps
-        fell = _fell(self.robot, self.layout, trace_q)
+        down = np.zeros(trace_q.shape[:2], dtype=bool)
+        if self.layout.base_qpos >= 0:
+            down = _down(self.robot, trace_q[..., self.layout.base_qpos :])
+        fell = np.where(down.any(axis=0), down.argmax(axis=0), run.steps + 1)
         return Rollout(states.reshape(*self._shape, run.steps + 1, -1), fell.reshape(self._shape), taken)
 
     @quiet()
@@ -149,28 +152,13 @@ class Arena:
             self._drives.rub(self._drives.plain)
             self._drives.apply(servo_law(self._ports, self._inputs[:, 0]))
         self._used = True
-        commands = _commands(self.layout, batch, self._ports, run)
+        q = batch.bind("qpos")[:, self.layout.action_qpos]
+        commands = told(self.layout, compiled(self.robot)[0], batch, self._ports, run, q)
         clock = Clock(commands, self._period, self._h, self._begin)
         if not len(self._busy):
             return Steps(batch, self.layout, self._drives, clock, self._busy)
         effects = (self._active, self._ports, self._inertia)
         return EffectSteps(batch, self.layout, self._drives, clock, self._busy, *effects)
-
-
-def _time_steps(robot: Robot, batch: Batch, period: np.ndarray) -> np.ndarray:
-    """(n,) physics time step [s]: that of each simulation divides its period between commands."""
-    substeps = robot.substeps(period)
-    batch.expand("opt.timestep")[:] = (period / substeps).reshape(batch.expand("opt.timestep").shape)
-    return period / substeps
-
-
-def _inertia(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
-    """(n, A) diagonal of the joint-space inertia matrix at the reset pose."""
-    name = robot.file.reset.keyframe
-    matrix = batch.bind("M")  # outputs are filled by calls made after they are bound
-    batch.reset(keyframe=model.keyframe(name).id if name else -1, stage=mujoco.mjtStage.mjSTAGE_POS)
-    diagonal = model.M_rowadr + model.M_rownnz - 1
-    return matrix[:, diagonal[layout.action_dof]].copy()
 
 
 def _diverged(trace_v: np.ndarray) -> np.ndarray:
@@ -212,23 +200,6 @@ def _walk(
     rows = np.arange(batch.nsim)
     base = base_motion(replace(layout, base_qpos=0, base_dof=0), trace_q[still, rows], trace_v[still, rows])
     return np.swapaxes(base, 0, 1), fell, taken
-
-
-def _commands(layout: Layout, batch: Batch, ports: Ports, run: Run) -> np.ndarray:
-    """(B E, T, A) what the actuators are told; position commands stay inside the joints' own ranges."""
-    actions, noise = run.of_all(batch.nsim)
-    low, high = limited_range(layout, batch.get_model(0), batch, ports)
-    start = np.where(takes_positions(ports), batch.bind("qpos")[:, layout.action_qpos], 0.0)
-    return shaped_commands(actions, start, low, high, ports, noise)
-
-
-def _fell(robot: Robot, layout: Layout, trace_q: np.ndarray) -> np.ndarray:
-    """(n,) first recorded step at which the base tilts or sinks too far; T+1 where it never does."""
-    steps, n = trace_q.shape[:2]
-    if layout.base_qpos < 0:
-        return np.full(n, steps)
-    down = _down(robot, trace_q[..., layout.base_qpos :])
-    return np.where(down.any(axis=0), down.argmax(axis=0), steps)
 
 
 def _down(robot: Robot, base: np.ndarray) -> np.ndarray:

@@ -12,7 +12,6 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
-from dynreg.sim.commands import shaped_commands
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines.acting import (
     Acting,
@@ -30,9 +29,9 @@ from dynreg.sim.engines.acting import (
     prepare,
     true_states,
 )
-from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, limited_range
-from dynreg.sim.layout import Layout
-from dynreg.sim.ports import Ports, ServoLaw, law_changes, servo_law, takes_positions
+from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, told
+from dynreg.sim.layout import Layout, observe, place
+from dynreg.sim.ports import Ports, ServoLaw, law_changes, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -79,18 +78,22 @@ def rollout(
     configure_terms(robot, active, ports, batch.expand)
     batch.set_const()
     inputs = episode_inputs(robot, n, run)
-    q, v = _start(robot, layout, batch, run, n, ports)
+    q, v = _start(robot, layout, batch, run, ports)
     plant = _plant(batch, model, layout, ports)
     period, begin = clock_of(batch.nsim, ports, run)
     # each simulator divides its own period, whatever others are in the batch
     substeps = robot.substeps(period)
-    commands = _commands(layout, model, batch, ports, run, q)
+    commands = told(layout, model, batch, ports, run, q)
     clock = Clock(commands, period, period / substeps, begin)
     drives = np.array(robot.drives_of(run.joints), dtype=int)
     clock.commands = np.ascontiguousarray(commands[..., drives])
     motion = _Motion(ports.take(drives), plant.take(drives), inputs, on_drives(active, drives), clock)
     positions, velocities = motion.integrate(q[:, drives], v[:, drives], substeps)
-    states = _observe(robot, layout, drives, positions, velocities)
+    # whole poses, of which the joints that are left out are not known
+    qpos, qvel = (np.full((batch.nsim, run.steps + 1, size), np.nan) for size in (model.nq, model.nv))
+    qpos[..., layout.action_qpos[drives]] = np.swapaxes(positions, 0, 1)
+    qvel[..., layout.action_dof[drives]] = np.swapaxes(velocities, 0, 1)
+    states = observe(layout, qpos, qvel, len(robot.channels))
     states = observed(robot, active, states, ports, period)
     shape = (n, episodes)
     fell = np.full(shape, run.steps + 1)
@@ -149,7 +152,7 @@ class _Motion:
         self.drag = self.plant.inertia + after * damping
         self.kept = self.plant.inertia - (1.0 - after) * damping
         self.stop = self.h * self.plant.coulomb / self.drag
-        prepare(self.active, law, self.plant.inertia, self.clock.h)
+        prepare(self.active, law, self.plant.inertia, self.clock)
 
     def _advance(self, push: np.ndarray, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(n, A) velocities one time step on."""
@@ -190,62 +193,22 @@ def _plant(batch: Batch, model: mujoco.MjModel, layout: Layout, ports: Ports) ->
         sine[:, a] = loads[1] - constant[:, a]
         cosine[:, a] = (loads[0] - loads[2]) / 2
     qpos[:] = rest
-    inertia = _inertia(batch, model, layout)
+    inertia = joint_inertia(batch, model, layout)
     damping = batch.expand("dof_damping")[:, layout.action_dof] + ports.friction["viscous"]
     friction = batch.expand("dof_frictionloss")[:, layout.action_dof] + ports.friction["coulomb"]
     return Plant(inertia, damping, friction, np.hypot(sine, cosine), np.arctan2(cosine, sine), constant)
 
 
-def _inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
-    """(n, A) diagonal of the joint-space inertia matrix at the present pose."""
-    matrix = batch.bind("M")  # outputs are filled by calls made after they are bound
-    batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-    diagonal = model.M_rowadr + model.M_rownnz - 1
-    return matrix[:, diagonal[layout.action_dof]].copy()
-
-
 def _start(
-    robot: Robot, layout: Layout, batch: Batch, run: Run, n: int, ports: Ports
+    robot: Robot, layout: Layout, batch: Batch, run: Run, ports: Ports
 ) -> tuple[np.ndarray, np.ndarray]:
-    keyframe = robot.file.reset.keyframe
-    batch.reset(keyframe=robot.model.keyframe(keyframe).id if keyframe else -1)
-    qpos = batch.bind("qpos")
-    q = qpos[:, layout.action_qpos].copy()
-    v = np.zeros_like(q)
-    if run.initial is None:
-        return q, v
-    known = true_states(robot, np.tile(run.initial, (n, 1)), ports)
-    for target, (columns, addresses), wanted in (
-        (q, layout.position, layout.action_qpos),
-        (v, layout.velocity, layout.action_dof),
-    ):
-        for column, address in zip(columns, addresses, strict=True):
-            at = np.flatnonzero(wanted == address)
-            value = known[:, column, None]
-            target[:, at] = np.where(np.isnan(value), target[:, at], value)
-    qpos[:, layout.action_qpos] = q
-    return q, v
-
-
-def _commands(layout, model, batch: Batch, ports: Ports, run: Run, q: np.ndarray) -> np.ndarray:
-    actions, noise = run.of_all(batch.nsim)
-    low, high = limited_range(layout, model, batch, ports)
-    return shaped_commands(actions, np.where(takes_positions(ports), q, 0.0), low, high, ports, noise)
-
-
-def _observe(
-    robot: Robot, layout: Layout, drives: np.ndarray, positions: np.ndarray, velocities: np.ndarray
-) -> np.ndarray:
-    """(n, T+1, S) state vectors of joint positions and velocities (T+1, n, A') of the drives; NaN of the others."""
-    states = np.full((positions.shape[1], positions.shape[0], len(robot.channels)), np.nan)
-    for source, (columns, addresses), wanted in (
-        (positions, layout.position, layout.action_qpos[drives]),
-        (velocities, layout.velocity, layout.action_dof[drives]),
-    ):
-        for column, address in zip(columns, addresses, strict=True):
-            for at in np.flatnonzero(wanted == address):
-                states[:, :, column] = source[:, :, at].T
-    return states
+    batch.reset(keyframe=robot.keyframe)
+    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+    qvel[:] = 0.0
+    if run.initial is not None:
+        known = np.tile(run.initial, (batch.nsim // run.episodes, 1))
+        place(layout, true_states(robot, known, ports), qpos, qvel)
+    return qpos[:, layout.action_qpos].copy(), qvel[:, layout.action_dof].copy()
 
 
 def _check(robot: Robot, layout: Layout) -> None:

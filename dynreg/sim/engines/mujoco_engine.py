@@ -4,7 +4,7 @@ import numpy as np
 
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines.arena import Arena
-from dynreg.sim.engines.quiet import quiet
+from dynreg.sim.engines.mujoco_model import quiet
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 

@@ -1,12 +1,15 @@
 """The MuJoCo model that engines share: compiled once, with each simulation's own parameters in its fields."""
 
 import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from dynreg.sim.commands import shaped_commands
 from dynreg.sim.fields import modify, set_field
 from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import Ports, assigned, nominal_ports, takes_positions
@@ -55,17 +58,43 @@ def episode_inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
     return np.tile(filled, (n, 1, 1))
 
 
-def limited_range(
-    layout: Layout, model: mujoco.MjModel, batch: Batch, ports: Ports
-) -> tuple[np.ndarray, np.ndarray]:
-    """(n, A) lowest and highest commands: the actions' limits, for position servos also the joints' own."""
-    n = batch.nsim
+def joint_inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
+    """(n, A) diagonal of the joint-space inertia matrix at the present pose."""
+    matrix = batch.bind("M")  # outputs are filled by calls made after they are bound
+    batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
+    diagonal = model.M_rowadr + model.M_rownnz - 1
+    return matrix[:, diagonal[layout.action_dof]].copy()
+
+
+def told(
+    layout: Layout, model: mujoco.MjModel, batch: Batch, ports: Ports, run: Run, q: np.ndarray
+) -> np.ndarray:
+    """(n, T, A) what the drives are told, from joints at q (n, A) on.
+
+    Within the actions' limits; the commands of position servos also stay inside the joints' own ranges.
+    """
+    n, positions = batch.nsim, takes_positions(ports)
     low, high = (np.tile(layout.action_range[:, i], (n, 1)) for i in (0, 1))
     joints = model.dof_jntid[layout.action_dof]
-    limited = takes_positions(ports) & (model.jnt_limited[joints] > 0)
+    limited = positions & (model.jnt_limited[joints] > 0)
     if limited.any():
         ranges = batch.expanded("jnt_range")
         ranges = np.tile(model.jnt_range, (n, 1, 1)) if ranges is None else ranges
         low[:, limited] = np.maximum(low[:, limited], ranges[:, joints[limited], 0])
         high[:, limited] = np.minimum(high[:, limited], ranges[:, joints[limited], 1])
-    return low, high
+    actions, noise = run.of_all(n)
+    return shaped_commands(actions, np.where(positions, q, 0.0), low, high, ports, noise)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep MuJoCo from writing to stderr and to a MUJOCO_LOG.TXT in the working folder; also a decorator.
+
+    A configuration that diverges is a result here, not news.
+    """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

@@ -16,15 +16,13 @@ def reset(
     batch: Batch,
     model: mujoco.MjModel,
     layout: Layout,
-    episodes: int,
     run: Run,
     ports: Ports,
 ) -> None:
     """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states."""
-    name = robot.file.reset.keyframe
-    batch.reset(keyframe=model.keyframe(name).id if name else -1)
+    batch.reset(keyframe=robot.keyframe)
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    same = 1 if robot.settings or robot.inputs else episodes  # episodes that settle alike
+    same = 1 if robot.settings or robot.inputs else run.episodes  # episodes that settle alike
     first = np.arange(0, batch.nsim, same)
     pose = qpos[:, layout.action_qpos].copy()
     if layout.base_qpos >= 0:
@@ -39,7 +37,7 @@ def reset(
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
     if run.initial is not None:
-        known = np.tile(run.initial, (batch.nsim // episodes, 1))
+        known = np.tile(run.initial, (batch.nsim // run.episodes, 1))
         place(layout, true_states(robot, known, ports), qpos, qvel)
     rail = _rail(model, layout)
     if rail >= 0:

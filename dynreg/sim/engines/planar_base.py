@@ -108,8 +108,9 @@ class _Motion:
         self.base, self.ports, self.law, self.clock, self.integrator = base, ports, law, clock, integrator
         self.commanding, self.rolling = on(active, "command"), on(active, "roll")
         self.most = int(clock.substeps.max())
+        clock.show(active)
         for a in active:
-            a.moment.h, a.moment.speeds = clock.h[a.rows, None], True
+            a.moment.speeds = True
 
     def hold(self, state: np.ndarray, step: int) -> np.ndarray:
         """(7, n) after command number `step`."""
@@ -153,7 +154,6 @@ class _Motion:
         rolled = turning.copy()
         for a in self.rolling:
             x = a.see(v=first, q=last)
-            x.now = self.clock.now(a)
             rolled[a.where] = a.ask(a.effect.roll, self.clock, rolled[a.where], x)
         lost = np.zeros_like(before)
         lost[order] = (rolled - turning).T

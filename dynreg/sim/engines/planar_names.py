@@ -37,7 +37,13 @@ def planar_base(robot: Robot) -> Base:
     """
     table = robot.file.base
     sides = {} if table is None else {table.left: "left", table.right: "right"}
-    _check_one_base(robot, sides)
+    owners = {owner for name in (*robot.channels, *robot.actions) if (owner := joint_of(name)) not in sides}
+    if len(owners) != 1 and not (sides and not owners):
+        raise RobotError(
+            f"the names of {robot.name!r} have the prefixes {sorted(owners)}",
+            expected="one base, as in 'base/speed' and 'base/speed_command'",
+            do="correct the names, or choose another engine",
+        )
     types = nominal_ports(robot, 1).types
     wrong = [a for a, t in zip(robot.actions, types, strict=True) if t != "velocity"]
     if wrong:
@@ -48,26 +54,12 @@ def planar_base(robot: Robot) -> Base:
         )
     possible = (*QUANTITIES, *ON_WHEELS) if sides else QUANTITIES
     commands = WHEEL_COMMANDS if sides else COMMANDS
-    ranges = [
-        (-np.inf if a.low is None else a.low, np.inf if a.high is None else a.high)
-        for a in robot.file.actions
-    ]
     return Base(
         np.array([_index("channel", name, possible, sides) for name in robot.channels], dtype=int),
         np.array([_index("action", name, commands, sides) for name in robot.actions], dtype=int),
-        np.array(ranges, dtype=float).reshape(-1, 2),
+        robot.action_ranges,
         bool(sides),
     )
-
-
-def _check_one_base(robot: Robot, wheels: dict[str, str]) -> None:
-    owners = {owner for name in (*robot.channels, *robot.actions) if (owner := joint_of(name)) not in wheels}
-    if len(owners) != 1 and not (wheels and not owners):
-        raise RobotError(
-            f"the names of {robot.name!r} have the prefixes {sorted(owners)}",
-            expected="one base, as in 'base/speed' and 'base/speed_command'",
-            do="correct the names, or choose another engine",
-        )
 
 
 def _index(what: str, name: str, choices: Sequence[str], sides: dict[str, str]) -> int:

@@ -111,7 +111,7 @@ def test_delayed_commands_are_blended_within_a_time_step():
     )[0]
     clock.step, seen = 1, []
     for clock.substep in range(5):
-        seen.append(float(clock.past(late)(np.array([[0.003]]))[0, 0]))
+        seen.append(float(clock.past(late, np.array([[0.003]]))[0, 0]))
     np.testing.assert_allclose(seen, [0.0, 0.5, 1.0, 1.0, 1.0], atol=1e-9)
 
 
