@@ -20,7 +20,7 @@ from open_loop import Segments
 from scipy.signal import butter, sosfiltfilt
 
 from dynreg.data.recording import Recording
-from dynreg.sim.engines.quiet import quiet
+from dynreg.sim.engines.mujoco_model import quiet
 from dynreg.sim.robot import Robot
 
 TERMS = ("1", "v", "sign(v)", "v|v|", "|v|", "a")  # what sparse regression may use of each joint's motion

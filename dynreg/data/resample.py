@@ -4,7 +4,7 @@ import numpy as np
 
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.gaps import silent
-from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Series
 from dynreg.errors import LogError
 
@@ -44,8 +44,12 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
     for column, channel in enumerate(spec.channels):
         if channel.name in series:
             kept = series[channel.name]
-            lost = _lost(episode.channels[channel.name], kept, start + grid, channel.hold)
-            values[:, column] = np.where(lost, np.nan, at(kept, start + grid, channel.hold))
+            values[:, column] = at(kept, start + grid, channel.hold)
+            raw = episode.channels[channel.name]
+            nothing = raw.time[~np.isfinite(raw.values)]
+            # a command or a flag that mostly has no number is one that is logged when it changes, and holds
+            if not channel.hold or 2 * len(nothing) <= len(raw):
+                values[silent(kept.time, nothing, start + grid), column] = np.nan
     return start, grid, values
 
 
@@ -55,17 +59,6 @@ def at(series: Series, time: np.ndarray, hold: bool) -> np.ndarray:
         return np.interp(time, series.time, series.values)
     last = np.searchsorted(series.time, time + STAMP_TOLERANCE, side="right") - 1
     return series.values[np.maximum(last, 0)]
-
-
-def _lost(raw: Series, kept: Series, time: np.ndarray, hold: bool) -> np.ndarray:
-    """(T,) whether a signal holds NaN at `time` for longer than can be filled in.
-
-    A command or a flag that mostly has no number is one that is logged when it changes, and holds.
-    """
-    nothing = raw.time[~np.isfinite(raw.values)]
-    if hold and 2 * len(nothing) > len(raw):
-        return np.zeros(len(time), dtype=bool)
-    return silent(kept.time, nothing, time)
 
 
 def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:
@@ -90,7 +83,8 @@ def _grid(
     episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec, start: float, end: float
 ) -> np.ndarray:
     if spec.rate is None:
-        base = series[_base(series, spec.channels)].time
+        names = [c.name for c in spec.channels if c.kind == "action"] + [c.name for c in spec.channels]
+        base = series[next(name for name in names if name in series)].time
         grid = base[(base >= start) & (base <= end)] - start
     else:
         rows = int((end - start) * spec.rate + STAMP_TOLERANCE * spec.rate) + 1
@@ -110,8 +104,3 @@ def _grid(
             do="record a longer run, or leave this file out",
         )
     return grid
-
-
-def _base(series: dict[str, Series], channels: tuple[ChannelSpec, ...]) -> str:
-    names = [c.name for c in channels if c.kind == "action"] + [c.name for c in channels]
-    return next(name for name in names if name in series)

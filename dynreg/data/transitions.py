@@ -58,25 +58,18 @@ def transitions(
         now = episode.values[:-1, state_columns]
         after = episode.values[1:, state_columns]
         act = episode.values[:-1, action_columns]
-        extra = _context(recording, number, context)[:-1]
+        extra = np.empty((len(now), len(context)))
+        for column, name in enumerate(context):
+            if name in episode.settings:
+                extra[:, column] = episode.settings[name]
+            elif name in recording.names:
+                extra[:, column] = episode.values[:-1, recording.names.index(name)]
+            else:
+                raise LogError(
+                    f"episode {episode.name!r} has neither an input nor a setting {name!r}",
+                    expected=f"one of {[*recording.names, *episode.settings]}",
+                    do="add it to the map",
+                )
         good = np.isfinite(np.concatenate([now, after, act, extra], axis=1)).all(axis=1)
         parts.append((now[good], act[good], extra[good], after[good], np.full(good.sum(), number)))
     return Transitions(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _context(recording: Recording, number: int, names: Sequence[str]) -> np.ndarray:
-    """(T, K) inputs and settings of one episode."""
-    episode = recording.episodes[number]
-    out = np.empty((len(episode.time), len(names)))
-    for column, name in enumerate(names):
-        if name in episode.settings:
-            out[:, column] = episode.settings[name]
-        elif name in recording.names:
-            out[:, column] = episode.values[:, recording.names.index(name)]
-        else:
-            raise LogError(
-                f"episode {episode.name!r} has neither an input nor a setting {name!r}",
-                expected=f"one of {[*recording.names, *episode.settings]}",
-                do="add it to the map",
-            )
-    return out

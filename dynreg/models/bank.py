@@ -75,18 +75,13 @@ class LossBank:
         return len(self._models), len(self._sets)
 
     def append(self, stack: MlpStack, inputs: ndarray, targets: ndarray) -> None:
-        """Add models and sets at the end: new entries of a population. What is here already is not copied."""
+        """Add models and sets at the end: new entries of a population. What is here already is not copied.
+
+        inputs, targets : (B, N, D) and (B, N, S); N may differ from that of the sets already here.
+        """
         models, sets = self._layers(stack), self._data_sets(inputs, targets)
         self._models += models
         self._sets += sets
-
-    def append_models(self, stack: MlpStack) -> None:
-        """Add models at the end."""
-        self._models += self._layers(stack)
-
-    def append_sets(self, inputs: ndarray, targets: ndarray) -> None:
-        """Add sets at the end, (B, N, D) and (B, N, S); N may differ from that of the sets already here."""
-        self._sets += self._data_sets(inputs, targets)
 
     def pairs(self, model_ids: Sequence[int] | ndarray, set_ids: Sequence[int] | ndarray) -> ndarray:
         """(Q,) float64: the loss of model `model_ids[q]` on set `set_ids[q]`."""

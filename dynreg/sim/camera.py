@@ -40,7 +40,8 @@ def drawn(model: mujoco.MjModel, poses: np.ndarray) -> list[np.ndarray]:
         data.qpos[:] = pose
         mujoco.mj_normalizeQuat(model, data.qpos)
         mujoco.mj_forward(model, data)
-        low, high = _box(model, data)
+        centres = data.geom_xpos[model.geom_bodyid > 0]  # of all that can move
+        low, high = centres.min(axis=0), centres.max(axis=0)
         if not out:
             camera.distance = 2.5 * (high - low).max()
             height = (low[2] + high[2]) / 2
@@ -51,12 +52,6 @@ def drawn(model: mujoco.MjModel, poses: np.ndarray) -> list[np.ndarray]:
         out.append(renderer.render())
     renderer.close()
     return out
-
-
-def _box(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
-    """(3,), (3,) corners of the box about the centres of all that can move."""
-    centres = data.geom_xpos[model.geom_bodyid > 0]
-    return centres.min(axis=0), centres.max(axis=0)
 
 
 def _mark(scene: mujoco.MjvScene, model: mujoco.MjModel, centre: np.ndarray) -> None:

@@ -49,7 +49,7 @@ def problems(robot: Robot) -> list[str]:
         return [str(problem)]
     engines = [*robot.engines]
     names = _once(_names(robot), engines)
-    found = [*names, *_declared(robot), *_timing(robot), *unit_problems(robot)]
+    found = [*names, *_declared(robot), *unit_problems(robot)]
     if names:
         return found
     return found + _once(((e, line) for e in engines for line in _simulated(robot, e)), engines)
@@ -82,26 +82,26 @@ def _names(robot: Robot) -> Iterator[tuple[str | None, str]]:
         good: dict[str, list] = {"channels": [], "actions": []}
         for group in ("actions", "channels"):
             for table in getattr(robot.file, group):
-                alone = _with(robot, settings=[], **(good | {"channels": [], group: [table]}))
-                problem = _problem(_with_parameters(alone, []), engine)
+                alone = _with(robot, [], settings=[], **(good | {"channels": [], group: [table]}))
+                problem = _problem(alone, engine)
                 if problem is None:
                     good[group].append(table)
                 else:
                     yield engine, str(problem)
-        whole = _with(robot, settings=[], **good)
+        whole = _with(robot, [], settings=[], **good)
         for parameter in robot.space.parameters:
             for entry in _entries(parameter, good, robot):
-                problem = _problem(_with_parameters(whole, [replace(parameter, sets=(entry,))]), engine)
+                problem = _problem(_with(whole, [replace(parameter, sets=(entry,))]), engine)
                 if problem is not None:
                     yield engine, f"parameter {parameter.name!r}: {problem}"
         for setting in robot.file.settings:
             for entry in _entries(setting, good, robot):
                 alone = _with(whole, settings=[setting.model_copy(update={"sets": [entry]})])
-                problem = _problem(_with_parameters(alone, []), engine)
+                problem = _problem(alone, engine)
                 if problem is not None:
                     yield engine, f"setting {setting.name!r}: {problem}"
         if len(good["channels"]) == len(robot.channels) and len(good["actions"]) == len(robot.actions):
-            problem = _problem(_with_parameters(whole, []), engine)
+            problem = _problem(whole, engine)
             if problem is not None:
                 yield engine, str(problem)
 
@@ -129,7 +129,7 @@ def _problem(robot: Robot, engine: str) -> DynregError | None:
 
 
 def _declared(robot: Robot) -> Iterator[str]:
-    """Tables of robot.toml that nothing uses."""
+    """Tables of robot.toml that nothing uses, and a time step that is longer than a command."""
     owners = [*zip(robot.joints, robot.actions, strict=True)]
     for i, drive in enumerate(robot.file.drives):
         if not any(fnmatchcase(name, drive.joint) for pair in owners for name in pair):
@@ -142,8 +142,6 @@ def _declared(robot: Robot) -> Iterator[str]:
         if not setting.values:
             yield f"setting {setting.name!r} has no `values`: populations would not cover it; list them"
 
-
-def _timing(robot: Robot) -> Iterator[str]:
     table = robot.file.robot
     if table.control_rate is not None and table.timestep * table.control_rate > 1 + 1e-9:
         yield (
@@ -154,7 +152,13 @@ def _timing(robot: Robot) -> Iterator[str]:
 
 def _simulated(robot: Robot, engine: str) -> list[str]:
     """Rollouts of the nominal values, of both ends of each parameter and of each setting."""
-    run = _bank(robot)
+    # the robot's own excitation, cut to the budget
+    table, bank = robot.file.robot, robot.file.excitation
+    episodes = min(bank.episodes, max(EPISODES, len(bank.kinds)))
+    substeps = max(1.0, 1.0 / (table.timestep * (table.control_rate or TYPICAL)))
+    rows = (2 * len(robot.space) + 1) * episodes * substeps
+    steps = min(bank.steps, max(10, int(BUDGET / rows)))
+    run = excitation(robot, seed=0, name="check", episodes=episodes, steps=steps)
     labels, values = ["the nominal robot"], [robot.space.nominal]
     for i, p in enumerate(robot.space.parameters):
         for end in (p.low, p.high):
@@ -170,19 +174,6 @@ def _simulated(robot: Robot, engine: str) -> list[str]:
         found += _idle_settings(robot, run, engine)
         found += _coarse(robot, run, engine, ends.states[:1])
     return [*found, *_standing(robot, engine)]
-
-
-def _bank(robot: Robot) -> Run:
-    """The robot's own excitation, cut to the budget."""
-    table, kinds = robot.file.robot, len(robot.file.excitation.kinds)
-    episodes = min(robot.file.excitation.episodes, max(EPISODES, kinds))
-    rows = (
-        (2 * len(robot.space) + 1)
-        * episodes
-        * max(1.0, 1.0 / (table.timestep * (table.control_rate or TYPICAL)))
-    )
-    steps = min(robot.file.excitation.steps, max(10, int(BUDGET / rows)))
-    return excitation(robot, seed=0, name="check", episodes=episodes, steps=steps)
 
 
 def _noisy(run: Run, simulators: int) -> Run:
@@ -264,14 +255,9 @@ def _same(first: np.ndarray, second: np.ndarray) -> bool:
     return bool((np.abs(first - second) <= SAME * scale).all())
 
 
-def _with(robot: Robot, /, **parts) -> Robot:
-    """The robot with other parts of its file and the same compiled model."""
-    changed = replace(robot, file=robot.file.model_copy(update=parts))
-    changed.__dict__["model"] = robot.model
-    return changed
-
-
-def _with_parameters(robot: Robot, parameters: list) -> Robot:
-    changed = replace(robot, space=ParameterSpace(tuple(parameters)))
+def _with(robot: Robot, parameters: list[Parameter] | None = None, /, **parts) -> Robot:
+    """The robot with other parameters and other parts of its file, and the same compiled model."""
+    space = robot.space if parameters is None else ParameterSpace(tuple(parameters))
+    changed = replace(robot, space=space, file=robot.file.model_copy(update=parts))
     changed.__dict__["model"] = robot.model
     return changed

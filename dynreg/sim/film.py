@@ -35,6 +35,8 @@ def draw(model: "mujoco.MjModel", poses: np.ndarray, rate: float, times: np.ndar
     Another process draws it, with EGL, else OSMesa, or with what MUJOCO_GL names. Times after a divergence are left
     out. Raises PictureError where none of them works, or nothing can be drawn.
     """
+    import mujoco
+
     known = poses[~np.isnan(poses).any(axis=1)]
     have = np.arange(len(known)) / rate
     times = times[times <= have[-1] + 1e-9] if len(known) else times[:0]
@@ -45,23 +47,17 @@ def draw(model: "mujoco.MjModel", poses: np.ndarray, rate: float, times: np.ndar
             do="choose another simulator",
         )
     frames = np.stack([np.interp(times, have, joint) for joint in known.T], axis=1)
-    with tempfile.TemporaryDirectory() as folder:
-        return _drawn(model, frames, times, form, Path(folder))
-
-
-def _drawn(model: "mujoco.MjModel", frames: np.ndarray, times: np.ndarray, form: str, folder: Path) -> bytes:
-    import mujoco
-
-    files = [str(folder / "model.mjb"), str(folder / "poses.npz")]
-    mujoco.mj_saveModel(model, files[0])
-    np.savez(files[1], times=times, poses=frames)
     patience, failed = PATIENCE[0] + PATIENCE[1] * len(times), []
-    for backend in backends():
-        picture = folder / f"{backend or 'own'}.{form}"
-        problem = _run(backend, [*files, form, str(picture)], patience)
-        if problem is None:
-            return picture.read_bytes()
-        failed.append(f"{backend or 'OpenGL'}: {problem}")
+    with tempfile.TemporaryDirectory() as folder:
+        files = [f"{folder}/model.mjb", f"{folder}/poses.npz"]
+        mujoco.mj_saveModel(model, files[0])
+        np.savez(files[1], times=times, poses=frames)
+        for backend in backends():
+            picture = Path(folder) / f"{backend or 'own'}.{form}"
+            problem = _run(backend, [*files, form, str(picture)], patience)
+            if problem is None:
+                return picture.read_bytes()
+            failed.append(f"{backend or 'OpenGL'}: {problem}")
     raise PictureError(
         f"no picture was drawn ({'; '.join(failed)})",
         expected="an OpenGL that draws without a screen",

@@ -57,10 +57,6 @@ def _expected(robot: Robot, name: str) -> str | None:
         return _QUANTITIES.get(quantity)
     if name in robot.channels:
         return {"position": length, "velocity": f"{length}/s"}.get(quantity)
-    return _command_unit(robot, name, length)
-
-
-def _command_unit(robot: Robot, name: str, length: str) -> str | None:
     try:
         kind = nominal_ports(robot, 1).types[robot.actions.index(name)]
     except RobotError:  # told where names are checked

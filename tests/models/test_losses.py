@@ -92,8 +92,7 @@ def test_a_bank_answers_for_newcomers_and_keeps_them(stack, sets, oracle):
     np.testing.assert_allclose(bank.of_set(x[4], y[4]), oracle[:4, 4], rtol=1e-5)
     np.testing.assert_allclose(bank.of_set(x[4], y[4], [3, 1]), oracle[[3, 1], 4], rtol=1e-5)
     np.testing.assert_allclose(bank.of_model(stack[6], [2, 0]), oracle[6, [2, 0]], rtol=1e-5)
-    bank.append(stack[4:6], x[3:], y[3:])
-    bank.append_models(stack[6])
+    bank.append(stack[4:7], x[3:], y[3:])
     assert bank.shape == (MODELS, SETS)
     np.testing.assert_allclose(bank.all(), oracle, rtol=1e-5)
 
@@ -101,9 +100,9 @@ def test_a_bank_answers_for_newcomers_and_keeps_them(stack, sets, oracle):
 def test_sets_may_differ_in_length_and_be_longer_than_a_tile(stack):
     rng = stream(3, "long")
     tables = [(rng.normal(size=(n, 9)), rng.normal(size=(n, 3))) for n in (3, 2 * TILE + 5, 40, TILE)]
-    bank = LossBank(stack, *tables[0])
-    for table in tables[1:]:
-        bank.append_sets(*table)
+    bank = LossBank(stack[:4], *tables[0])
+    for m, table in enumerate(tables[1:], 4):
+        bank.append(stack[m], *table)
     expected = [[np.square(plain(stack, m, x) - y).mean() for x, y in tables] for m in range(MODELS)]
     np.testing.assert_allclose(bank.all(), expected, rtol=1e-5)
 
@@ -138,7 +137,7 @@ def test_bad_ids_and_shapes_are_refused(stack, sets):
     with pytest.raises(UsageError, match="one model"):
         bank.of_model(stack_of([stack, stack]))
     with pytest.raises(UsageError, match="keep to one population"):
-        bank.append_models(initial(8, 3, 1, seed=0))
+        bank.append(initial(8, 3, 1, seed=0), *sets)
     with pytest.raises(UsageError, match="5 sets of rows for 7 models"):
         losses(stack, *sets)
     with pytest.raises(UsageError, match="networks take 9 columns"):

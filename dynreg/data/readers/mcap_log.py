@@ -64,21 +64,19 @@ def _stated(path: Path) -> int | None:
 
 def _losses(path: Path, tally: Tally, stated: int | None) -> tuple[int | None, list[Finding]]:
     """Messages lost (None: unknown) and the findings that say so."""
-    if stated is not None and tally.stopped is None and not tally.problems and stated == tally.read:
+    if stated in (None, tally.read) and tally.stopped is None and not tally.problems:
         return 0, []
     where = path.name if tally.stopped is None else f"{path.name}, byte {tally.stopped} of {tally.size}"
-    if stated is None and tally.stopped is None and not tally.problems:
-        return 0, []
     cause = "; ".join(tally.problems[:3]) or "fewer messages than the summary states"
+    known = tally.lost + tally.guessed
+    lost: int | None = None
     if stated is not None:
-        lost: int | None = max(stated - tally.read, 0)
+        lost = max(stated - tally.read, 0)
         text = f"{lost} lost of {stated}"
     elif tally.stopped is None:
-        lost = tally.lost + tally.guessed
+        lost = known
         text = f"{'about ' if tally.guessed else ''}{lost} lost"
     else:
-        lost = None
-        known = tally.lost + tally.guessed
         text = (
             f"{'about' if tally.guessed else 'at least'} {known} lost, and"
             if known

@@ -1,24 +1,29 @@
 """Effects of bodies: masses, inertia and gravity are not where the model has them."""
 
+import mujoco
 import numpy as np
 
-from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
+from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Site, Values
 from dynreg.sim.robot import Robot
 
-DEGREE = np.pi / 180
 
+class _OfMasses(Effect):
+    """Needs an engine that has masses."""
 
-class Payload(Effect):
-    """The carrying body (the heaviest that the joints move; a floating base's own) is heavier."""
-
-    id, acts_on, title = "payload", "body", "the robot carries more mass than the model"
-    parameters = (EffectParameter("share", "1", "share of the body's mass", 0.05, 0.15, 0.40, 3.0),)
-    near = ("inertia", "coulomb_friction", "drive_gain")
-    separate_by = "a slow triangle against a chirp, or a known mass added"
+    acts_on = "body"
     scope = "robot"
 
     def why_not(self, robot: Robot) -> str | None:
-        return _mechanical(robot)
+        return "no engine of the robot has masses" if robot.planar else None
+
+
+class Payload(_OfMasses):
+    """The carrying body (the heaviest that the joints move; a floating base's own) is heavier."""
+
+    id, title = "payload", "the robot carries more mass than the model"
+    parameters = (EffectParameter("share", "1", "share of the body's mass", 0.05, 0.15, 0.40, 3.0),)
+    near = ("inertia", "coulomb_friction", "drive_gain")
+    separate_by = "a slow triangle against a chirp, or a known mass added"
 
     def configure(self, site: Site, p: Values) -> None:
         # a share of the model's own mass: a known mass that a setting adds stays what it is
@@ -27,10 +32,10 @@ class Payload(Effect):
         site.expand("body_inertia")[site.rows, body] += p["share"] * model.body_inertia[body]
 
 
-class ComOffset(Effect):
+class ComOffset(_OfMasses):
     """The carrying body's centre of mass lies beside where the model has it."""
 
-    id, acts_on, title = "com_offset", "body", "the centre of mass lies beside the model's"
+    id, title = "com_offset", "the centre of mass lies beside the model's"
     parameters = (
         EffectParameter(
             "shift",
@@ -47,10 +52,6 @@ class ComOffset(Effect):
     group = "gravity phase"
     near = ("payload",)
     separate_by = "turn the base by 180 degrees, and remove the load"
-    scope = "robot"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _mechanical(robot)
 
     def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
         hinge = tilt_hinge(robot)
@@ -80,20 +81,19 @@ class Inertia(Effect):
         armature[where] = armature[where] + p["armature"]
 
 
-class GravityTilt(Effect):
+class GravityTilt(_OfMasses):
     """The base of the robot is not level: gravity points `angle` off, about the axis of its main joint."""
 
-    id, acts_on, title = "gravity_tilt", "body", "the base is not level"
+    id, title = "gravity_tilt", "the base is not level"
     parameters = (
         EffectParameter("angle", "rad", "tilt", 1 * DEGREE, 3 * DEGREE, 8 * DEGREE, 0.5, signed=True),
     )
     group = "gravity phase"
     near = ("force_offset", "imu_misalignment")
     separate_by = "turn the base by 180 degrees, and remove the load"
-    scope = "robot"
 
     def why_not(self, robot: Robot) -> str | None:
-        return _mechanical(robot) or (
+        return super().why_not(robot) or (
             None if np.linalg.norm(robot.model.opt.gravity) > 0 else "the model has no gravity"
         )
 
@@ -118,8 +118,6 @@ def carrier(robot: Robot) -> int:
 
     Without drives it is the heaviest that any joint moves.
     """
-    import mujoco
-
     model = robot.model
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if len(free):
@@ -147,8 +145,6 @@ def tilt_axis(robot: Robot) -> np.ndarray:
 
 def tilt_hinge(robot: Robot) -> int | None:
     """The first hinge that a tilt can act about; None on a floating base, and without hinges."""
-    import mujoco
-
     kinds = robot.model.jnt_type
     hinges = np.flatnonzero(kinds == mujoco.mjtJoint.mjJNT_HINGE)
     if (kinds == mujoco.mjtJoint.mjJNT_FREE).any() or not len(hinges):
@@ -160,8 +156,6 @@ def tilt_hinge(robot: Robot) -> int | None:
 
 def _turns_all(robot: Robot, hinge: int) -> bool:
     """Whether the hinge turns every driven joint after it, and no other hinge turns it: it turns as the base does."""
-    import mujoco
-
     model = robot.model
     hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
     driven = model.dof_jntid[driven_dofs(robot)] if robot.actions else hinges
@@ -184,14 +178,12 @@ def _hangs_on(model, joint: int, other: int) -> bool:
 
 def direction_across(robot: Robot) -> np.ndarray:
     """(3,) in the carrier's frame: across the link in the plane of its motion, forward (x) on a floating base."""
-    import mujoco
-
     model, body = robot.model, carrier(robot)
     if (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
         return np.array([1.0, 0.0, 0.0])
     data = at_reset(robot)
-    arm = data.xipos[body] - data.xanchor[_moving_joint(robot)]
-    across = np.cross(data.xaxis[_moving_joint(robot)], arm)
+    joint = _moving_joint(robot)
+    across = np.cross(data.xaxis[joint], data.xipos[body] - data.xanchor[joint])
     length = np.linalg.norm(across)
     across = across / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
     return data.xmat[body].reshape(3, 3).T @ across
@@ -199,8 +191,6 @@ def direction_across(robot: Robot) -> np.ndarray:
 
 def lever(robot: Robot) -> float:
     """[m] from the joint that moves the carrier to its centre of mass; 0.1 where they coincide."""
-    import mujoco
-
     if (robot.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
         return float(robot.model.stat.extent) / 4
     data = at_reset(robot)
@@ -210,8 +200,6 @@ def lever(robot: Robot) -> float:
 
 def at_reset(robot: Robot):
     """mujoco.MjData of the model at its reset pose, positions evaluated."""
-    import mujoco
-
     model = robot.model
     data = mujoco.MjData(model)
     if robot.keyframe >= 0:
@@ -225,7 +213,3 @@ def _moving_joint(robot: Robot) -> int:
     while body and not model.body_jntnum[body]:
         body = int(model.body_parentid[body])
     return int(model.body_jntadr[body])
-
-
-def _mechanical(robot: Robot) -> str | None:
-    return "no engine of the robot has masses" if robot.planar else None

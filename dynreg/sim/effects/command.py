@@ -2,22 +2,11 @@
 
 import numpy as np
 
-from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Values, drives, undriven
+from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, OfAnyDrive, Values, drives
 from dynreg.sim.robot import Robot
 
-DEGREE = np.pi / 180
 
-
-class _OnCommands(Effect):
-    """Needs drives, of whatever type."""
-
-    acts_on = "command"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return undriven(robot)
-
-
-class _OnTargets(_OnCommands):
+class _OnTargets(Effect):
     """Needs drives that are told what to reach."""
 
     def why_not(self, robot: Robot) -> str | None:
@@ -25,10 +14,10 @@ class _OnTargets(_OnCommands):
         return None if able else "no drive takes positions or speeds"
 
 
-class CommandDelay(_OnCommands):
+class CommandDelay(OfAnyDrive):
     """u(t) -> u(t - delay)."""
 
-    id, title = "command_delay", "commands arrive late"
+    id, acts_on, title = "command_delay", "command", "commands arrive late"
     parameters = (EffectParameter("delay", "s", "from sending to acting", 0.005, 0.010, 0.020, 0.4),)
     group = "time shift"
     near = ("command_lag", "sensor_delay")
@@ -38,10 +27,10 @@ class CommandDelay(_OnCommands):
         return x.past(p["delay"])
 
 
-class CommandGain(_OnCommands):
+class CommandGain(OfAnyDrive):
     """u -> (1 + gain) u."""
 
-    id, title = "command_gain", "commands are scaled on their way"
+    id, acts_on, title = "command_gain", "command", "commands are scaled on their way"
     parameters = (
         EffectParameter("gain", "1", "relative error of the command", 0.02, 0.06, 0.15, 0.6, signed=True),
     )
@@ -58,7 +47,7 @@ class CommandGain(_OnCommands):
 class RateLimit(_OnTargets):
     """The command that acts follows the one sent at most at `rate`."""
 
-    id, title = "rate_limit", "commands change at a limited rate"
+    id, acts_on, title = "rate_limit", "command", "commands change at a limited rate"
     parameters = (
         EffectParameter("rate", "rad/s", "fastest change", 10.0, 5.0, 2.5, 0.3, per="command", inverse=True),
     )
@@ -77,10 +66,10 @@ class RateLimit(_OnTargets):
         return last + moved * (1.0 - late)
 
 
-class CommandLag(_OnCommands):
+class CommandLag(OfAnyDrive):
     """First-order low pass: rate of y = (u - y) / time."""
 
-    id, title = "command_lag", "commands are smoothed by a first-order lag"
+    id, acts_on, title = "command_lag", "command", "commands are smoothed by a first-order lag"
     parameters = (EffectParameter("time", "s", "time constant", 0.005, 0.012, 0.030, 0.5),)
     near = ("command_delay", "joint_elasticity")
     separate_by = "a chirp: a lag damps fast commands, a delay does not"
@@ -97,7 +86,8 @@ class CommandLag(_OnCommands):
 class CommandDeadband(_OnTargets):
     """The servo ignores errors of its position within +-width; a drive gives `width` less speed than it is told."""
 
-    id, title = "command_deadband", "the servo ignores small position errors, the wheel small speeds"
+    id, acts_on = "command_deadband", "command"
+    title = "the servo ignores small position errors, the wheel small speeds"
     parameters = (
         EffectParameter(
             "width", "rad", "half of the band", 0.3 * DEGREE, 1 * DEGREE, 2.5 * DEGREE, 0.3, per="command"

@@ -6,33 +6,39 @@ from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Val
 from dynreg.sim.robot import Robot
 
 
-class TorqueLimit(Effect):
+class _OfTorque(Effect):
+    """Needs a drive with a torque limit that it can reach."""
+
+    acts_on = "drive"
+
+    def why_not(self, robot: Robot) -> str | None:
+        limited = [
+            t for t in robot.file.drives if t.type == "duty_servo" or getattr(t, "torque_limit", 1e6) < 1e5
+        ]
+        return None if limited and robot.actions else "no drive states a torque limit"
+
+
+class TorqueLimit(_OfTorque):
     """The drive saturates at (1 - loss) of its stated torque."""
 
-    id, acts_on, title = "torque_limit", "drive", "the drive saturates below its stated torque"
+    id, title = "torque_limit", "the drive saturates below its stated torque"
     parameters = (EffectParameter("loss", "1", "share of the stated limit", 0.12, 0.25, 0.40, 0.9),)
     near = ("speed_limit", "voltage_sag")
     separate_by = "fast large steps: a speed limit shows in motion, a torque limit when stalled too"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _limited(robot)
 
     def configure(self, site: Site, p: Values) -> None:
         site.drive("limit_factor", lambda f: f * (1.0 - p["loss"]))
 
 
-class SpeedLimit(Effect):
+class SpeedLimit(_OfTorque):
     """Torque in the direction of motion falls linearly to nothing at the no-load speed."""
 
-    id, acts_on, title = "speed_limit", "drive", "torque falls with speed"
+    id, title = "speed_limit", "torque falls with speed"
     parameters = (
         EffectParameter("no_load_speed", "rad/s", "speed without torque", 25.0, 12.5, 6.3, 0.5, inverse=True),
     )
     near = ("torque_limit", "rate_limit", "viscous_friction")
     separate_by = "fast large steps with and without load"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _limited(robot)
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         room = x.limit * np.maximum(1.0 - np.abs(x.v) / p["no_load_speed"], 0.0)
@@ -53,16 +59,13 @@ class DriveGain(Effect):
         site.drive("gain_factor", lambda f: f * (1.0 + p["gain"]))
 
 
-class VoltageSag(Effect):
+class VoltageSag(_OfTorque):
     """The supply drops in proportion to the current drawn: `sag` of it at full torque."""
 
-    id, acts_on, title = "voltage_sag", "drive", "the supply sags under load"
+    id, title = "voltage_sag", "the supply sags under load"
     parameters = (EffectParameter("sag", "1", "drop at full torque", 0.03, 0.08, 0.20, 0.8),)
     near = ("torque_limit", "thermal_fade", "drive_gain")
     separate_by = "log the supply voltage at the drive"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _limited(robot)
 
     def shown_by(self, robot: Robot) -> tuple[str, ...]:
         supplies = (getattr(t, "supply_input", None) for t in robot.file.drives)
@@ -73,18 +76,15 @@ class VoltageSag(Effect):
         return torque * (1.0 - p["sag"] * current)
 
 
-class ThermalFade(Effect):
+class ThermalFade(_OfTorque):
     """Torque fades as the motor warms: heat follows (torque / limit)^2 with a time constant of `WARMING`."""
 
     WARMING = 4.0  # s
 
-    id, acts_on, title = "thermal_fade", "drive", "the motor weakens as it warms"
+    id, title = "thermal_fade", "the motor weakens as it warms"
     parameters = (EffectParameter("fade", "1", "loss when warmed by full torque", 0.15, 0.40, 0.90, 3.0),)
     near = ("voltage_sag", "drive_gain", "friction_drift")
     separate_by = "rest, then repeat the first run"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _limited(robot)
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         heat = x.memory.get("heat", 0.0)
@@ -127,11 +127,3 @@ class ForceOffset(Effect):
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         return torque + p["torque"]
-
-
-def _limited(robot: Robot) -> str | None:
-    """A drive needs a torque limit that it can reach."""
-    limited = [
-        t for t in robot.file.drives if t.type == "duty_servo" or getattr(t, "torque_limit", 1e6) < 1e5
-    ]
-    return None if limited and robot.actions else "no drive states a torque limit"

@@ -16,6 +16,7 @@ from dynreg.sim.robot import Robot
 
 Values = Mapping[str, np.ndarray]  # the effect's parameters by name, each (rows, 1)
 SIZES = ("weak", "medium", "strong")
+DEGREE = np.pi / 180
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,13 @@ class Effect:
         return f"<effect {self.id}>"
 
 
+class OfAnyDrive(Effect):
+    """An effect that needs drives, of whatever type."""
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if robot.actions else "no driven joint"
+
+
 @dataclass(frozen=True)
 class Term:
     """An effect on some joints of a robot; no joints for all of them, or for the robot as a whole."""
@@ -233,11 +241,6 @@ def stacked(count: int, groups: Iterable[tuple[Sequence[int], Terms]]) -> Terms 
                 table[term.key] = (term, np.full((count, values.shape[1]), np.nan))
             table[term.key][1][members] = values
     return Terms(*zip(*table.values(), strict=True)) if table else None
-
-
-def undriven(robot: Robot) -> str | None:
-    """Why an effect that asks for drives of whatever type cannot act; None where it can."""
-    return None if robot.actions else "no driven joint"
 
 
 def drives(robot: Robot, *types: str) -> bool:

@@ -3,10 +3,8 @@
 import numpy as np
 
 from dynreg.data.names import quantity_of
-from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values, undriven
+from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, OfAnyDrive, Site, Values
 from dynreg.sim.robot import Robot
-
-DEGREE = np.pi / 180
 
 
 class EncoderOffset(Effect):
@@ -46,20 +44,11 @@ class EncoderScale(Effect):
         site.sensor("scale", lambda s: s * (1.0 + p["error"]))
 
 
-class _OnLogs(Effect):
-    """Needs drives, of whatever type."""
-
-    acts_on = "sensor"
-    scope = "robot"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return undriven(robot)
-
-
-class SensorDelay(_OnLogs):
+class SensorDelay(OfAnyDrive):
     """The log holds states of `delay` ago."""
 
-    id, title = "sensor_delay", "measurements are logged late"
+    id, acts_on, title = "sensor_delay", "sensor", "measurements are logged late"
+    scope = "robot"
     parameters = (EffectParameter("delay", "s", "from moving to logging", 0.004, 0.008, 0.015, 0.4),)
     group = "time shift"
     near = ("command_delay",)
@@ -75,10 +64,11 @@ class SensorDelay(_OnLogs):
         return (1.0 - share) * states[at, low] + share * states[at, high]
 
 
-class ClockError(_OnLogs):
+class ClockError(OfAnyDrive):
     """The log's seconds are (1 + error) of true ones."""
 
-    id, title = "clock_error", "the log's clock runs fast or slow"
+    id, acts_on, title = "clock_error", "sensor", "the log's clock runs fast or slow"
+    scope = "robot"
     parameters = (
         EffectParameter("error", "1", "relative error of time", 0.01, 0.03, 0.08, 0.3, signed=True),
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.sim.effects.body import driven_dofs
-from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values, drives
+from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, Site, Values, drives
 from dynreg.sim.robot import Robot
 
 ROTOR = 0.5  # of the joint's armature that turns with the motor, at least
@@ -18,7 +18,6 @@ LIGHT = 0.02  # of the joint's inertia
 RIGID = (
     0.2  # stiffness of a rigid transmission, in joint inertia / time step^2, which the time step can follow
 )
-DEGREE = np.pi / 180
 
 
 class _Transmission(Effect):

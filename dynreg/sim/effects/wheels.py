@@ -7,7 +7,18 @@ from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Val
 from dynreg.sim.robot import Robot
 
 
-class WheelGain(Effect):
+class _OfTwoWheels(Effect):
+    """Needs a base on a left and a right wheel."""
+
+    scope = "robot"
+
+    def why_not(self, robot: Robot) -> str | None:
+        if not robot.planar:
+            return "no engine moves the robot on wheels"
+        return None if robot.file.base else "no left and right wheel ([base] of robot.toml)"
+
+
+class WheelGain(_OfTwoWheels):
     """The right wheel turns faster than told by half of `difference`, the left one slower by as much."""
 
     id, acts_on, title = "wheel_gain", "drive", "one wheel turns faster than the other at the same command"
@@ -18,10 +29,6 @@ class WheelGain(Effect):
     separate_by = (
         "drive the same square both ways round: the errors of a gain change sides, those of a zero do not"
     )
-    scope = "robot"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _on_two_wheels(robot)
 
     def configure(self, site: Site, p: Values) -> None:
         owners = np.array(site.robot.joints)[site.joints]
@@ -86,7 +93,7 @@ class TurnSlowdown(Effect):
         return u - np.sign(speed) * lost * x.memory["gives"]
 
 
-class WheelSlip(Effect):
+class WheelSlip(_OfTwoWheels):
     """The ground takes a wheel along at most at `grip`: beyond it the wheel spins, or slides as it brakes."""
 
     id, acts_on, title = "wheel_slip", "contact", "wheels spin and slide where speeds change quickly"
@@ -97,10 +104,6 @@ class WheelSlip(Effect):
     )
     near = ("rate_limit", "drive_inertia")
     separate_by = "hold the encoders against an outside view of the base: slip is what they do not see"
-    scope = "robot"
-
-    def why_not(self, robot: Robot) -> str | None:
-        return _on_two_wheels(robot)
 
     def roll(self, speed: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         ground = x.memory.get("ground")
@@ -111,9 +114,3 @@ class WheelSlip(Effect):
         share = np.minimum(np.abs(gap) / reach, 1.0)  # of the time step until the wheel holds again
         slipping = share * 0.5 * (ground + after) + (1.0 - share) * after
         return np.where((ground == x.v) & (after == x.q), speed, slipping)
-
-
-def _on_two_wheels(robot: Robot) -> str | None:
-    if not robot.planar:
-        return "no engine moves the robot on wheels"
-    return None if robot.file.base else "no left and right wheel ([base] of robot.toml)"

@@ -72,8 +72,8 @@ def planar_rollout(
     """
     base = planar_base(robot)
     n = len(values) * run.episodes
-    ports = _configured(robot, values, run)
-    active = _configured_terms(robot, acting(robot, terms, run.episodes, n), ports)
+    active = acting(robot, terms, run.episodes, n)
+    ports = _configured(robot, values, run, active)
     period, begin = clock_of(n, ports, run)
     law = _law(base, ports)
     # each simulator divides its own period, whatever others are in the batch
@@ -160,8 +160,11 @@ class _Motion:
         return _base_velocities(*lost, self.ports.base["track"])
 
 
-def _configured(robot: Robot, values: np.ndarray, run: Run) -> Ports:
-    """Ports of the B E simulations, parameters and settings applied."""
+def _configured(robot: Robot, values: np.ndarray, run: Run, active: list[Acting]) -> Ports:
+    """Ports of the B E simulations after parameters, settings and terms.
+
+    SimulationError where one of them needs masses, or moments in between.
+    """
     ports = nominal_ports(robot, len(values)).repeat(run.episodes)
     for assignment, column in assigned(robot, values, run):
         if assignment.root not in ("port", "control"):
@@ -171,11 +174,6 @@ def _configured(robot: Robot, values: np.ndarray, run: Run) -> Ports:
                 do="correct the entry, or choose another engine",
             )
         ports.apply(assignment, column)
-    return ports
-
-
-def _configured_terms(robot: Robot, active: list[Acting], ports: Ports) -> list[Acting]:
-    """The terms, their ports written; SimulationError where one needs masses or moments in between."""
 
     def expand(field: str) -> np.ndarray:
         raise SimulationError(
@@ -192,7 +190,7 @@ def _configured_terms(robot: Robot, active: list[Acting], ports: Ports) -> list[
             do="choose another engine",
         )
     configure_terms(robot, active, ports, expand)
-    return active
+    return ports
 
 
 def _law(base: Base, ports: Ports) -> Law:
