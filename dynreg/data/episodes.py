@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from dynreg.data.gaps import silent
-from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors
-from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.maps import LogMap, SettingMap, factors
+from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError, MapError
 
@@ -89,7 +89,16 @@ def _channels(log: RawLog, log_map: LogMap, spec: RecordingSpec, select: Select)
         if entry is None or entry.source is None:
             continue  # absent, or differentiated later from a channel of this episode
         if entry.source in log.sources:
-            out[channel.name] = _in_si(select(log.sources[entry.source]), channel, entry)
+            # in the channel's unit, on stamps without its delay
+            series = select(log.sources[entry.source])
+            if entry.unit is None and series.unit is not None:
+                entry = entry.model_copy(update={"unit": series.unit})
+            factor, offset = factors(entry, channel)
+            values = series.values * factor + offset
+            if entry.unwrap:
+                good = np.isfinite(values)
+                values[good] = np.unwrap(values[good])
+            out[channel.name] = Series(series.time - entry.delay, values, channel.unit)
         elif not channel.optional:
             near = [name for name in log.sources if name.split(".")[0] == entry.source.split(".")[0]]
             near = near or log.metadata.get("topics") or list(log.sources)
@@ -99,19 +108,6 @@ def _channels(log: RawLog, log_map: LogMap, spec: RecordingSpec, select: Select)
                 do="correct `source` in the map, or run `dynreg doctor` on the log to list what it holds",
             )
     return out
-
-
-def _in_si(series: Series, channel: ChannelSpec, entry: ChannelMap) -> Series:
-    """A source's series in the channel's unit, on stamps without its delay."""
-    if entry.unit is None and series.unit is not None:
-        entry = entry.model_copy(update={"unit": series.unit})
-    factor, offset = factors(entry, channel)
-    values = series.values * factor + offset
-    if entry.unwrap:
-        good = np.isfinite(values)
-        values = values.copy()
-        values[good] = np.unwrap(values[good])
-    return Series(series.time - entry.delay, values, channel.unit)
 
 
 def _settings(log: RawLog, log_map: LogMap, select: Select) -> dict[str, float]:

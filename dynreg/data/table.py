@@ -135,13 +135,14 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 
 def map_for(recording: Recording) -> LogMap:
     """The map that reads back what `write_mcap` wrote."""
-    sources = {
-        (t, f): recording.channels[i] for t, fields in _groups(recording).items() for f, i in fields.items()
-    }
+    channels = recording.channels
+    sources = {i: f"{t}.{f}" for t, fields in _groups(recording).items() for f, i in fields.items()}
     settings = sorted({s for e in recording.episodes for s in e.settings})
     return LogMap.model_validate(
         {
-            "channels": {c.name: {"source": f"{t}.{f}", "unit": c.unit} for (t, f), c in sources.items()},
+            "channels": {
+                channels[i].name: {"source": s, "unit": channels[i].unit} for i, s in sources.items()
+            },
             "settings": {name: {"metadata": f"/settings.{name}"} for name in settings},
             "episodes": {"by": "column", "column": "/episode.index"},
         }

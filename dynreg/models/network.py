@@ -47,11 +47,10 @@ class Parameters:
 
     def stack(self) -> MlpStack:
         """A copy as numpy arrays."""
-        weights = [w.cpu().numpy().copy() for w in self.weights[:-1]]
-        biases = [b[:, 0].cpu().numpy().copy() for b in self.biases[:-1]]
-        last_weight = self.weights[-1][:, :, : self.outputs].cpu().numpy().copy()
-        last_bias = self.biases[-1][:, 0, : self.outputs].cpu().numpy().copy()
-        return MlpStack((*weights, last_weight), (*biases, last_bias))
+        weights = [w.cpu().numpy().copy() for w in self.weights]
+        biases = [b[:, 0].cpu().numpy().copy() for b in self.biases]
+        weights[-1], biases[-1] = weights[-1][..., : self.outputs], biases[-1][..., : self.outputs]
+        return MlpStack(tuple(weights), tuple(biases))
 
     def padded(self, targets: np.ndarray) -> torch.Tensor:
         """(B, N, width) tensor of `targets` (B, N, S), zeros in the columns that were added."""

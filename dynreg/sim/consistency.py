@@ -1,6 +1,6 @@
 """What the parts of a robot.toml say about each other: names used twice, names that lead nowhere."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from dynreg.data.names import joint_of
@@ -20,15 +20,11 @@ def check_consistency(file: RobotFile, path: Path) -> None:
 
 
 def _problems(file: RobotFile) -> Iterator[Problem]:
-    signals = [
-        (group, i, t.name) for group in ("actions", "channels", "inputs") for i, t in _tables(file, group)
-    ]
-    yield from _twice(signals)
-    for group in ("settings", "parameters"):
-        yield from _twice([(group, i, t.name) for i, t in _tables(file, group)])
+    for groups in (("actions", "channels", "inputs"), ("settings",), ("parameters",)):
+        yield from _twice(file, groups)
     yield from _drives(file)
     for group in ("parameters", "settings"):
-        for i, table in _tables(file, group):
+        for i, table in enumerate(getattr(file, group)):
             for entry in table.sets:
                 try:
                     parse(entry)
@@ -63,7 +59,7 @@ def _gait(file: RobotFile) -> Iterator[Problem]:
                 )
     if file.tasks and file.gait is None:
         yield ("tasks", 0, "name"), "there are tasks, but no [gait]", "the legs and roles", "add [gait]"
-    yield from _twice([("tasks", i, t.name) for i, t in _tables(file, "tasks")])
+    yield from _twice(file, ("tasks",))
 
 
 def _populations(file: RobotFile) -> Iterator[Problem]:
@@ -83,13 +79,9 @@ def _populations(file: RobotFile) -> Iterator[Problem]:
                 yield location, problem, "low > 0", "raise it, or use scale linear"
 
 
-def _tables(file: RobotFile, group: str) -> Iterable:
-    return enumerate(getattr(file, group))
-
-
-def _twice(items: list[tuple[str, int, str]]) -> Iterator[Problem]:
+def _twice(file: RobotFile, groups: tuple[str, ...]) -> Iterator[Problem]:
     seen: set[str] = set()
-    for group, number, name in items:
+    for group, number, name in ((g, i, t.name) for g in groups for i, t in enumerate(getattr(file, g))):
         if name in seen:
             yield (group, number, "name"), f"{name!r} is named twice", "unique names", "rename one of them"
         seen.add(name)
@@ -97,8 +89,8 @@ def _twice(items: list[tuple[str, int, str]]) -> Iterator[Problem]:
 
 def _drives(file: RobotFile) -> Iterator[Problem]:
     inputs = [i.name for i in file.inputs]
-    others = {t.name for group in ("actions", "channels", "inputs") for _, t in _tables(file, group)}
-    for i, drive in _tables(file, "drives"):
+    others = {t.name for t in (*file.actions, *file.channels, *file.inputs)}
+    for i, drive in enumerate(file.drives):
         supply = getattr(drive, "supply_input", None)
         if supply is not None and supply not in inputs:
             problem = f"supply_input {supply!r} is no input"

@@ -114,7 +114,9 @@ def excitation(
             initial[e, position] = actions[e, 0, action] + 0.05 * (high - low)[action] * rng.standard_normal()
             if velocity >= 0:
                 initial[e, velocity] = 0.3 * (high - low)[action] * rng.standard_normal()
-        _draw_inputs(robot, rng, inputs[e], reach)
+        for i, table in enumerate(robot.file.inputs):
+            if table.low is not None and table.high is not None:
+                inputs[e, :, i] += reach * (rng.uniform(table.low, table.high) - inputs[e, :, i])
         if kind == "drop":
             actions[e] = actions[e, :1]
             inputs[e, steps // 2 :, len(robot.file.inputs) :] = 0.0
@@ -153,9 +155,3 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
         for a, joint in enumerate(robot.joints)
         if held[a] and f"{joint}/position" in channels
     ]
-
-
-def _draw_inputs(robot: Robot, rng: np.random.Generator, inputs: np.ndarray, reach: float) -> None:
-    for i, table in enumerate(robot.file.inputs):
-        if table.low is not None and table.high is not None:
-            inputs[:, i] += reach * (rng.uniform(table.low, table.high) - inputs[:, i])

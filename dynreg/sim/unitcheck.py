@@ -31,17 +31,13 @@ def unit_problems(robot: Robot) -> Iterator[str]:
         if table.unit in _si_units() and expected is not None and table.unit != expected:
             yield f"unit {table.unit!r} of {table.name!r} is not that of its joint; use {expected!r}"
     for table in (*robot.file.parameters, *robot.file.settings):
-        unknown = [f for f in re.split(r"[*/]", table.unit) if _base(f) not in _FACTORS]
+        factors = re.split(r"[*/]", table.unit)
+        unknown = [f for f in factors if re.sub(r"\^\d+$", "", f.strip()) not in _FACTORS]
         if unknown:
             yield (
                 f"unit {table.unit!r} of {table.name!r} has an unknown factor {unknown[0]!r}; "
                 f"build it with * / ^ from {sorted(_FACTORS)}"
             )
-
-
-def _base(factor: str) -> str:
-    match = re.fullmatch(r"([A-Za-z1]+)(\^\d+)?", factor.strip())
-    return match[1] if match else factor
 
 
 def _si_units() -> list[str]:

@@ -8,7 +8,7 @@ from mcap.records import Channel, Schema
 
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.bag_folder import bag_information, stated_counts
-from dynreg.data.readers.mcap_walk import Tally, message_count, walk
+from dynreg.data.readers.mcap_walk import Tally, summary_of, walk
 from dynreg.data.readers.messages import Topic, gather
 from dynreg.data.readers.ros_types import Decode, ros_decoder
 from dynreg.data.series import Finding, RawLog
@@ -53,9 +53,11 @@ def read(path: Path, options: ReadOptions, expected: int | None = None) -> RawLo
 
 def _stated(path: Path) -> int | None:
     """Messages that the file should hold: from its own summary, else from the metadata.yaml beside it."""
-    own = message_count(path)
-    if own is not None or not (path.parent / "metadata.yaml").exists():
-        return own
+    summary = summary_of(path)
+    if summary and summary.statistics:
+        return summary.statistics.message_count
+    if not (path.parent / "metadata.yaml").exists():
+        return None
     try:
         return stated_counts(bag_information(path.parent)).get(path.name)
     except LogError:

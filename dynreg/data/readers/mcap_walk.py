@@ -55,7 +55,7 @@ class _Open:
 def walk(path: Path, tally: Tally) -> Iterator[Item]:
     """Schemas, channels and messages in file order; `tally` tells afterwards what was lost."""
     tally.size = path.stat().st_size
-    summary = _summary(path)
+    summary = summary_of(path)
     resume = sorted(c.chunk_start_offset for c in summary.chunk_indexes) if summary else []
     chunk: _Open | None = None
     with path.open("rb") as file:
@@ -173,13 +173,8 @@ def _items(opcode: int, body: bytes, tally: Tally, times: tuple[int, int] | None
         tally.problems.append(f"unreadable record of type {opcode}: {error}")
 
 
-def message_count(path: Path) -> int | None:
-    """Messages that the file's own summary states; None where it has none."""
-    summary = _summary(path)
-    return summary.statistics.message_count if summary and summary.statistics else None
-
-
-def _summary(path: Path):
+def summary_of(path: Path):
+    """The mcap Summary at the end of a file; None where it is cut off or damaged."""
     from mcap.reader import SeekingReader
 
     with path.open("rb") as file:
@@ -187,5 +182,5 @@ def _summary(path: Path):
             reader = SeekingReader(file, record_size_limit=RECORD_LIMIT)
             file.seek(0)
             return reader.get_summary()
-        except Exception:  # a cut or damaged end: there is no summary to be had
+        except Exception:  # noise can fail in any way
             return None

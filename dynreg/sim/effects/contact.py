@@ -29,7 +29,7 @@ class GroundFriction(_OnGround):
     separate_by = "pull the standing robot sideways with a spring scale, on each ground"
 
     def configure(self, site: Site, p: Values) -> None:
-        _scale(site, "geom_friction", touching_geoms(site.robot), 0, 1.0 + p["change"])
+        _scale(site, "geom_friction", 1.0 + p["change"])
 
 
 class SecondFrictionMaterial(_OnGround):
@@ -66,7 +66,7 @@ class ContactCompliance(_OnGround):
     separate_by = "press the standing robot down with a known mass and log its height"
 
     def configure(self, site: Site, p: Values) -> None:
-        _scale(site, "geom_solref", touching_geoms(site.robot), 0, 1.0 + p["softening"])
+        _scale(site, "geom_solref", 1.0 + p["softening"])
 
 
 def touching_geoms(robot: Robot) -> np.ndarray:
@@ -93,7 +93,8 @@ def left_feet(robot: Robot) -> np.ndarray:
     return feet[y > 1e-3] if (y < -1e-3).any() else np.zeros(0, dtype=int)
 
 
-def _scale(site: Site, field: str, geoms: np.ndarray, index: int, factor: np.ndarray) -> None:
+def _scale(site: Site, field: str, factor: np.ndarray) -> None:
+    """Multiply the first number of a field of all geoms that touch by (rows, 1) factors."""
     array = site.expand(field)
-    where = np.ix_(np.arange(len(array))[site.rows], geoms, [index])
+    where = np.ix_(np.arange(len(array))[site.rows], touching_geoms(site.robot), [0])
     array[where] = array[where] * factor[:, :, None]

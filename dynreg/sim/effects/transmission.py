@@ -15,9 +15,7 @@ from dynreg.sim.robot import Robot
 
 ROTOR = 0.5  # of the joint's armature that turns with the motor, at least
 LIGHT = 0.02  # of the joint's inertia
-RIGID = (
-    0.2  # stiffness of a rigid transmission, in joint inertia / time step^2, which the time step can follow
-)
+RIGID = 0.2  # joint inertia / time step^2: stiffness of a rigid transmission, which the time step can follow
 
 
 class _Transmission(Effect):

@@ -239,9 +239,8 @@ def _velocities_after(
     with np.errstate(divide="ignore"):
         stays = np.exp(-law.drag * period / law.lag)  # (2, n), 0 without a lag
     weights = ((1.0 - stays) / law.drag)[..., None] * stays[..., None] ** np.arange(told.shape[1])[::-1]
-    sums = (
-        np.einsum("nl,nla->na", axis, told) for axis in weights
-    )  # what a velocity is made of, each its own
+    # what a velocity is made of, each its own
+    sums = (np.einsum("nl,nla->na", axis, told) for axis in weights)
     return np.stack([_asked(base, ports, one)[i] for i, one in enumerate(sums)])
 
 
