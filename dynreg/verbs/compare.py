@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.simulators import NAMES, simulator
 from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
@@ -25,8 +26,7 @@ class CompareSettings(Settings):
     )
     simulators: tuple[str, ...] = option(
         (),
-        "A simulator, an entry, a result that recommends one, nominal, or what this recording has: nearest,"
-        " synthesised, calibrated, diagnosed, @answer; may be repeated.",
+        f"A simulator, an entry, a result that recommends one, or one of {', '.join(NAMES)}; may be repeated.",
         flag="--with",
         metavar="ID",
         repeated=True,
@@ -75,8 +75,6 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
 
 def named(asked: "Recorded", refs: tuple[str, ...]) -> "dict[str, Simulator]":
     """The simulators that `refs` name, each once, however often it is named, and each by a name of its own."""
-    from dynreg.verbs.simulators import simulator
-
     found = [simulator(asked.registry, ref, asked.robot, asked.recording.id) for ref in refs]
     once = {one.config.id: one for one in found}
     names = [one.name for one in once.values()]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dynreg.diagnose.asked import Asked
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
+from dynreg.verbs.simulators import NAMES, NOMINAL, own, simulator
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,8 +39,8 @@ class DiagnoseSettings(Settings):
     """
 
     start: str = option(
-        "nominal",
-        "Simulator to begin from: nominal, nearest, synthesised, calibrated, diagnosed, @answer or an ID.",
+        NOMINAL,
+        f"Simulator to begin from: {', '.join(NAMES)} or an ID.",
         metavar="ID",
     )
     hold_out: str | None = hold_out()
@@ -86,7 +87,7 @@ class DiagnoseSettings(Settings):
             )
         if not self.start:
             raise UsageError(
-                "start ''", expected="nominal, nearest or the id of a simulator", do="name one of these"
+                "start ''", expected=f"one of {', '.join(NAMES)}, or an id", do="name one of these"
             )
         if self.joints is not None and not self.joints:
             raise UsageError(
@@ -113,7 +114,6 @@ def diagnose(about: "Recorded", settings: DiagnoseSettings, progress: Progress |
     from dynreg.diagnose.account import account
     from dynreg.diagnose.diagnose import diagnose as find
     from dynreg.verbs.diagnosis import document
-    from dynreg.verbs.simulators import NOMINAL, own, simulator
 
     began = time.perf_counter()
     registry, robot, recording, asked = about.registry, about.robot, about.recording, settings.asked

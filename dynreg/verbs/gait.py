@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from dynreg.gait.accept import ACCEPT, USUAL
 from dynreg.search.table import SEARCHES
 from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.simulators import NOMINAL, WORDS, today
 from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from dynreg.results import Gait
     from dynreg.verbs.subjects import Recorded
 
-SOURCES = ("nearest", "synthesised", "@answer", "calibrated", "diagnosed", "nominal", "random", "population")
+SOURCES = (*WORDS, NOMINAL, "random", "population")
 OF_POPULATION = "mean"  # is raised: some draws of the ranges cannot even stand, and their minimum is 0
 
 
@@ -44,8 +45,6 @@ class GaitSettings(Settings):
     threads: int = threads()
 
     def __post_init__(self) -> None:
-        from dynreg.verbs.simulators import today
-
         super().__post_init__()
         object.__setattr__(self, "on", today(self.on))
 

@@ -8,12 +8,14 @@ import re
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import NoMatchError, OldWord, UsageError
-from dynreg.registry import Registry, ResultRecord
-from dynreg.sim.config import SimConfig
-from dynreg.sim.robot import Robot, load_robot
+
+if TYPE_CHECKING:
+    from dynreg.registry import Registry, ResultRecord
+    from dynreg.sim.config import SimConfig
+    from dynreg.sim.robot import Robot
 
 NOMINAL = "nominal"
 Document = Mapping[str, Any]
@@ -62,13 +64,13 @@ class Simulator:
     id: str | None
     name: str
     lineage: Mapping[str, Any]
-    config: SimConfig
-    robot: Robot
+    config: "SimConfig"
+    robot: "Robot"
     source: str | None = None
     fitted_to: frozenset[str] | None = frozenset()
 
 
-def simulator(registry: Registry, ref: str, robot: Robot, recording: str | None = None) -> Simulator:
+def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | None = None) -> Simulator:
     """The simulator that `ref` names: one of `NAMES`, or the id of a simulator, an entry or a result.
 
     recording : id of the recording about which the results are that the words ask for. The words hide nothing: what
@@ -77,6 +79,8 @@ def simulator(registry: Registry, ref: str, robot: Robot, recording: str | None 
     """
     ref = today(ref)
     if ref == NOMINAL:
+        from dynreg.sim.config import SimConfig
+
         config = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal))
         return Simulator(None, NOMINAL, {"kind": NOMINAL}, config, robot)
     if ref in WORDS:
@@ -101,7 +105,7 @@ def simulator(registry: Registry, ref: str, robot: Robot, recording: str | None 
     return replace(found, fitted_to=fitted_to)
 
 
-def nearest(registry: Registry, robot: Robot, recording: str, k: int) -> tuple[Simulator, ...]:
+def nearest(registry: "Registry", robot: "Robot", recording: str, k: int) -> tuple[Simulator, ...]:
     """The k nearest of the newest query about a recording (its id), nearest first; fewer where it found fewer.
 
     Raises NoMatchError where nothing was asked about the recording yet.
@@ -111,7 +115,7 @@ def nearest(registry: Registry, robot: Robot, recording: str, k: int) -> tuple[S
     return tuple(replace(_stored(registry, "entry", i, robot), source=record.id) for i in ids)
 
 
-def own(found: Simulator, robot: Robot) -> Simulator:
+def own(found: Simulator, robot: "Robot") -> Simulator:
     """The simulator again; UsageError where it is of another robot."""
     if found.config.robot != robot.hash:
         raise UsageError(
@@ -139,7 +143,7 @@ def made(lineage: Mapping[str, Any]) -> str:
     return lineage.get("kind") or (lineage.get("made_by") or "").replace("calibrate", "calibrated by")
 
 
-def _newest(registry: Registry, ref: str, recording: str | None) -> ResultRecord:
+def _newest(registry: "Registry", ref: str, recording: str | None) -> "ResultRecord":
     word = WORDS[ref]
     try:
         if recording is not None:
@@ -154,7 +158,7 @@ def _newest(registry: Registry, ref: str, recording: str | None) -> ResultRecord
 
 
 def _told(
-    registry: Registry, record: ResultRecord, word: str, robot: Robot, recording: str | None
+    registry: "Registry", record: "ResultRecord", word: str, robot: "Robot", recording: str | None
 ) -> Simulator:
     """The simulator that a result tells under a word."""
     identity = WORDS[word].told(record.document)
@@ -168,8 +172,11 @@ def _told(
     return replace(found, fitted_to=_fitted(record.document))
 
 
-def _stored(registry: Registry, kind: str, identity: str, robot: Robot) -> Simulator:
+def _stored(registry: "Registry", kind: str, identity: str, robot: "Robot") -> Simulator:
     """A registered simulator or entry by its id."""
+    from dynreg.sim.config import SimConfig
+    from dynreg.sim.robot import load_robot
+
     if kind == "entry":
         entry = registry.load_entry(identity)
         record = registry.population(entry.population_id)
@@ -195,7 +202,7 @@ def _fitted(document: Document) -> frozenset[str] | None:
     return frozenset(re.sub(r"\[\d+\]$", "", name) for name in (*parts["fit"], *parts["select"]))
 
 
-def _by_newest(registry: Registry, identity: str, recording: str | None) -> frozenset[str] | None:
+def _by_newest(registry: "Registry", identity: str, recording: str | None) -> frozenset[str] | None:
     """What the newest results about a recording say of a simulator that they tell; nothing where they do not."""
     for word in WORDS.values():
         try:
@@ -207,7 +214,7 @@ def _by_newest(registry: Registry, identity: str, recording: str | None) -> froz
     return frozenset()
 
 
-def _no_simulator(ref: str, record: ResultRecord) -> NoMatchError:
+def _no_simulator(ref: str, record: "ResultRecord") -> NoMatchError:
     return NoMatchError(
         f"result {record.id[:12]} of kind {record.kind!r} tells no simulator for {ref!r}",
         expected="a query, a calibration or a diagnosis that left one",

@@ -17,6 +17,7 @@ from dynreg.data.series import RawLog, Series
 
 TAPE = LogFormat("tape", "tapes", magic=(b"TAPE",), suffixes=(".tap",), folder=("reel.txt", "tape"))
 TAKEN = LogFormat("csv", "tapes")
+LIKE = LogFormat("like", "tapes", magic=(b"PAR1",), suffixes=(".like",))
 
 def read(path, options):
     values = np.array([float(x) for x in path.read_text().split()[1:]])
@@ -51,6 +52,14 @@ def test_a_reader_of_an_installed_package_is_picked_by_bytes_suffix_and_folder(i
     assert np.array_equal(read_log(tmp_path / "run.dat").sources["arm"].values, [1, 2, 3])
     assert np.array_equal(read_log(tmp_path / "run.tap").sources["arm"].values, [4, 5, 6])
     assert format_of(tmp_path / "reel").name == "tape" == list(formats())[-1]
+
+
+def test_of_formats_that_begin_alike_the_suffix_decides(install, tmp_path: Path):
+    install("LIKE")
+    for name in ("run.like", "run.parquet", "run.dat"):
+        (tmp_path / name).write_bytes(b"PAR1 and more")
+    told = [format_of(tmp_path / name).name for name in ("run.like", "run.parquet", "run.dat")]
+    assert told == ["like", "parquet", "parquet"]
 
 
 @pytest.mark.parametrize(

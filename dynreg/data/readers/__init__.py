@@ -80,7 +80,7 @@ class ReadOptions:
 
 
 def format_of(path: Path) -> LogFormat:
-    """The format of a log, from its first bytes, else from its suffix; of a folder, from what it holds.
+    """The format of a log, from its first bytes, then from its suffix; of a folder, from what it holds.
 
     Raises LogError where there is no such file or the format is not known.
     """
@@ -100,8 +100,9 @@ def format_of(path: Path) -> LogFormat:
         head = file.read(64)
     if not head:
         raise LogError(f"{path.name!r} is empty", expected="a log with data in it", do="record it again")
-    told = [f for f in formats().values() if head.startswith(f.magic)]
-    told += [f for f in formats().values() if path.suffix.lower() in f.suffixes]
+    begun = [f for f in formats().values() if head.startswith(f.magic)]
+    named = [f for f in formats().values() if path.suffix.lower() in f.suffixes]
+    told = [f for f in begun if f in named] or begun or named  # several formats may begin alike
     if not told:
         raise LogError(
             f"{path.name!r} is of no known format",
