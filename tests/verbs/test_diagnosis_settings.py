@@ -30,9 +30,9 @@ BAD_TRIALS = [
     ({"hide": "chosen", "effects": ("rust",)}, "rust"),
     ({"size": "huge"}, "huge"),
     ({"count": 0}, "count 0"),
-    ({"seconds": 0.0}, "0 s"),
-    ({"seconds": float("nan")}, "nan s"),
-    ({"seconds": float("inf")}, "inf s"),
+    ({"seconds": 0.0}, "seconds 0"),
+    ({"seconds": float("nan")}, "seconds nan"),
+    ({"seconds": float("inf")}, "seconds inf"),
     ({"seed": -2}, "seed -2"),
 ]
 
