@@ -29,10 +29,8 @@ class Transitions:
             array = np.ascontiguousarray(getattr(self, field.name), dtype=dtype)
             array.setflags(write=False)
             object.__setattr__(self, field.name, array)
-        if (
-            len({len(getattr(self, f.name)) for f in fields(self)}) != 1
-            or self.states.shape != self.next_states.shape
-        ):
+        counts = {len(getattr(self, field.name)) for field in fields(self)}
+        if len(counts) != 1 or self.states.shape != self.next_states.shape:
             raise LogError(
                 f"transitions with states {self.states.shape}, actions {self.actions.shape}, context "
                 f"{self.context.shape}, next states {self.next_states.shape}, episode {self.episode.shape}",

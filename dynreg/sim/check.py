@@ -47,7 +47,7 @@ def problems(robot: Robot) -> list[str]:
         robot.model  # noqa: B018 (compiles it)
     except DynregError as problem:
         return [str(problem)]
-    engines = [*robot.engines]
+    engines = list(robot.engines)
     names = _once(_names(robot), engines)
     found = [*names, *_declared(robot), *unit_problems(robot)]
     if names:

@@ -88,8 +88,7 @@ def excitation(
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
     pose = reset_pose(robot)
-    low = np.array([a.low if a.low is not None else -1.0 for a in robot.file.actions])
-    high = np.array([a.high if a.high is not None else 1.0 for a in robot.file.actions])
+    low, high = np.where(np.isinf(robot.action_ranges), (-1.0, 1.0), robot.action_ranges).T
     actions = np.empty((episodes, steps, len(robot.actions)))
     inputs = np.tile(robot.input_defaults, (episodes, steps, 1))
     settings = np.empty((episodes, len(robot.settings)))

@@ -45,8 +45,8 @@ def from_columns(
         for key, values in columns.items()
         if key != name
     }
-    start_seconds = float(start) * scale
-    return RawLog(path, sources, {**(metadata or {}), "start": start_seconds}, labels or {}, findings)
+    metadata = {**(metadata or {}), "start": float(start) * scale}
+    return RawLog(path, sources, metadata, labels or {}, findings)
 
 
 def time_column(path: Path, columns: Mapping[str, np.ndarray], options: ReadOptions) -> str:

@@ -11,14 +11,7 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
 
-def reset(
-    robot: Robot,
-    batch: Batch,
-    model: mujoco.MjModel,
-    layout: Layout,
-    run: Run,
-    ports: Ports,
-) -> None:
+def reset(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, run: Run, ports: Ports) -> None:
     """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states."""
     batch.reset(keyframe=robot.keyframe)
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
