@@ -18,10 +18,16 @@ from dynreg.verbs.trial import TrialSettings, trial
 from dynreg.verbs.verb import Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
-    import dynreg.results as results
     from dynreg.data.recording import Recording
     from dynreg.distance.population import Training
     from dynreg.registry import Registry
+    from dynreg.results.drift import Drift
+    from dynreg.results.effects import EffectsList
+    from dynreg.results.experiment import Experiment
+    from dynreg.results.gait import Gait
+    from dynreg.results.result import Result
+    from dynreg.results.robots import RobotFolder
+    from dynreg.results.stored import EntrySummary, Listing, PopulationSummary, RecordingSummary, Verification
     from dynreg.sim.robot import Robot
 
 DEFAULT = "dynreg-registry"
@@ -84,7 +90,7 @@ class Session:
         training: "Training | None" = None,
         progress: Progress | None = None,
         **told: Any,
-    ) -> "results.PopulationSummary":
+    ) -> "PopulationSummary":
         """Simulate, train, register and link n randomized simulators of a robot; see `verbs.populate`."""
         from dynreg.verbs.subjects import loaded_robot
 
@@ -99,7 +105,7 @@ class Session:
         log_map: str | Path | None = None,
         name: str | None = None,
         gait: str | None = None,
-    ) -> "results.RecordingSummary":
+    ) -> "RecordingSummary":
         """Read logs of a robot, check them and register them as one recording.
 
         log_map : a map file; without one the log's own names are tried, then the robot's packaged maps.
@@ -122,15 +128,15 @@ class Session:
     @taking(DriftSettings)
     def drift(
         self,
-        recording: "str | Path | results.RecordingSummary",
-        against: "str | Path | results.RecordingSummary | None" = None,
+        recording: "str | Path | RecordingSummary",
+        against: "str | Path | RecordingSummary | None" = None,
         *,
         out: str | Path | None = None,
         robot: "str | Path | Robot | None" = None,
         log_map: str | Path | None = None,
         progress: Progress | None = None,
         **told: Any,
-    ) -> "results.Drift":
+    ) -> "Drift":
         """Whether an earlier recording is still true of a wheeled robot; the result is stored.
 
         against : the earlier recording; by default the one of this robot that was ingested first. out : a Parquet file
@@ -150,7 +156,7 @@ class Session:
     trial = about_robot(trial, TrialSettings)
 
     @staticmethod
-    def effects(robot: "str | Path | Robot | None" = None) -> "results.EffectsList":
+    def effects(robot: "str | Path | Robot | None" = None) -> "EffectsList":
         """The library of effects; for a robot with those that it can have."""
         from dynreg.verbs.effects import effects_list
         from dynreg.verbs.subjects import loaded_robot
@@ -161,7 +167,7 @@ class Session:
     @taking(ExciteSettings)
     def excite(
         robot: "str | Path | Robot", between: Sequence[str], *, progress: Progress | None = None, **told: Any
-    ) -> "tuple[Recording, results.Experiment]":
+    ) -> "tuple[Recording, Experiment]":
         """Commands within the robot's limits that tell two effects apart, and how well they should.
 
         between : two effects, such as "payload" and "coulomb_friction[arm]"; the commands are a recording whose
@@ -171,13 +177,13 @@ class Session:
 
         return excite(loaded_robot(robot), ExciteSettings(tuple(between), **told), progress=progress)
 
-    def list(self, kind: str | None = None) -> "results.Listing":
+    def list(self, kind: str | None = None) -> "Listing":
         """What the registry holds: populations, recordings, simulators made by queries, results."""
         from dynreg.verbs.list import listing
 
         return listing(self.registry, kind)
 
-    def show(self, ref: str) -> "results.EntrySummary":
+    def show(self, ref: str) -> "EntrySummary":
         """One thing in the registry, by id, unique prefix, name or `@last`, the last recording."""
         from dynreg.verbs.show import summary
 
@@ -187,19 +193,19 @@ class Session:
         """A stored recording by id, unique prefix or name: arrays by episode, and `.to_frame()`."""
         return self.registry.recording(self.registry.resolve(ref, ("recording",))[1])
 
-    def result(self, ref: str = "@last") -> "results.Result":
+    def result(self, ref: str = "@last") -> "Result":
         """A stored result: by its id, the newest about a recording (its id or name), or `@last`, the last result."""
         from dynreg.verbs.show import stored_result
 
         return stored_result(self.registry, ref)
 
-    def verify(self, repair: bool = False) -> "results.Verification":
+    def verify(self, repair: bool = False) -> "Verification":
         """Check every hash, row and index of the registry; with `repair`, mend what can be mended."""
         from dynreg.verbs.verify import verification
 
         return verification(self.registry.path, repair)
 
-    def export(self, refs: "Sequence[str]", destination: str | Path) -> "results.Listing":
+    def export(self, refs: "Sequence[str]", destination: str | Path) -> "Listing":
         """Copy entries, populations, recordings or results, with all they need, to a new registry."""
         from dynreg.registry import Registry, export
         from dynreg.verbs.list import listing
@@ -208,7 +214,7 @@ class Session:
         with Registry.open(destination) as copy:
             return listing(copy, None)
 
-    def export_robot(self, ref: str, destination: str | Path) -> "results.RobotFolder":
+    def export_robot(self, ref: str, destination: str | Path) -> "RobotFolder":
         """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `extend`.
 
         Raises UsageError where the destination exists.
@@ -217,9 +223,7 @@ class Session:
 
         return export_simulator(self.registry, ref, Path(destination))
 
-    def export_gait(
-        self, ref: "str | Path | results.Gait", destination: str | Path, form: str = "csv"
-    ) -> "results.Gait":
+    def export_gait(self, ref: "str | Path | Gait", destination: str | Path, form: str = "csv") -> "Gait":
         """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.
 
         form : csv, mcap or python for a robot, gif or png to look at, foxglove for a log of the run, for which `ref`

@@ -16,7 +16,7 @@ from dynreg.verbs.settings import Settings
 
 if TYPE_CHECKING:
     from dynreg.cli.settings import Settings as File
-    from dynreg.results import Result
+    from dynreg.results.result import Result
     from dynreg.session import Session
 
 _PANEL = "Global options"

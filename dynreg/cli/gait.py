@@ -12,7 +12,7 @@ from dynreg.errors import PictureError, UsageError
 from dynreg.verbs.gait import GaitSettings
 
 if TYPE_CHECKING:
-    from dynreg.results import Gait
+    from dynreg.results.gait import Gait
     from dynreg.session import Session
 
 

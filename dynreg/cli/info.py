@@ -8,7 +8,7 @@ def info(call: Call) -> None:
 
     Example: dynreg info
     """
-    from dynreg.results import Info
+    from dynreg.results.stored import Info
 
     with call.open() as session:
         result = Info.model_validate(session.info())

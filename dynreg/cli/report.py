@@ -27,7 +27,7 @@ def report(
     Example: dynreg report @last --out monday.html
     """
     from dynreg.report.html import write_report
-    from dynreg.results import ReportFile
+    from dynreg.results.stored import ReportFile
 
     with call.open() as session:
         result = session.result(ref)

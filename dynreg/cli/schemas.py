@@ -4,7 +4,8 @@ import json
 import sys
 from pathlib import Path
 
-from dynreg.results import RESULTS, Result
+from dynreg.results import RESULTS
+from dynreg.results.result import Result
 
 
 def schema_files() -> dict[str, str]:

@@ -8,7 +8,7 @@ from rich.text import Text
 from dynreg.report.drawing import chart, estimate_track
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count, number
-from dynreg.results import Calibration
+from dynreg.results.calibration import Calibration
 
 
 def verdict(result: Calibration) -> str:

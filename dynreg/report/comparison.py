@@ -9,7 +9,7 @@ from rich.text import Text
 from dynreg.report.grid import table
 from dynreg.report.plan import Plan, plan
 from dynreg.report.words import count
-from dynreg.results import Comparison, DrivenPath, Spread
+from dynreg.results.comparison import Comparison, DrivenPath, Spread
 
 DIRECTIONS = {"dx": "to the side", "dy": "ahead", "dtheta": "turned"}
 STYLES = 8  # of models' lines on the page: beyond them they begin again

@@ -5,7 +5,7 @@ from rich.console import RenderableType
 from dynreg.errors import LogError
 from dynreg.report.grid import table
 from dynreg.report.words import first_of
-from dynreg.results import LogFindings
+from dynreg.results.doctor import LogFindings
 
 
 def tables(result: LogFindings) -> RenderableType:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from dynreg.results import Curves, Estimate
+from dynreg.results.result import Curves, Estimate
 
 WIDTH, HEIGHT = 1000.0, 100.0
 MOST_POINTS = 600

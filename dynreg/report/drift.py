@@ -11,7 +11,7 @@ from rich.text import Text
 from dynreg.report.drawing import Tick, ticks
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
-from dynreg.results import Drift, DriftCell, Shift, Taken
+from dynreg.results.drift import Drift, DriftCell, Shift, Taken
 from dynreg.verbs.drift import DriftSettings
 
 SHOWN = 12  # cells

@@ -5,7 +5,7 @@ from rich.text import Text
 
 from dynreg.report.grid import table
 from dynreg.report.words import number
-from dynreg.results import EffectSize, EffectsList
+from dynreg.results.effects import EffectSize, EffectsList
 
 PER = {
     "torque": ("tau", "the drive's torque limit"),

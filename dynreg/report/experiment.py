@@ -5,7 +5,7 @@ from rich.text import Text
 
 from dynreg.report.grid import table
 from dynreg.report.words import number
-from dynreg.results import Experiment
+from dynreg.results.experiment import Experiment
 
 
 def tables(result: Experiment) -> Group:

@@ -8,7 +8,7 @@ from rich.text import Text
 from dynreg.gait.play import commands
 from dynreg.report.drawing import Chart, chart
 from dynreg.report.grid import table
-from dynreg.results import Gait
+from dynreg.results.gait import Gait
 
 SHOWN = 3.0  # s of the feet on the ground
 PERIODS = 2  # of the joints' traces, after the ramp

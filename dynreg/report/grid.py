@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dynreg.report.words import interval, number
-from dynreg.results import Estimate
+from dynreg.results.result import Estimate
 
 KEPT_WHOLE = 32  # a first cell shorter than this is not broken
 _LINES = box.SIMPLE_HEAD

@@ -7,7 +7,7 @@ from pathlib import Path
 from dynreg.errors import UsageError
 from dynreg.report.tables import room
 from dynreg.report.words import count, number
-from dynreg.results import Result
+from dynreg.results.result import Result
 
 
 def write_report(result: Result, path: str | Path) -> Path:

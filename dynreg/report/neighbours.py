@@ -9,7 +9,8 @@ from dynreg.errors import NoMatchError
 from dynreg.report.drawing import Track, estimate_track, traces
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count
-from dynreg.results import Gain, Neighbours
+from dynreg.results.neighbours import Neighbours
+from dynreg.results.result import Gain
 
 SHOWN_NEIGHBOURS = 5
 STAGES = {

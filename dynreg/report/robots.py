@@ -7,7 +7,8 @@ from rich.console import Group, RenderableType
 from dynreg.errors import RobotError
 from dynreg.report.grid import table
 from dynreg.report.words import first_of
-from dynreg.results import Result, RobotCheck, RobotFolder, RobotList
+from dynreg.results.result import Result
+from dynreg.results.robots import RobotCheck, RobotFolder, RobotList
 
 
 @singledispatch

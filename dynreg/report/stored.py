@@ -8,13 +8,13 @@ from rich.text import Text
 
 from dynreg.report.grid import table, value_text
 from dynreg.report.words import count, number
-from dynreg.results import (
+from dynreg.results.result import Result
+from dynreg.results.stored import (
     EntrySummary,
     Listing,
     PopulationSummary,
     RecordingSummary,
     ReportFile,
-    Result,
     Verification,
 )
 

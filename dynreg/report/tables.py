@@ -8,7 +8,7 @@ from rich.console import RenderableType
 
 from dynreg.errors import DynregError
 from dynreg.report.grid import table, value_text
-from dynreg.results import Result
+from dynreg.results.result import Result
 
 # the rooms that several kinds of results share; every other kind has the room of its own name, or none
 _SHARED = {"robot_check": "robots", "robot_folder": "robots"} | dict.fromkeys(

@@ -3,7 +3,7 @@
 from rich.console import RenderableType
 
 from dynreg.report.trials import listed
-from dynreg.results import TrialResult
+from dynreg.results.trials import TrialResult
 
 
 def tables(result: TrialResult) -> RenderableType:

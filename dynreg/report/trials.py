@@ -7,7 +7,7 @@ from rich.text import Text
 
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
-from dynreg.results import Confusion, Rate, TrialResult, TrialTable
+from dynreg.results.trials import Confusion, Rate, TrialResult, TrialTable
 
 LISTED = 12  # as many trials are listed one by one
 SIZES = ("weak", "medium", "strong")

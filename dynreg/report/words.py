@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from dynreg.errors import taken_apart
-from dynreg.results import Cost, EffectEstimate, Estimate
+from dynreg.results.diagnosis import EffectEstimate
+from dynreg.results.result import Cost, Estimate
 
 
 def number(value: float | int | None) -> str:

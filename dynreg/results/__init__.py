@@ -6,8 +6,25 @@ have a schema of their own are in `RESULTS`.
 
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
 from dynreg.results.result import Result
+
+if TYPE_CHECKING:  # for editors, which cannot run `_public`
+    from dynreg.results.calibration import *
+    from dynreg.results.comparison import *
+    from dynreg.results.diagnosis import *
+    from dynreg.results.doctor import *
+    from dynreg.results.drift import *
+    from dynreg.results.effects import *
+    from dynreg.results.experiment import *
+    from dynreg.results.gait import *
+    from dynreg.results.neighbours import *
+    from dynreg.results.result import *
+    from dynreg.results.robots import *
+    from dynreg.results.sentence import *
+    from dynreg.results.stored import *
+    from dynreg.results.trials import *
 
 
 def _public() -> dict[str, object]:

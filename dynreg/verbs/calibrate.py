@@ -11,7 +11,7 @@ from dynreg.search.table import OLD, SEARCHES
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 
 if TYPE_CHECKING:
-    from dynreg.results import Calibration
+    from dynreg.results.calibration import Calibration
     from dynreg.verbs.subjects import Recorded
 
 
@@ -46,7 +46,8 @@ def calibrate(
     """
     from dynreg.adapt.calibrate import calibrate
     from dynreg.replay.data import data
-    from dynreg.results import Calibration, CalibrationStep, Cost
+    from dynreg.results.calibration import Calibration, CalibrationStep
+    from dynreg.results.result import Cost
     from dynreg.sim.config import SimConfig
     from dynreg.verbs.estimates import estimate
 

@@ -10,7 +10,7 @@ from dynreg.verbs.simulators import NAMES, simulator
 from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
-    from dynreg.results import Comparison
+    from dynreg.results.comparison import Comparison
     from dynreg.verbs.simulators import Simulator
     from dynreg.verbs.subjects import Recorded
 

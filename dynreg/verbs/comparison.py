@@ -6,7 +6,8 @@ import numpy as np
 
 from dynreg.compare.compare import Compared
 from dynreg.compare.contenders import Made, Plan, Predicts
-from dynreg.results import Comparison, Contender, Cost
+from dynreg.results.comparison import Comparison, Contender
+from dynreg.results.result import Cost
 from dynreg.verbs.simulators import Simulator, made
 from dynreg.verbs.subjects import Recorded
 

@@ -13,7 +13,7 @@ from dynreg.verbs.simulators import NAMES, NOMINAL, own, simulator
 if TYPE_CHECKING:
     import numpy as np
 
-    from dynreg.results import Diagnosis
+    from dynreg.results.diagnosis import Diagnosis
     from dynreg.sim.effects import Terms
     from dynreg.sim.robot import Robot
     from dynreg.verbs.subjects import Recorded

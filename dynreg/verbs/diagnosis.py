@@ -11,9 +11,9 @@ from dynreg.diagnose.problem import Point, Problem
 from dynreg.replay.judged import Gain as Gained
 from dynreg.replay.judged import traced
 from dynreg.replay.parts import names
-from dynreg.results import Cost, Diagnosis, Gain
 from dynreg.results.diagnosis import (
     Cause,
+    Diagnosis,
     DiagnosisTrace,
     EffectEstimate,
     Moved,
@@ -26,6 +26,7 @@ from dynreg.results.diagnosis import (
     Threshold,
     Where,
 )
+from dynreg.results.result import Cost, Gain
 from dynreg.results.sentence import diagnosis_sentence
 from dynreg.sim.effects import one_group
 from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, threshold_note

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dynreg.data.ingest import Finding, doctor
 from dynreg.data.maps import read_map
-from dynreg.results import LogFinding, LogFindings
+from dynreg.results.doctor import LogFinding, LogFindings
 from dynreg.sim.robot import load_robot
 
 

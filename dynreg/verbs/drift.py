@@ -12,7 +12,7 @@ from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.drift.compared import Plan
-    from dynreg.results import Drift
+    from dynreg.results.drift import Drift
     from dynreg.verbs.subjects import Recorded
 
 

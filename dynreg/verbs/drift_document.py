@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.drift.compared import Held, Plan
 from dynreg.drift.drift import Drifted
-from dynreg.results import Drift, DriftCell, FalseAlarms, Separating, Shift, Taken
+from dynreg.results.drift import Drift, DriftCell, FalseAlarms, Separating, Shift, Taken
 from dynreg.sim.robot import Robot
 from dynreg.timed.cells import Grid, Pieces
 from dynreg.timed.commands import AXES

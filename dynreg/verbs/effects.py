@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from itertools import product
 
-from dynreg.results import EffectRow, EffectSize, EffectsList
+from dynreg.results.effects import EffectRow, EffectSize, EffectsList
 from dynreg.sim.effects import Effect, effects, one_group, placed
 from dynreg.sim.robot import Robot
 

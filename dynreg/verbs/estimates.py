@@ -1,6 +1,6 @@
 """A parameter's value and interval, as results tell it."""
 
-from dynreg.results import Estimate
+from dynreg.results.result import Estimate
 from dynreg.sim.space import Parameter
 
 

@@ -9,7 +9,7 @@ from dynreg.verbs.settings import Settings, option, seed
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
-    from dynreg.results import Experiment
+    from dynreg.results.experiment import Experiment
     from dynreg.sim.robot import Robot
 
 Progress = Callable[[str, int, int], None]

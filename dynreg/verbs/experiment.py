@@ -5,7 +5,7 @@ import numpy as np
 from dynreg.data.names import parts_of
 from dynreg.excite.candidates import Limits, Pool, joint_range
 from dynreg.excite.excite import Chosen
-from dynreg.results import Experiment, LimitKept
+from dynreg.results.experiment import Experiment, LimitKept
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 

@@ -10,7 +10,7 @@ from dynreg.gait.beside import beside, joined, rate_of, rerun
 from dynreg.gait.play import FORMS, require_playable, told
 from dynreg.gait.runs import Topic, mcap
 from dynreg.registry import Registry
-from dynreg.results import Gait
+from dynreg.results.gait import Gait
 from dynreg.sim.film import FORMS as PICTURES
 from dynreg.sim.film import draw, moments
 from dynreg.verbs.gaits import gait_of, genes_of, trials_of

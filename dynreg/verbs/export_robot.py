@@ -5,7 +5,7 @@ from pathlib import Path
 from dynreg.extend.folder_readme import PLAIN, Written
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
-from dynreg.results import CarriedEffect, RobotFolder
+from dynreg.results.robots import CarriedEffect, RobotFolder
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
 

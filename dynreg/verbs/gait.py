@@ -12,7 +12,7 @@ from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.gait.seek import SearchSettings
-    from dynreg.results import Gait
+    from dynreg.results.gait import Gait
     from dynreg.verbs.subjects import Recorded
 
 SOURCES = (*WORDS, NOMINAL, "random", "population")

@@ -13,7 +13,8 @@ from dynreg.gait.play import joints
 from dynreg.gait.seek import SearchSettings, Sought
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
-from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitStep, GaitTrial
+from dynreg.results.gait import Fitness, Gait, GaitGene, GaitStep, GaitTrial
+from dynreg.results.result import Cost
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.subjects import Recorded
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.errors import NoMatchError, UsageError
-from dynreg.results import Neighbours
+from dynreg.results.neighbours import Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.query import QuerySettings, query

@@ -12,7 +12,7 @@ from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.registry import Registry, ResultRecord
-from dynreg.results import Gait
+from dynreg.results.gait import Gait
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.simulators import simulator
 

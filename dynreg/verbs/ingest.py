@@ -7,7 +7,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.registry import Registry
-from dynreg.results import RecordingSummary
+from dynreg.results.stored import RecordingSummary
 from dynreg.sim.robot import Robot
 from dynreg.verbs.subjects import read_log, register
 

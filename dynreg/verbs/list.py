@@ -5,7 +5,7 @@ from typing import Any
 
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
-from dynreg.results import EntrySummary, Listing
+from dynreg.results.stored import EntrySummary, Listing
 from dynreg.verbs.simulators import made
 
 KINDS = ("population", "recording", "simulator", "result", "robot")

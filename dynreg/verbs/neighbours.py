@@ -11,7 +11,8 @@ from dynreg.neighbours.judge import TOO_FAR
 from dynreg.neighbours.query import Case, Chosen, Effort
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.replay.judged import gain, traced
-from dynreg.results import ChannelError, Cost, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
+from dynreg.results.neighbours import ChannelError, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
+from dynreg.results.result import Cost
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.estimates import estimate
 from dynreg.verbs.subjects import Recorded

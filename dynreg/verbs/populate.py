@@ -11,7 +11,7 @@ from dynreg.verbs.settings import Settings, option, seed, threads
 if TYPE_CHECKING:
     from dynreg.distance.population import Training
     from dynreg.registry import Registry
-    from dynreg.results import PopulationSummary
+    from dynreg.results.stored import PopulationSummary
     from dynreg.sim.robot import Robot
 
 
@@ -47,7 +47,7 @@ def populate(
 
     from dynreg.distance.population import Training
     from dynreg.neighbours.entries import Stopwatch
-    from dynreg.results import PopulationSummary
+    from dynreg.results.stored import PopulationSummary
     from dynreg.sim.robot import with_population
     from dynreg.verbs.populations import Plan, begin, fill, link
 

@@ -11,7 +11,7 @@ from dynreg.verbs.settings import Settings, hold_out, option, threads
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
-    from dynreg.results import Neighbours
+    from dynreg.results.neighbours import Neighbours
     from dynreg.verbs.subjects import Recorded
 
 Progress = Callable[[str, int, int], None]

@@ -1,6 +1,6 @@
 """The robots that come along, and the check of a robot folder."""
 
-from dynreg.results import RobotCheck, RobotLine, RobotList
+from dynreg.results.robots import RobotCheck, RobotLine, RobotList
 from dynreg.sim.check import check_robot
 from dynreg.sim.robot import load_robot, packaged_robots
 

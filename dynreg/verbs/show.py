@@ -7,7 +7,9 @@ from pydantic import ValidationError
 
 from dynreg.errors import CorruptError, DynregError, NoMatchError
 from dynreg.registry import Registry, ResultRecord
-from dynreg.results import RESULTS, EntrySummary, Result
+from dynreg.results import RESULTS
+from dynreg.results.result import Result
+from dynreg.results.stored import EntrySummary
 from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
 from dynreg.registry import PopulationRecord, Registry
-from dynreg.results import RecordingSummary, Result
+from dynreg.results.result import Result
+from dynreg.results.stored import RecordingSummary
 
 if TYPE_CHECKING:
     from dynreg.data.maps import LogMap

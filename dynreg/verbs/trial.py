@@ -9,7 +9,7 @@ from dynreg.verbs.diagnose import threshold_runs
 from dynreg.verbs.settings import Settings, option, seed, threads
 
 if TYPE_CHECKING:
-    from dynreg.results import TrialTable
+    from dynreg.results.trials import TrialTable
     from dynreg.verbs.verb import Built
 
 Progress = Callable[[str, int, int], None]
@@ -66,7 +66,7 @@ def trial(about: "Built", settings: TrialSettings, progress: Progress | None = N
     """
     from dynreg.diagnose.trial import Trials, trial_threshold
     from dynreg.diagnose.truth import protocol
-    from dynreg.results import TrialTable
+    from dynreg.results.trials import TrialTable
     from dynreg.verbs.trials import jobs, one_trial
 
     report = progress or (lambda *_: None)

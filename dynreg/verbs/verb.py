@@ -14,7 +14,7 @@ from dynreg.verbs.settings import Settings, taking
 
 if TYPE_CHECKING:
     from dynreg.registry import Registry
-    from dynreg.results import RecordingSummary
+    from dynreg.results.stored import RecordingSummary
     from dynreg.sim.robot import Robot
 
 Progress = Callable[[str, int, int], None]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dynreg.registry import verify
-from dynreg.results import Verification
+from dynreg.results.stored import Verification
 
 
 def verification(path: Path, repair: bool) -> Verification:

@@ -18,7 +18,7 @@ from dynreg.report.diagnosis.words import (
 )
 from dynreg.report.drawing import estimate_track, ruler, traces
 from dynreg.report.words import number
-from dynreg.results import Cause, Diagnosis, Ranked, RolloutError, Where
+from dynreg.results.diagnosis import Cause, Diagnosis, Ranked, RolloutError, Where
 from dynreg.results.sentence import times
 
 SHOWN_RANKS = 8

@@ -16,7 +16,7 @@ from dynreg.report.diagnosis.words import (
 )
 from dynreg.report.grid import table
 from dynreg.report.words import interval, number
-from dynreg.results import Diagnosis
+from dynreg.results.diagnosis import Diagnosis
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8

@@ -1,7 +1,8 @@
 """What a diagnosis says, does not say and asks for, in sentences."""
 
 from dynreg.report.words import count, number
-from dynreg.results import Cause, Diagnosis, EffectEstimate, Gain, Inseparable, Noise, Ranked
+from dynreg.results.diagnosis import Cause, Diagnosis, EffectEstimate, Inseparable, Noise, Ranked
+from dynreg.results.result import Gain
 from dynreg.results.sentence import times
 
 FLOORS = {
