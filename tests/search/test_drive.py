@@ -85,6 +85,17 @@ def test_what_is_known_is_tried_first_and_nothing_worse_comes_back(name: str, se
     assert found.history[0] == (1, hump(known)[0, 0]) and len(np.concatenate(tried)) == 41
 
 
+@pytest.mark.parametrize("name", [name for name, kind in SEARCHES.items() if kind.from_one])
+def test_a_search_from_one_point_sets_out_from_the_best_of_what_was_tried_first(name: str) -> None:
+    best, kind = np.array([0.2, 0.75, 0.25]), SEARCHES[name]
+    tried = np.stack([[0.8, 0.2, 0.8], best, np.full(3, 0.5)])
+    search = after(tried, kind, Start(3, stream(4, name), kind.batch))
+    assert np.array_equal(search.ask(), tried)
+    search.tell(np.array([2.0, 1.0, 3.0]))
+    # about the middle of the cube, its mean would lie 0.25 or more away in every dimension
+    assert np.abs(search.ask().mean(axis=0) - best).max() < 0.12
+
+
 @pytest.mark.parametrize("name", SEARCHES)
 def test_the_same_draws_ask_the_same(name: str) -> None:
     first, again, other = (MAKE[name](stream(seed, name)) for seed in (0, 0, 1))
