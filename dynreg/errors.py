@@ -68,6 +68,10 @@ class NoMatchError(DynregError):
     exit_status = 4
 
 
+class AmbiguousError(NoMatchError):
+    """A prefix or a name that fits more than one thing."""
+
+
 class OldWord(FutureWarning):
     """A word that is called something else today; it still works."""
 

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from sqlalchemy import Connection, select
 
 import dynreg.registry.tables as tables
-from dynreg.errors import NoMatchError, RegistryError
+from dynreg.errors import AmbiguousError, NoMatchError, RegistryError
 
 LAST = "@last"
 _ID_COLUMNS = {
@@ -48,7 +48,7 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
             return found[0]
         if found:
             shown = ", ".join(f"{kind} {identity[:16]}" for kind, identity in found[:_SHOWN])
-            raise NoMatchError(
+            raise AmbiguousError(
                 f"{ref!r} fits more than one: {shown}{', ...' if len(found) > _SHOWN else ''}",
                 expected="a hash, a unique prefix of one, or a name that one thing alone has",
                 do="give the first digits of the id of the one you mean"

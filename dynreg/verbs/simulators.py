@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import NoMatchError, OldWord, UsageError
+from dynreg.errors import AmbiguousError, NoMatchError, OldWord, UsageError
 
 if TYPE_CHECKING:
     from dynreg.registry import Registry, ResultRecord
@@ -87,22 +87,21 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
         return _told(registry, _newest(registry, ref, recording), ref, robot, recording)
     try:
         kind, identity = registry.resolve(ref, ("simulator", "entry", "result"))
+    except AmbiguousError:
+        raise
     except NoMatchError:
         raise NoMatchError(
             f"no simulator is called {ref!r}",
             expected=f"one of {', '.join(NAMES)}, or the id of a simulator, an entry or a result",
             do="see `dynreg list --kind simulator`",
         ) from None
-    if kind == "result":
-        record = registry.result(identity)
-        if record.kind not in RECOMMENDED:
-            raise _no_simulator(ref, record)
-        return _told(registry, record, RECOMMENDED[record.kind], robot, recording)
-    found = _stored(registry, kind, identity, robot)
-    fitted_to = _by_newest(registry, identity, recording)
-    if fitted_to == frozenset() and recording is not None and found.lineage.get("recording") == recording:
-        fitted_to = None
-    return replace(found, fitted_to=fitted_to)
+    if kind != "result":
+        found = _stored(registry, kind, identity, robot)
+        return replace(found, fitted_to=_fitted_to(registry, found, recording))
+    record = registry.result(identity)
+    if record.kind not in RECOMMENDED:
+        raise _no_simulator(ref, record)
+    return _told(registry, record, RECOMMENDED[record.kind], robot, recording)
 
 
 def nearest(registry: "Registry", robot: "Robot", recording: str, k: int) -> tuple[Simulator, ...]:
@@ -164,12 +163,10 @@ def _told(
     identity = WORDS[word].told(record.document)
     if identity is None:
         raise _no_simulator(word, record)
-    found = replace(
-        _stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot), source=record.id
-    )
-    if record.recording_id != recording:
-        return found
-    return replace(found, fitted_to=_fitted(record.document))
+    found = _stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
+    own = _fitted(record.document) if record.recording_id == recording else frozenset()
+    fitted_to = _fitted_to(registry, found, recording) if own == frozenset() else own
+    return replace(found, source=record.id, fitted_to=fitted_to)
 
 
 def _stored(registry: "Registry", kind: str, identity: str, robot: "Robot") -> Simulator:
@@ -202,16 +199,17 @@ def _fitted(document: Document) -> frozenset[str] | None:
     return frozenset(re.sub(r"\[\d+\]$", "", name) for name in (*parts["fit"], *parts["select"]))
 
 
-def _by_newest(registry: "Registry", identity: str, recording: str | None) -> frozenset[str] | None:
-    """What the newest results about a recording say of a simulator that they tell; nothing where they do not."""
-    for word in WORDS.values():
+def _fitted_to(registry: "Registry", found: Simulator, recording: str | None) -> frozenset[str] | None:
+    """What the newest results about a recording, else the simulator's own lineage, say of it; see `Simulator`."""
+    for word in WORDS.values() if recording else ():
         try:
-            document = registry.latest(word.kind, recording).document if recording else {}
+            document = registry.latest(word.kind, recording).document
         except NoMatchError:
             continue
-        if document and identity in (document.get("calibrated_simulator"), word.told(document)):
+        if found.id in (document.get("calibrated_simulator"), word.told(document)):
             return _fitted(document)
-    return frozenset()
+    made_here = recording is not None and found.lineage.get("recording") == recording
+    return None if made_here else frozenset()
 
 
 def _no_simulator(ref: str, record: "ResultRecord") -> NoMatchError:

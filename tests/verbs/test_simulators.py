@@ -15,6 +15,23 @@ EFFECT = {"coulomb_friction[arm]": {"torque": 0.02}}
 
 
 @pytest.fixture(scope="module")
+def diagnosed(registry_folder, tmp_path_factory):
+    """A registry with a recording "bench", a simulator with an effect, and results about the recording that tell it."""
+    folder = tmp_path_factory.mktemp("diagnosed") / "registry"
+    shutil.copytree(registry_folder, folder)
+    robot = load_robot("servo_pendulum")
+    with session.open(folder) as opened:
+        registry, recording = opened.registry, opened.show("bench").id
+        values = robot.space.as_dict(robot.space.nominal)
+        plain = registry.put_simulator(SimConfig(robot.hash, robot.name, values).as_dict())
+        full = registry.put_simulator(SimConfig(robot.hash, robot.name, values, EFFECT).as_dict())
+        parts = {"fit": ["e0", "e1[3]"], "select": ["e2"], "test": ["e3"]}
+        found = {"calibrated_simulator": plain, "extended_simulator": full, "parts": parts}
+        registry.put_result("diagnosis", recording, found)
+        yield registry, robot, recording, plain, full
+
+
+@pytest.fixture(scope="module")
 def asked(registry_folder, tmp_path_factory):
     """A session in which the recording "bench" was queried and calibrated to; its robot and the recording's id."""
     folder = tmp_path_factory.mktemp("simulators") / "registry"
@@ -63,10 +80,12 @@ def test_a_simulator_that_is_named_brings_its_effects(asked):
 def test_old_words_still_work_and_say_what_they_are_called_now(asked, old):
     registry, robot, found, _ = asked
     with pytest.warns(OldWord, match=f"{old!r} is called {OLD[old]!r} now"):
-        try:
-            assert simulator(registry, old, robot, found.recording)
-        except NoMatchError as problem:
-            assert OLD[old] == "diagnosed", problem
+        if OLD[old] == "diagnosed":
+            with pytest.raises(NoMatchError, match="no 'diagnosed' simulator"):
+                simulator(registry, old, robot, found.recording)
+        else:
+            expected = simulator(registry, OLD[old], robot, found.recording)
+            assert simulator(registry, old, robot, found.recording) == expected
 
 
 def test_a_word_of_which_nothing_is_stored_says_what_to_run(asked):
@@ -97,3 +116,46 @@ def test_what_names_no_simulator_is_told_the_words(asked):
     registry, robot, found, _ = asked
     with pytest.raises(NoMatchError, match="no simulator is called 'best'; expected one of nominal, nearest"):
         simulator(registry, "best", robot, found.recording)
+
+
+SEEN = {"e0", "e1", "e2"}
+
+
+def test_a_diagnosis_tells_its_extended_simulator_with_its_effects_and_what_it_saw(diagnosed):
+    registry, robot, recording, plain, full = diagnosed
+    source = registry.latest("diagnosis", recording).id
+    for ref in ("diagnosed", source):
+        named = simulator(registry, ref, robot, recording)
+        assert (named.id, named.source, named.config.effects) == (full, source, EFFECT)
+        assert named.fitted_to == SEEN
+
+
+def test_by_its_id_a_simulator_is_known_for_what_a_result_says_of_it(diagnosed):
+    registry, robot, recording, plain, full = diagnosed
+    for identity in (plain, full):
+        named = simulator(registry, identity, robot, recording)
+        assert (named.id, named.source, named.fitted_to) == (identity, None, SEEN)
+
+
+def test_a_result_about_another_recording_says_nothing_of_this_one(diagnosed):
+    registry, robot, recording, plain, full = diagnosed
+    other = simulator(registry, registry.latest("diagnosis", recording).id, robot, "f" * 64)
+    assert (other.id, other.fitted_to) == (full, frozenset())
+
+
+def test_a_simulator_told_about_another_recording_is_still_known_for_what_this_one_says(diagnosed):
+    registry, robot, recording, plain, full = diagnosed
+    registry.put_result("calibration", None, {"simulator": full})
+    told = registry.latest("calibration").id
+    assert simulator(registry, told, robot, recording).fitted_to == SEEN
+
+
+def test_a_simulator_made_from_the_recording_without_saying_from_what_is_not_innocent(diagnosed):
+    registry, robot, recording, *_ = diagnosed
+    values = robot.space.as_dict(robot.space.nominal) | {"tip_mass": 0.5}
+    document = SimConfig(robot.hash, robot.name, values).as_dict()
+    identity = registry.put_simulator(
+        document | {"lineage": {"made_by": "calibrate cma", "recording": recording}}
+    )
+    assert simulator(registry, identity, robot, recording).fitted_to is None
+    assert simulator(registry, identity, robot, None).fitted_to == frozenset()
