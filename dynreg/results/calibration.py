@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from dynreg.results.result import Cost, Estimate, Result
+from dynreg.results.result import Cost, Result
 
 
 class CalibrationStep(Result):
@@ -12,6 +12,22 @@ class CalibrationStep(Result):
 
     simulations: int
     error: float
+
+
+class Fitted(Result):
+    """A parameter as a search fitted it, in `unit`.
+
+    low, high : null, for a search tells no interval; earlier versions wrote the value there. at_bound : the value lies
+    on the edge of its range. limits : that range (low, high).
+    """
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    unit: str
+    nominal: float
+    at_bound: bool = False
+    limits: tuple[float, float] | None = None
 
 
 class Calibration(Result):
@@ -22,7 +38,7 @@ class Calibration(Result):
     recording: str
     method: str
     simulator: str
-    parameters: dict[str, Estimate]
+    parameters: dict[str, Fitted]
     train_error: float
     test_error: float | None
     nominal_train_error: float

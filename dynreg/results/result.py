@@ -72,13 +72,10 @@ class Interval(Result):
 class Estimate(Interval):
     """A parameter with its 90 % interval, in `unit`; the interval holds if the model is right.
 
-    low, high : null where what found the value tells no interval, as a search by calibration. at_bound : the value lies
-    on the edge of the population's range, so the interval says little. limits : that range (low, high), where there is
-    one.
+    at_bound : the value lies on the edge of the population's range, so the interval says little.
+    limits : that range (low, high), where there is one.
     """
 
-    low: float | None
-    high: float | None
     nominal: float
     at_bound: bool = False
     limits: tuple[float, float] | None = None

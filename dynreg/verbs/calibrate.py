@@ -46,10 +46,9 @@ def calibrate(
     """
     from dynreg.adapt.calibrate import calibrate
     from dynreg.replay.data import data
-    from dynreg.results.calibration import Calibration, CalibrationStep
+    from dynreg.results.calibration import Calibration, CalibrationStep, Fitted
     from dynreg.results.result import Cost
     from dynreg.sim.config import SimConfig
-    from dynreg.verbs.estimates import estimate
 
     began, robot, space = time.perf_counter(), asked.robot, asked.robot.space
     found = calibrate(
@@ -72,7 +71,13 @@ def calibrate(
         method=settings.method,
         simulator=asked.registry.put_simulator(config | {"lineage": lineage}),
         parameters={
-            p.name: estimate(p, float(values[i]), None, None, at_bound=bool(edge[i]))
+            p.name: Fitted(
+                value=float(values[i]),
+                unit=p.unit,
+                nominal=p.nominal,
+                at_bound=bool(edge[i]),
+                limits=(p.low, p.high),
+            )
             for i, p in enumerate(space.parameters)
         },
         train_error=found.train[1],

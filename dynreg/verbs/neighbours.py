@@ -12,9 +12,8 @@ from dynreg.neighbours.query import Case, Chosen, Effort
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.replay.judged import gain, traced
 from dynreg.results.neighbours import ChannelError, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
-from dynreg.results.result import Cost
+from dynreg.results.result import Cost, Estimate
 from dynreg.sim.config import SimConfig
-from dynreg.verbs.estimates import estimate
 from dynreg.verbs.subjects import Recorded
 
 TRACES = 6  # channels shown in a report
@@ -147,7 +146,8 @@ def _synthesised(case: Case, chosen: Chosen, simulator: str) -> Synthesised:
     parameters = {}
     for p in case.robot.space.parameters:
         found = chosen.intervals[p.name]
-        parameters[p.name] = estimate(p, found.value, found.low, found.high, at_bound=found.at_bound)
+        about = {"unit": p.unit, "nominal": p.nominal, "limits": (p.low, p.high)}
+        parameters[p.name] = Estimate(**vars(found), **about)
     error = float(chosen.evidence.score[chosen.made])
     return Synthesised(simulator=simulator, replay_error=error, parameters=parameters)
 
