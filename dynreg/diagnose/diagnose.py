@@ -23,7 +23,7 @@ from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.score import Naming
 from dynreg.diagnose.settle import revise, settle, unlike
 from dynreg.diagnose.shown import shown
-from dynreg.diagnose.threshold import Cache, Calibrated, threshold
+from dynreg.diagnose.threshold import Cache, Threshold, threshold
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.errors import UsageError
 from dynreg.replay.parts import Parts
@@ -47,7 +47,7 @@ class Found:
     extended: Point
     rounds: tuple[Naming, ...]
     accepted: int
-    threshold: Calibrated
+    threshold: Threshold
     problem: Problem
 
 
@@ -143,7 +143,7 @@ def search(
         of = {"runs": asked.threshold_runs, "seed": asked.seed, "effort": effort}
         limit = threshold(cache, problem, terms, split, **of, progress=progress)
     else:
-        limit = Calibrated(needed, ())
+        limit = Threshold(needed, ())
     begun = Found(base, base, (), 0, limit, problem)
     found = _rounds(problem, begun, terms, (fit_on, select_on), effective, asked.max_causes, effort, report)
     return _refitted(problem, found, (fit_on, select_on), effective, many, asked.seed)

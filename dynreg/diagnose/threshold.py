@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.effort import FULL, Effort
 from dynreg.diagnose.name import name_one
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.truth import hide, measured_states
+from dynreg.diagnose.truth import Hidden, hide, measured_states
 from dynreg.replay.parts import Parts
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
@@ -39,7 +39,7 @@ class Cache(Protocol):
 
 
 @dataclass(frozen=True)
-class Calibrated:
+class Threshold:
     """A threshold [nats], and the best scores of the simulated robots without an effect that it comes from."""
 
     nats: float
@@ -57,23 +57,23 @@ def threshold(
     seed: int = 0,
     effort: Effort = FULL,
     progress: Progress | None = None,
-) -> Calibrated:
+) -> Threshold:
     """The evidence above which a cause is named: simulated robots of the nameplate, without effects, diagnosed alike.
 
-    Kept in the cache for the same robot, commands, settings, engine, effects, runs and seed.
+    Kept in the cache under `key_of`.
     """
     if runs == 0:
-        return Calibrated(USUAL, ())
-    key = _key(problem, terms, split, runs, seed)
+        return Threshold(USUAL, ())
+    key = key_of(problem, terms, split, runs=runs, seed=seed, effort=effort)
     known = None if cache is None else cache.cached(KIND, key)
     if known is not None:
-        return Calibrated(known["nats"], tuple(known["scores"]), cached=True)
+        return Threshold(known["nats"], tuple(known["scores"]), cached=True)
     scores = []
     for i in range(runs):
         scores.append(null_score(problem, terms, split, null_seed(seed, i), effort))
         if progress:
             progress("threshold", i + 1, runs)
-    found = Calibrated(level(scores), tuple(scores))
+    found = Threshold(level(scores), tuple(scores))
     if cache is not None:
         cache.cache(KIND, key, {"nats": found.nats, "scores": scores})
     return found
@@ -110,21 +110,12 @@ def null_score(
     seed: int,
     effort: Effort = FULL,
 ) -> float:
-    """[nats] of the cause chosen for one simulated robot that has none, under the commands of the problem.
-
-    It has the effects of the simulator that the search begins with.
-    """
+    """[nats] of the cause chosen for one simulated robot that lacks none, under the commands of the problem."""
     fit_on, select_on = _windows(split)
     chosen = np.concatenate([fit_on, select_on])
     windows = problem.windows.take(chosen)
-    hidden = hide(problem.robot, (), None, seed, problem.coordinates.tolerance)
-    if problem.begun:  # the same robot but for what is to be named
-        hidden = replace(
-            hidden, terms=problem.begun.terms, values=tuple(row[0] for row in problem.begun.values)
-        )
-    measured = measured_states(
-        problem.robot, hidden, windows.run, engine=problem.engine, threads=problem.threads
-    )
+    where = {"engine": problem.engine, "threads": problem.threads}
+    measured = measured_states(problem.robot, null_robot(problem, seed), windows.run, **where)
     measured = np.where(np.isnan(windows.measured), np.nan, measured)
     begun = starts(problem.robot, windows.run.actions, measured, windows.run.before)
     initial = np.where(np.isnan(windows.run.initial), np.nan, begun)
@@ -138,13 +129,26 @@ def null_score(
     return 0.0 if chosen is None else max(0.0, chosen.nats)
 
 
+def null_robot(problem: Problem, seed: int) -> Hidden:
+    """A robot that the simulator a search begins with lacks nothing of: drawn about it, with its effects.
+
+    Just what the search's prior takes for likely, and effects as far as a fit reaches.
+    """
+    start, c = problem.start, problem.coordinates
+    drawn = hide(problem.robot, (), None, seed, centre=c.centre, tolerance=c.tolerance)
+    values = c.effect_values(start.hypothesis, start.effect[None])
+    return replace(drawn, terms=start.hypothesis.terms, values=tuple(row[0] for row in values))
+
+
 def _windows(split: Parts) -> tuple[np.ndarray, np.ndarray]:
     """The windows to fit and to select by."""
     return np.flatnonzero(split.fit), np.flatnonzero(split.select)
 
 
-def _key(problem: Problem, terms: list[Term], split: Parts, runs: int, seed: int) -> dict[str, Any]:
-    """All that the scores depend on."""
+def key_of(
+    problem: Problem, terms: list[Term], split: Parts, *, runs: int, seed: int, effort: Effort
+) -> dict[str, Any]:
+    """All that the scores depend on, but for what was measured: plain JSON."""
     fit_on, select_on = _windows(split)
     cut = problem.windows.take(np.concatenate([fit_on, select_on]))
     run = cut.run
@@ -158,6 +162,7 @@ def _key(problem: Problem, terms: list[Term], split: Parts, runs: int, seed: int
         "tolerance": problem.coordinates.tolerance,
         "free": problem.coordinates.free.tolist(),
         "joints": run.joints,
+        "effort": asdict(effort),
         "search": SEARCH,
     }
     digest = hashlib.sha256()

@@ -165,9 +165,10 @@ def attainable_share(problem: Problem, split: Parts, hidden: Hidden, found: Foun
 
 
 def covered(one: Tried) -> bool:
-    """Whether the 90 % interval of the effect's size holds the hidden one."""
-    draws = posterior(one.problem, one.found.extended, one.split.chosen)
-    size = next(iter(estimates(one.problem, one.found.extended, 0, draws).values()))
+    """Whether the 90 % interval of the effect's size holds the hidden one, in the zeros that it was fitted with."""
+    problem, point = one.found.problem, one.found.extended
+    draws = posterior(problem, point, one.split.chosen)
+    size = next(iter(estimates(problem, point, 0, draws).values()))
     return bool(size.low <= one.hidden.values[0][0] <= size.high)
 
 

@@ -103,14 +103,21 @@ def trial_settings(robot: Robot, episodes: int) -> np.ndarray:
 
 
 def hide(
-    robot: Robot, terms: tuple[Term, ...], size: str | None, seed: int, tolerance: float = 1.0
+    robot: Robot,
+    terms: tuple[Term, ...],
+    size: str | None,
+    seed: int,
+    *,
+    centre: np.ndarray | None = None,
+    tolerance: float = 1.0,
 ) -> Hidden:
     """A robot drawn from its nameplate with `terms` at a size (weak, medium, strong), signs and shapes drawn too.
 
+    centre : (P,) parameters that it is drawn about, but for what every log tells; the nominal ones by default.
     tolerance : factor on the nameplate's tolerances.
     """
     rng = stream(seed, "hidden robot", robot.name)
-    coordinates = Coordinates(robot, nominal_known(robot), tolerance=tolerance)
+    coordinates = Coordinates(robot, nominal_known(robot), centre, tolerance)
     z = np.clip(rng.standard_normal(len(coordinates)), -TILES, TILES)
     known = [
         np.isfinite(p.tolerance) for p in np.array(robot.space.parameters, dtype=object)[coordinates.free]

@@ -7,8 +7,9 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
+from dynreg.diagnose.account import account
 from dynreg.diagnose.asked import Asked
-from dynreg.diagnose.diagnose import offered, search
+from dynreg.diagnose.diagnose import diagnose, offered, search
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
@@ -67,6 +68,21 @@ def test_what_else_is_missing_is_named_and_the_extended_simulator_has_both(robot
     test = np.flatnonzero(split.test)
     start, calibrated, extended = (np.nanmean(problem.residuals([p], test) ** 2) for p in points.values())
     assert extended < calibrated < start
+
+
+def test_of_two_effects_the_one_that_is_missing_is_told_and_the_known_one_keeps_its_size(robot: Robot):
+    hidden, recording = recorded(robot, "cogging", "load_friction")
+    cogging, friction = (values[0] for values in hidden.values)
+    asked = Asked(hold_out="test_0", effects=OFFERED, max_causes=2, threshold_runs=2, threads=1)
+    made = diagnose(robot, recording, asked, known(robot, hidden))
+    seen = account(made, asked)
+    (cause,) = seen.causes
+    assert made.verdict == "named" and list(cause) == [p.name for p in hidden.terms[1].effect.parameters]
+    assert next(iter(cause.values())).value == pytest.approx(friction, rel=0.15)
+    _, effects = seen.simulators["extended"]
+    assert [t.key for t in effects.terms] == ["cogging", "load_friction"]
+    assert effects.values[0][0][0] == pytest.approx(cogging, rel=0.1)
+    assert max(made.found.threshold.scores) < USUAL, "robots that the start has all of lack nothing"
 
 
 def test_the_simulator_that_a_search_begins_with_is_the_one_that_was_named(robot: Robot):

@@ -7,10 +7,14 @@ import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.diagnose import Found
 from dynreg.diagnose.hypothesis import Hypothesis
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.shortlist import REFINED, _probes
+from dynreg.diagnose.threshold import Threshold
+from dynreg.diagnose.trial import Tried, covered
+from dynreg.diagnose.truth import Hidden
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.rng import stream
 from dynreg.sim.effects import term
@@ -77,3 +81,17 @@ def test_probes_of_what_acts_already_are_small():
         for key in ("coulomb_friction[shoulder]", "inertia[elbow]")
     }
     assert sizes == {"coulomb_friction[shoulder]": REFINED, "inertia[elbow]": 1.0}
+
+
+def test_a_trial_tells_an_interval_in_the_zeros_that_the_effect_was_fitted_with(posed):
+    """As logged, the zeros of the episodes would hide a friction that the same log without them rules out."""
+    problem, split = posed
+    friction = term("coulomb_friction")
+    point = Point(Hypothesis((friction,)), np.zeros(len(problem.coordinates)), np.array([0.001]))
+    zeroed = replace(problem, windows=rezeroed(problem, problem.windows, point, split.chosen))
+    found = Found(point, point, (), 1, Threshold(0.0, ()), zeroed)
+    held = {}
+    for size in (0.0004, 0.002):  # N*m; the point has 0.0003
+        hidden = Hidden((friction,), (np.array([size]),), problem.robot.space.nominal, 0)
+        held[size] = covered(Tried(hidden, problem, split, found, "named", 0.0, 0.0))
+    assert held == {0.0004: True, 0.002: False}
