@@ -20,7 +20,7 @@ class Calibrated:
     """What a search found: unit parameters (P,), and replay errors of what it began with and of these.
 
     train, test : (2,) on what it looked at and on what was held out, NaN where nothing was. history : (replays, lowest
-    error) whenever it fell, and at the end. rollouts, test_rollouts : replays in all.
+    error) whenever it fell, and at the end; no number of replays twice. rollouts, test_rollouts : replays in all.
     """
 
     unit: np.ndarray
@@ -54,7 +54,7 @@ def calibrate(
         return unit
 
     def losses(unit: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        return errors(replayer.residuals(space.from_unit(unit), chosen)).mean(axis=1)
+        return errors(replayer.residuals(data.values_of(unit), chosen)).mean(axis=1)
 
     kind = SEARCHES[search]
     begin = Start(len(free), stream(seed, "calibrate", data.robot.name), kind.batch)
@@ -69,12 +69,13 @@ def calibrate(
     pair = np.stack([start, whole(found.best[None])[0]])
     test = np.flatnonzero(data.parts.test)
     tested = losses(pair, test) if len(test) else np.full(2, np.nan)
-    history = tuple((spent, -value) for spent, value in (*found.history, (found.evaluations, found.value)))
+    history = {spent: -value for spent, value in (*found.history, (found.evaluations, found.value))}
+    lowest = tuple(history.values())
     return Calibrated(
         unit=pair[1],
-        train=(history[0][1], history[-1][1]),
+        train=(lowest[0], lowest[-1]),
         test=(float(tested[0]), float(tested[1])),
-        history=history,
+        history=tuple(history.items()),
         rollouts=found.evaluations,
         test_rollouts=2 * bool(len(test)),
     )

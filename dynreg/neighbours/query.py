@@ -39,15 +39,6 @@ class Case:
         """The population's robot."""
         return self.population.shared.robot
 
-    @property
-    def fixed(self) -> np.ndarray:
-        """(P,) whether a parameter is known."""
-        return ~np.isnan(self.data.known)
-
-    def with_known(self, unit: np.ndarray) -> np.ndarray:
-        """Unit parameters (..., P) with those that are known in their places."""
-        return np.where(self.fixed, self.robot.space.to_unit(self.data.start), unit)
-
 
 def case_of(
     population: Population, recording: Recording, *, hold_out: str | None, threads: int, report: Progress
@@ -63,8 +54,7 @@ def asked_of(case: Case, graph: Graph | None, at_least: int) -> Asked:
     cut, chosen = case.data, case.data.parts.chosen
 
     def replayed(unit: np.ndarray) -> np.ndarray:
-        values = np.where(case.fixed, cut.known, case.robot.space.from_unit(unit))
-        found = errors(case.replayer.residuals(values, chosen)).mean(axis=1)
+        found = errors(case.replayer.residuals(cut.values_of(unit), chosen)).mean(axis=1)
         case.report("retrieve", case.replayer.rollouts, len(case.population))
         return found
 
@@ -156,14 +146,15 @@ def choose(case: Case, found: Retrieved, effort: Effort) -> Chosen:
     nearest = tuple(i for i, c in enumerate(candidates) if c.kind == "neighbour")[: effort.k]
     best, answer = best_of("neighbour"), best_of("nominal", "neighbour", "synthesised")
     told = sorted({0, *nearest, best, answer, made} - {None})
-    values = case.robot.space.from_unit(evidence.unit)
+    values = case.data.values_of(evidence.unit)
     test = np.flatnonzero(case.data.parts.test)
     tests = errors(case.replayer.residuals(values[told], test)) if len(test) else np.zeros((len(told), 0))
     judged = test if len(test) else case.data.parts.chosen
     states = case.replayer.states(values[[0, answer]], judged)
     intervals = {}
     if made is not None:
-        intervals = estimates(evidence, evidence.unit[made], samples_in_all(evidence.residuals[answer]))
+        effective = samples_in_all(evidence.residuals[answer])
+        intervals = estimates(evidence, evidence.unit[made], effective, case.data.values_of)
     return Chosen(
         candidates=candidates,
         evidence=evidence,
@@ -191,10 +182,11 @@ def _replayed(case: Case, found: Retrieved, effort: Effort) -> tuple[tuple[Candi
         unit.append(found.guess)
     entries = found.ranked.order[: effort.entries(len(first))]
     first += [Candidate("neighbour", int(entry)) for entry in entries]
-    units = case.with_known(np.array([*unit, *case.population.unit[entries]]))
-    replay = lambda some: case.replayer.residuals(space.from_unit(some), chosen)  # noqa: E731
+    units = case.data.with_known(np.array([*unit, *case.population.unit[entries]]))
+    replay = lambda some: case.replayer.residuals(case.data.values_of(some), chosen)  # noqa: E731
     case.report("replay", 0, effort.budget)
-    evidence = evidence_of(space, ~case.fixed, case.data.parts.fit[chosen], units, replay(units))
+    free = np.isnan(case.data.known)
+    evidence = evidence_of(space, free, case.data.parts.fit[chosen], units, replay(units))
     case.report("replay", len(first), effort.budget)
     left = effort.budget - len(first)
     if effort.synthesise and left > 0 and evidence.free.any() and len(first) > 3:
@@ -210,12 +202,12 @@ def _with_noise(case: Case, evidence: Evidence, made: int) -> tuple[Evidence, bo
     Replays have none, and cannot.
     """
     space, replayer = case.robot.space, case.replayer
-    values = space.from_unit(evidence.unit[made])
+    values = case.data.values_of(evidence.unit[made])
     noisy = jitter(
         case.robot, case.data.windows, values, None, case.data.parts.chosen, threads=replayer.threads
     )
     if noisy is values:
         return evidence, False
     unit = evidence.unit.copy()
-    unit[made] = case.with_known(space.to_unit(noisy))
+    unit[made] = case.data.with_known(space.to_unit(noisy))
     return replace(evidence, unit=unit), True

@@ -162,12 +162,14 @@ class Interval:
     at_bound: bool
 
 
-def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[str, Interval]:
+def estimates(
+    evidence: Evidence, unit: np.ndarray, effective: float, values_of: Callable[[np.ndarray], np.ndarray]
+) -> dict[str, Interval]:
     """90 % intervals of each parameter around `unit` (P,): Laplace approximation of the local linear model.
 
-    effective : independent samples in the residuals (duration over autocorrelation time). A parameter that the
-    recording says nothing about gets its whole range; so do parameters that can make up for each other. The
-    intervals hold if the model is right.
+    effective : independent samples in the residuals (duration over autocorrelation time). values_of : (P,) in their
+    units of unit parameters (P,). A parameter that the recording says nothing about gets its whole range; so do
+    parameters that can make up for each other. The intervals hold if the model is right.
     """
     local = linearise(evidence)
     hessian, _ = _normal_equations(local)
@@ -180,7 +182,7 @@ def estimates(evidence: Evidence, unit: np.ndarray, effective: float) -> dict[st
     free, space = np.flatnonzero(evidence.free), evidence.space
     sigma = np.zeros(len(unit))
     sigma[free] = np.sqrt((directions**2 / (information + PRIOR)).sum(axis=1))
-    low, value, high = (space.from_unit(unit + z * sigma) for z in (-1.645, 0.0, 1.645))
+    low, value, high = (values_of(unit + z * sigma) for z in (-1.645, 0.0, 1.645))
     # a flat parameter's Laplace interval is its prior's: show it as the whole range
     flat = sigma > 0.25
     low, high = np.where(flat, space.bounds[:, 0], low), np.where(flat, space.bounds[:, 1], high)

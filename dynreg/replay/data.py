@@ -31,6 +31,17 @@ class Data:
         """(P,) parameters to start from: what is known, else nominal."""
         return np.where(np.isnan(self.known), self.robot.space.nominal, self.known)
 
+    def with_known(self, unit: np.ndarray) -> np.ndarray:
+        """Unit parameters (..., P) with those that are known in their places; beyond [0, 1] where these lie there."""
+        return np.where(np.isnan(self.known), unit, self.robot.space.to_unit(self.start))
+
+    def values_of(self, unit: np.ndarray) -> np.ndarray:
+        """(..., P) values of unit parameters (..., P) with those that are known, beyond their ranges too."""
+        space = self.robot.space
+        low, high = space.bounds.T
+        clipped = (self.known < low) | (self.known > high)  # by `from_unit`; not where nothing is known
+        return np.where(clipped, self.known, space.from_unit(self.with_known(unit)))
+
     @property
     def named(self) -> dict[str, tuple[str, ...]]:
         """The episodes of each part; see `parts.names`."""

@@ -26,8 +26,9 @@ class Search(Protocol):
 class Limits:
     """When a search ends.
 
-    evaluations : candidates at most. cut : of a batch that would not fit, those are tried that do; else it is not begun
-    (the first one always is). patience : candidates without a better one after which to give up, None for never.
+    evaluations : candidates at most. cut : of a batch that would not fit, those are tried that do, and the search is
+    not told of them, for it learns from whole batches; else it is not begun (the first one always is). patience :
+    candidates without a better one after which to give up, None for never.
     """
 
     evaluations: int

@@ -51,8 +51,9 @@ def calibrate(
     from dynreg.sim.config import SimConfig
 
     began, robot, space = time.perf_counter(), asked.robot, asked.robot.space
+    cut = data(robot, asked.recording, settings.hold_out)
     found = calibrate(
-        data(robot, asked.recording, settings.hold_out),
+        cut,
         settings.method,
         budget=settings.budget,
         seed=settings.seed,
@@ -60,7 +61,7 @@ def calibrate(
         progress=progress and (lambda done, total: progress("calibrate", done, total)),
     )
     seconds = time.perf_counter() - began
-    values = space.from_unit(found.unit)
+    values = cut.values_of(found.unit)
     config = SimConfig(robot.hash, robot.name, space.as_dict(values)).as_dict()
     lineage = {"made_by": f"calibrate {settings.method}", "recording": asked.recording.id}
     edge = space.at_bound(found.unit)

@@ -113,7 +113,7 @@ def judged(subject: Subject, chosen: Chosen) -> Neighbours:
         synthesised=synthesised,
         answer=simulators[answer],
         answer_kind=chosen.candidates[answer].kind,
-        answer_parameters=space.as_dict(space.from_unit(evidence.unit[answer])),
+        answer_parameters=space.as_dict(case.data.values_of(evidence.unit[answer])),
         nominal=subject.nominal(float(score[0])),
         stages=_stages(subject, chosen, simulators),
         gain=gain(chosen.tests[0], chosen.tests[answer]) if case.data.parts.test.any() else None,
@@ -136,7 +136,7 @@ def _simulator(subject: Subject, chosen: Chosen, number: int) -> str:
     )
     if candidate.entry is not None:
         return population.entries.ids[candidate.entry]
-    values = space.as_dict(space.from_unit(chosen.evidence.unit[number]))
+    values = space.as_dict(subject.case.data.values_of(chosen.evidence.unit[number]))
     lineage = {"population": population.id, "made_by": "query", "kind": candidate.kind}
     config = SimConfig(subject.case.robot.hash, subject.case.robot.name, values)
     return subject.asked.registry.put_simulator(config.as_dict() | {"lineage": lineage})

@@ -79,7 +79,9 @@ def test_errors_are_those_of_what_comes_back(secret: Data, search: str) -> None:
             told, errors(replayer.residuals(values, np.flatnonzero(part))).mean(axis=1)
         )
     spent, lowest = zip(*found.history, strict=True)
-    assert spent[0] == 1 and spent == tuple(sorted(spent)) and lowest == tuple(sorted(lowest, reverse=True))
+    assert (
+        spent[0] == 1 and spent == tuple(sorted(set(spent))) and lowest == tuple(sorted(lowest, reverse=True))
+    )
     assert (lowest[0], lowest[-1]) == found.train and spent[-1] == BUDGET
 
 
@@ -89,13 +91,21 @@ def test_a_planted_servo_is_fitted() -> None:
     assert found.train[1] < 0.3 * found.train[0] and found.test[1] < 0.3 * found.test[0]
 
 
-def test_what_the_log_tells_stays(secret: Data) -> None:
+@pytest.mark.parametrize("share", [0.9, 1.5])
+def test_what_the_log_tells_stays_beyond_its_range_too(secret: Data, share: float, replayed) -> None:
     known = np.full(len(secret.robot.space), np.nan)
-    known[0] = 0.9 * secret.robot.space.bounds[0, 1]
-    one = calibrate(replace(secret, known=known), "random", budget=12)
-    assert secret.robot.space.from_unit(one.unit)[0] == pytest.approx(known[0])
+    known[0] = share * secret.robot.space.bounds[0, 1]
+    told = replace(secret, known=known)
+    one = calibrate(told, "random", budget=12)
+    assert all(np.allclose(values[:, 0], known[0]) for values, _ in replayed) and len(replayed) > 2
+    assert told.values_of(one.unit)[0] == pytest.approx(known[0])
+
+
+def test_where_all_is_known_there_is_nothing_to_search(secret: Data) -> None:
     every = calibrate(replace(secret, known=secret.robot.space.nominal), "cma", budget=12)
-    assert every.rollouts == 1 and every.train[0] == every.train[1]
+    assert (
+        every.rollouts == 1 and every.history == ((1, every.train[0]),) and every.train[0] == every.train[1]
+    )
 
 
 def test_an_old_word_still_works_and_says_what_it_is_called_now() -> None:

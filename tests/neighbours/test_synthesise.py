@@ -101,7 +101,7 @@ def test_most_intervals_hold_the_truth(space, curvature):
     for seed in range(20):
         plant = Plant(curvature, noise=0.1, seed=seed)
         evidence = refine(started(space, plant), plant.residuals, 15, seed=0)
-        found = estimates(evidence, evidence.unit[evidence.score.argmin()], effective=WINDOWS * ROWS)
+        found = estimates(evidence, evidence.unit[evidence.score.argmin()], WINDOWS * ROWS, space.from_unit)
         held += sum(found[n].low <= 10 * t <= found[n].high for n, t in zip(NAMES, TRUTH, strict=True))
         width += [e.high - e.low for e in found.values()]
     assert held >= 62
@@ -113,7 +113,7 @@ def test_parameters_that_can_make_up_for_each_other_get_their_whole_ranges(space
     plant = Plant(0.3, twins=True)
     evidence = refine(started(space, plant), plant.residuals, 15, seed=0)
     best = evidence.unit[evidence.score.argmin()]
-    found = estimates(evidence, best, effective=WINDOWS * ROWS)
+    found = estimates(evidence, best, WINDOWS * ROWS, space.from_unit)
     assert best[2] + best[3] == pytest.approx(TRUTH[2] + TRUTH[3], abs=0.05)
     for name in ("c", "d"):
         assert found[name].high - found[name].low > 4
@@ -124,6 +124,6 @@ def test_parameters_that_can_make_up_for_each_other_get_their_whole_ranges(space
 def test_what_is_known_has_no_interval_and_what_lies_at_an_edge_is_told(space):
     evidence = started(space, Plant(), free=(True, False, True, True))
     point = np.array([1.0, TRUTH[1], 0.5, 0.5])
-    found = estimates(evidence, point, effective=100)
+    found = estimates(evidence, point, 100, space.from_unit)
     assert found["b"].low == found["b"].value == found["b"].high == pytest.approx(8.0)
     assert [found[name].at_bound for name in NAMES] == [True, False, False, False]
