@@ -17,7 +17,7 @@ from servo_peers import LADDER, identify, ladder
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.verbs.subjects import robot_of
 
@@ -105,7 +105,9 @@ def _diagnosed(reg, supply: str, kp: float, seed: int, given: argparse.Namespace
 
 
 def _peers(robot, recording: Recording, kp: float, given: argparse.Namespace):
-    problem, split = pose(robot, recording, Asked(hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threads=1))
+    problem, split = pose(
+        robot, recording, DiagnosisOptions(hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threads=1)
+    )
     test = np.flatnonzero(split.test)
     for rung in LADDER:
         yield asdict(ladder(problem, rung, split.chosen, test, seed=given.seeds[0], budget=given.peers))

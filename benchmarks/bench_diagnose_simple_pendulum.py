@@ -22,8 +22,8 @@ from scipy.stats import norm
 
 import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.truth import hide
@@ -199,7 +199,7 @@ def regressed(robot: Robot, recording: Recording) -> tuple[float, float]:
 
 def replayed(robot: Robot, recording: Recording, free: tuple[str, ...]) -> tuple[float, float]:
     """Mass and its standard error [kg] by robust least squares on rollouts; all but `free` as on the plate."""
-    settings = Asked(engine="joint", horizon=HORIZON, threads=1)
+    settings = DiagnosisOptions(engine="joint", horizon=HORIZON, threads=1)
     problem, _ = pose(robot, recording, settings)
     names = [robot.space.parameters[i].name for i in problem.coordinates.free]
     at, every = [names.index(name) for name in free], np.arange(len(problem.windows))

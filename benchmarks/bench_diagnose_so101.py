@@ -17,8 +17,8 @@ import numpy as np
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.replay.parts import Parts
@@ -124,7 +124,7 @@ def whole_states(robot: Robot, run: Run, rows: dict, model: str, engine: str) ->
 
 def whole_errors(robot: Robot, recording: Recording, rows: dict, engine: str) -> dict:
     """{joint: {model: {motion: error}}} of whole held-out motions from their start."""
-    settings = Asked(hold_out=",".join(HELD_OUT), horizon=WHOLE)
+    settings = DiagnosisOptions(hold_out=",".join(HELD_OUT), horizon=WHOLE)
     problem, split = pose(robot, recording, settings)
     run = problem.windows.run.take(np.flatnonzero(split.test))
     out: dict = {joint: {} for joint in JOINTS}
@@ -157,7 +157,7 @@ def lags(recording: Recording, joint: str) -> dict[str, dict[str, float]]:
 
 def simulated(robot: Robot, recording: Recording, rows: dict, model: str) -> dict[str, Recording]:
     """{joint: the recording as a simulator of that joint has it}, whole motions from their start."""
-    problem, _ = pose(robot, recording, Asked(horizon=WHOLE))
+    problem, _ = pose(robot, recording, DiagnosisOptions(horizon=WHOLE))
     cut = problem.windows
     states, out = whole_states(robot, cut.run, rows, model, "joint"), {}
     for number, joint in enumerate(JOINTS):
@@ -201,7 +201,7 @@ def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget
     given = {"hold_out": ",".join(HELD_OUT), "joints": (joint,), "windows": windows, "threads": 1}
     found = reg.diagnose(recording, max_causes=causes, threshold_runs=0, **given)
     loaded = reg.registry.recording(recording)
-    problem, split = pose(robot, loaded, Asked(**given))
+    problem, split = pose(robot, loaded, DiagnosisOptions(**given))
     began = time.perf_counter()
     configs = {"plain": config_of(problem, plain(problem, split, joint, budget))}
     seconds = time.perf_counter() - began

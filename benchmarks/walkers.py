@@ -13,10 +13,10 @@ import numpy as np
 from bench_naming_quadruped import KNOWN, measured, plan_of
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.evidence import Evidence, verdict_of
 from dynreg.diagnose.hypothesis import single_terms
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.gait.tasks import Task, fitness, kinds, task_of
 from dynreg.gait.trials import Simulators, Trials
@@ -187,7 +187,7 @@ def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...
     space = zip(robot.space.parameters, walker.nameplate, strict=True)
     robot = replace(robot, space=ParameterSpace(tuple(replace(p, nominal=float(v)) for p, v in space)))
     tests = ",".join(e.name for e in log.episodes if e.name.startswith("test"))
-    settings = Asked(hold_out=tests, max_causes=CAUSES, effects=effects or None, threads=1)
+    settings = DiagnosisOptions(hold_out=tests, max_causes=CAUSES, effects=effects or None, threads=1)
     problem, split = pose(robot, log, settings)
     terms = single_terms(robot, effects)
     found = search(problem, terms, split, settings, needed=needed)

@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 import dynreg
-from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.errors import NoMatchError
 from dynreg.replay.parts import names
@@ -78,7 +78,7 @@ def held_out(registry: Session, found: Diagnosis, *, horizon: float | None = Non
         )
     recording = registry.recording(found.recording)
     robot = robot_of(registry.registry, found.recording)
-    settings = Asked(engine=found.engine or None, threads=1, horizon=horizon)
+    settings = DiagnosisOptions(engine=found.engine or None, threads=1, horizon=horizon)
     cut = pose(robot, recording, settings)[0].windows
     known = names(recording, cut, np.ones(len(cut), dtype=bool))
     strange = sorted({*found.parts["test"]} - {*known})

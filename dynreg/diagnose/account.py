@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Diagnosed, Found
 from dynreg.diagnose.estimate import Estimate, estimates
 from dynreg.diagnose.fit import information, sensitivities
@@ -13,6 +12,7 @@ from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.leftover import Leftover
 from dynreg.diagnose.look import Look, look
 from dynreg.diagnose.loose import Loose, loose_ends
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.rest import rest
 from dynreg.diagnose.where import ErrorRow, split_errors
@@ -45,13 +45,13 @@ class Account:
     simulated: int
 
 
-def account(made: Diagnosed, asked: Asked) -> Account:
+def account(made: Diagnosed, options: DiagnosisOptions) -> Account:
     """Simulate the windows that the diagnosis is judged by, once, and say what follows."""
     problem, found, chosen, judged = made.problem, made.found, made.split.chosen, made.judged
     given = found.extended.hypothesis.given
     states = problem.states([problem.start, found.base, *_stages(found)], judged)
     three = np.stack([states[0], states[1], states[-1]])
-    draws = posterior(found.problem, found.extended, chosen, seed=asked.seed)
+    draws = posterior(found.problem, found.extended, chosen, seed=options.seed)
     kinds = {"calibrated": found.base} | ({"extended": found.extended} if found.accepted else {})
     residual, slopes = sensitivities(found.problem, [found.extended], chosen)
     effective = found.problem.effective(residual[0])
@@ -66,10 +66,10 @@ def account(made: Diagnosed, asked: Asked) -> Account:
         gain=gained(1, -1) if found.accepted else None,
         causes=tuple(estimates(problem, found.extended, given + i, draws) for i in range(found.accepted)),
         draws=draws,
-        simulators={kind: problem.simulator(one, chosen, seed=asked.seed) for kind, one in kinds.items()},
+        simulators={kind: problem.simulator(one, chosen, seed=options.seed) for kind, one in kinds.items()},
         loose=loose_ends(problem.coordinates, covariance),
-        look=look(found.problem, found, draws, chosen, asked),
-        rest=rest(found.problem, found.extended, chosen, made.verdict, asked.seed),
+        look=look(found.problem, found, draws, chosen, options),
+        rest=rest(found.problem, found.extended, chosen, made.verdict, options.seed),
         simulated=len(states),
     )
 

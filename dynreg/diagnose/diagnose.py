@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.effort import FULL, Effort
 from dynreg.diagnose.evidence import Evidence, Verdict, verdict_of
@@ -18,6 +17,7 @@ from dynreg.diagnose.fit import fit, polish
 from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.joints import terms_at
 from dynreg.diagnose.name import name_one
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.score import Naming
@@ -75,7 +75,7 @@ class Diagnosed:
 def diagnose(
     robot: Robot,
     recording: Recording,
-    asked: Asked,
+    options: DiagnosisOptions,
     start: SimConfig | None = None,
     *,
     cache: Cache | None = None,
@@ -86,33 +86,33 @@ def diagnose(
     Fit, select and test are disjoint by trajectory; nothing reads test here. cache : keeps thresholds.
     Raises as `pose` and `offered`.
     """
-    problem, split = pose(robot, recording, asked, start)
-    found = search(problem, offered(problem, asked), split, asked, cache=cache, progress=progress)
+    problem, split = pose(robot, recording, options, start)
+    found = search(problem, offered(problem, options), split, options, cache=cache, progress=progress)
     evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
     verdict = verdict_of(problem.robot, evidence, found.rounds, found.accepted)
     return Diagnosed(problem, split, found, evidence, verdict)
 
 
-def offered(problem: Problem, asked: Asked) -> list[Term]:
+def offered(problem: Problem, options: DiagnosisOptions) -> list[Term]:
     """The terms that may be named: at the joints that are looked at, and in no measured input.
 
     Raises UsageError where none of the effects asked for can act.
     """
     robot, held = problem.robot, shown(problem.robot, problem.windows)
-    terms = single_terms(robot, asked.effects or (), (*asked.without, *held))
-    if asked.joints:
-        terms = terms_at(terms, asked.joints)
+    terms = single_terms(robot, options.effects or (), (*options.without, *held))
+    if options.joints:
+        terms = terms_at(terms, options.joints)
     if terms:
         return terms
-    if asked.joints:
+    if options.joints:
         raise UsageError(
-            f"none of the effects asked for acts on single joints such as {asked.joints[0]!r}",
+            f"none of the effects asked for acts on single joints such as {options.joints[0]!r}",
             expected="effects of joints",
             do="leave the choice of joints out",
         )
     measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
     raise UsageError(
-        f"none of the effects {list(asked.effects or ())} can act on robot {robot.name!r}{measured}",
+        f"none of the effects {list(options.effects or ())} can act on robot {robot.name!r}{measured}",
         expected="an effect that can",
         do=f"see `dynreg effects {robot.name}`",
     )
@@ -122,7 +122,7 @@ def search(
     problem: Problem,
     terms: list[Term],
     split: Parts,
-    asked: Asked,
+    options: DiagnosisOptions,
     *,
     needed: float | None = None,
     cache: Cache | None = None,
@@ -137,16 +137,16 @@ def search(
     fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
     report("calibrate", 0, 1)
     many = len(terms) > effort.long
-    base, effective = calibrate(problem, fit_on, draws=0 if many else effort.draws, seed=asked.seed)
+    base, effective = calibrate(problem, fit_on, draws=0 if many else effort.draws, seed=options.seed)
     report("calibrate", 1, 1)
     if needed is None:
-        of = {"runs": asked.threshold_runs, "seed": asked.seed, "effort": effort}
+        of = {"runs": options.threshold_runs, "seed": options.seed, "effort": effort}
         limit = threshold(cache, problem, terms, split, **of, progress=progress)
     else:
         limit = Threshold(needed, ())
     begun = Found(base, base, (), 0, limit, problem)
-    found = _rounds(problem, begun, terms, (fit_on, select_on), effective, asked.max_causes, effort, report)
-    return _refitted(problem, found, (fit_on, select_on), effective, many, asked.seed)
+    found = _rounds(problem, begun, terms, (fit_on, select_on), effective, options.max_causes, effort, report)
+    return _refitted(problem, found, (fit_on, select_on), effective, many, options.seed)
 
 
 def _rounds(

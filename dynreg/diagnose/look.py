@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.diagnose import apart
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Found, offered
 from dynreg.diagnose.fit import fit
 from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.settle import unlike
 from dynreg.sim.effects import Term
@@ -31,7 +31,7 @@ class Look:
 
 
 def look(
-    problem: Problem, found: Found, extended: Posterior, chosen: np.ndarray, asked: Asked
+    problem: Problem, found: Found, extended: Posterior, chosen: np.ndarray, options: DiagnosisOptions
 ) -> Look | None:
     """At the first cause, or without one at the only effect asked for, or at the best ranked.
 
@@ -40,20 +40,20 @@ def look(
     if found.accepted:
         point, draws = _last(found.extended, extended)
     else:
-        point = _subject(problem, found, chosen, asked)
+        point = _subject(problem, found, chosen, options)
         if point is None:
             return None
-        draws = posterior(problem, point, chosen, seed=asked.seed)
+        draws = posterior(problem, point, chosen, seed=options.seed)
     others = {term.key for term in point.hypothesis.terms}
-    terms = [t for t in offered(problem, replace(asked, effects=None)) if t.key not in others]
+    terms = [t for t in offered(problem, replace(options, effects=None)) if t.key not in others]
     near = apart.neighbours(problem.robot, point.hypothesis.terms[-1], terms)
-    return Look(point, draws, apart.together(problem, point, draws, near, chosen, asked.seed))
+    return Look(point, draws, apart.together(problem, point, draws, near, chosen, options.seed))
 
 
-def _subject(problem: Problem, found: Found, chosen: np.ndarray, asked: Asked) -> Point | None:
+def _subject(problem: Problem, found: Found, chosen: np.ndarray, options: DiagnosisOptions) -> Point | None:
     """Where nothing was named: the point whose last term is looked at."""
-    if asked.effects is not None and len(asked.effects) == 1:
-        term = next(iter(unlike(problem.robot, offered(problem, asked), found.base.hypothesis.terms)), None)
+    if options.effects is not None and len(options.effects) == 1:
+        term = next(iter(unlike(problem.robot, offered(problem, options), found.base.hypothesis.terms)), None)
     elif found.rounds and found.rounds[-1].ranking:
         term = found.rounds[-1].ranking[0].point.hypothesis.terms[-1]
     else:

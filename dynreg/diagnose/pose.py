@@ -6,9 +6,9 @@ import numpy as np
 
 from dynreg.data.names import quantity_of
 from dynreg.data.recording import Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.diagnose.joints import fixed_unseen, only_joints
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
 from dynreg.errors import LogError, UsageError
 from dynreg.replay.cut import windows
@@ -27,7 +27,7 @@ STILL = 3.0  # standard deviations of its noise that a channel must move to say 
 
 
 def pose(
-    robot: Robot, recording: Recording, asked: Asked, start: SimConfig | None = None
+    robot: Robot, recording: Recording, options: DiagnosisOptions, start: SimConfig | None = None
 ) -> tuple[Problem, Parts]:
     """The recording cut into windows, its parts, and the coordinates that begin at the simulator `start`.
 
@@ -37,10 +37,10 @@ def pose(
     UsageError where what is asked does not fit the robot or the recording.
     """
     require_commands(robot, recording)
-    if asked.joints:
-        robot = only_joints(robot, asked.joints)
-    cut, why = _cut(robot, recording, asked)
-    split = parts(recording, cut, asked.hold_out, paired=True)
+    if options.joints:
+        robot = only_joints(robot, options.joints)
+    cut, why = _cut(robot, recording, options)
+    split = parts(recording, cut, options.hold_out, paired=True)
     if not split.select.any():
         raise LogError(
             f"nothing is left to select a cause by{why}",
@@ -48,23 +48,23 @@ def pose(
             do="record more episodes, hold out less, or cut it finer with --horizon",
         )
     _check_length(robot, cut, split, why)
-    if asked.windows:
-        split = thinned(split, cut.episode, asked.windows, asked.seed)
-    cut = _settled(robot, cut.scaled_by(robot, split.chosen), asked.engine)
-    cut = replace(cut, run=replace(cut.run, joints=asked.joints))
+    if options.windows:
+        split = thinned(split, cut.episode, options.windows, options.seed)
+    cut = _settled(robot, cut.scaled_by(robot, split.chosen), options.engine)
+    cut = replace(cut, run=replace(cut.run, joints=options.joints))
     _check_motion(robot, cut, split)
     begun = None if start is None or not start.effects else terms_of(start)
     centre = None if start is None else robot.space.from_dict(dict(start.values))
-    coordinates = Coordinates(robot, known_values(robot, recording), centre, asked.tolerance)
-    if asked.joints:
-        known = fixed_unseen(coordinates, cut.take(split.chosen), asked.engine, begun)
-        coordinates = Coordinates(robot, known, centre, asked.tolerance)
-    return Problem(robot, cut, coordinates, asked.engine, asked.threads, begun=begun), split
+    coordinates = Coordinates(robot, known_values(robot, recording), centre, options.tolerance)
+    if options.joints:
+        known = fixed_unseen(coordinates, cut.take(split.chosen), options.engine, begun)
+        coordinates = Coordinates(robot, known, centre, options.tolerance)
+    return Problem(robot, cut, coordinates, options.engine, options.threads, begun=begun), split
 
 
-def _cut(robot: Robot, recording: Recording, asked: Asked) -> tuple[Windows, str]:
+def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple[Windows, str]:
     """The recording's windows without holes, and a half sentence on the holes ("" where there are none)."""
-    horizon = asked.horizon or robot.file.replay.horizon or LONGEST
+    horizon = options.horizon or robot.file.replay.horizon or LONGEST
     rate = robot.file.robot.control_rate
     if rate is not None and horizon * rate < 2:
         raise UsageError(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.diagnose import Found, search
 from dynreg.diagnose.estimate import estimates
@@ -15,6 +14,7 @@ from dynreg.diagnose.fit import fit
 from dynreg.diagnose.gained import window_errors
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.threshold import USUAL, Cache, null_score, null_seed, threshold
@@ -31,14 +31,14 @@ Progress = Callable[[str, int, int], None]
 class Trials:
     """Hidden robots under one protocol, so that one threshold serves them all, and how their logs are diagnosed.
 
-    engine : of the diagnosis; by default the robot's first. threshold_runs, threads : as in `Asked`. seed : of the
-    robots without an effect that tell the threshold.
+    engine : of the diagnosis; by default the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
+    seed : of the robots without an effect that tell the threshold.
     """
 
     robot: Robot
     plan: Protocol
     engine: str | None = None
-    threshold_runs: int = Asked.threshold_runs
+    threshold_runs: int = DiagnosisOptions.threshold_runs
     threads: int = 0
     seed: int = 0
 
@@ -49,9 +49,9 @@ class Trials:
         others = [e for e in self.robot.engines if e != mine]
         return others[0] if others else mine
 
-    def asked(self, without: tuple[str, ...] = (), max_causes: int = 1) -> Asked:
-        """What a diagnosis is asked that knows nothing of the truth."""
-        return Asked(
+    def options(self, without: tuple[str, ...] = (), max_causes: int = 1) -> DiagnosisOptions:
+        """Those of a diagnosis that knows nothing of the truth."""
+        return DiagnosisOptions(
             hold_out=",".join(n for n in self.plan.names if n.startswith("test")),
             without=without,
             max_causes=max_causes,
@@ -98,7 +98,7 @@ def _without_effect(trials: Trials) -> tuple[tuple[Problem, list[Term], Parts], 
     """(problem, terms, parts of the windows) of a robot without an effect under the plan, and its seed."""
     robot, seed = trials.robot, stream_seed(trials.seed, "threshold") % 2**31
     recording = log_of(robot, hide(robot, (), None, seed), trials.plan, engine=trials.truth_engine)
-    problem, split = pose(robot, recording, trials.asked())
+    problem, split = pose(robot, recording, trials.options())
     return (problem, single_terms(robot), split), seed
 
 
@@ -117,9 +117,9 @@ def tried(
     hidden = hide(robot, terms, size, seed)
     recording = log_of(robot, hidden, trials.plan, engine=trials.truth_engine)
     began, busy = time.perf_counter(), time.process_time()
-    asked = trials.asked(without, max_causes)
-    problem, split = pose(robot, recording, asked)
-    found = search(problem, single_terms(robot, (), without), split, asked, needed=needed)
+    options = trials.options(without, max_causes)
+    problem, split = pose(robot, recording, options)
+    found = search(problem, single_terms(robot, (), without), split, options, needed=needed)
     evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
     verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
     spent = time.perf_counter() - began, time.process_time() - busy

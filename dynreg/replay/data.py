@@ -1,4 +1,4 @@
-"""Data: a recording ready to be replayed, once and for all steps of a query, a calibration or a diagnosis."""
+"""Data: a recording ready to be replayed, once and for all steps of a query or a calibration."""
 
 from dataclasses import dataclass
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, own, simulator
@@ -25,7 +25,7 @@ MOST_CAUSES = 10
 def threshold_runs() -> int:
     """The setting of how a threshold is found."""
     return option(
-        Asked.threshold_runs,
+        DiagnosisOptions.threshold_runs,
         "Simulations without an effect that set the threshold; 0 for the usual one.",
         least=0,
     )
@@ -48,12 +48,12 @@ class DiagnoseSettings(Settings):
         None, "Only these effects.", usual="all that fit", metavar="A,B", complete="effect_names"
     )
     without: tuple[str, ...] = option((), "Not these effects.", metavar="A,B", complete="effect_names")
-    max_causes: int = option(Asked.max_causes, "Most causes to name.", least=1, most=MOST_CAUSES)
+    max_causes: int = option(DiagnosisOptions.max_causes, "Most causes to name.", least=1, most=MOST_CAUSES)
     engine: str | None = option(None, "One of the robot's engines.", usual="its first")
     seed: int = seed()
     threshold_runs: int = threshold_runs()
     tolerance: float = option(
-        Asked.tolerance,
+        DiagnosisOptions.tolerance,
         "Factor on the nameplate's tolerances; above 1 where parameters are guesses.",
         above=0.0,
     )
@@ -95,12 +95,12 @@ class DiagnoseSettings(Settings):
             )
 
     @property
-    def asked(self) -> Asked:
+    def options(self) -> DiagnosisOptions:
         """What the search for causes needs of it: all but the simulator to begin from."""
-        return Asked(**{one.name: getattr(self, one.name) for one in fields(Asked)})
+        return DiagnosisOptions(**{one.name: getattr(self, one.name) for one in fields(DiagnosisOptions)})
 
 
-def diagnose(about: "Recorded", settings: DiagnoseSettings, progress: Progress | None = None) -> "Diagnosis":
+def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress | None = None) -> "Diagnosis":
     """Name the physical causes that a robot's simulator lacks.
 
     Parameters and effects are fitted together; an effect is named only above what chance reaches on this
@@ -116,20 +116,20 @@ def diagnose(about: "Recorded", settings: DiagnoseSettings, progress: Progress |
     from dynreg.verbs.diagnosis import document
 
     began = time.perf_counter()
-    registry, robot, recording, asked = about.registry, about.robot, about.recording, settings.asked
+    registry, robot, recording, options = asked.registry, asked.robot, asked.recording, settings.options
     start = None
     if settings.start != NOMINAL:
         start = own(simulator(registry, settings.start, robot, recording.id), robot).config
-    made = find(robot, recording, asked, start, cache=registry, progress=progress)
-    seen = account(made, asked)
-    ids = {kind: _register(about, robot, kind, *one) for kind, one in seen.simulators.items()}
-    found = document(about, settings.start, asked, made, seen, ids)
+    made = find(robot, recording, options, start, cache=registry, progress=progress)
+    seen = account(made, options)
+    ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
+    found = document(asked, settings.start, options, made, seen, ids)
     cost = found.cost.model_copy(update={"seconds": time.perf_counter() - began})
     return found.model_copy(update={"cost": cost})
 
 
 def _register(
-    about: "Recorded", robot: "Robot", kind: str, values: "np.ndarray", terms: "Terms | None"
+    asked: "Recorded", robot: "Robot", kind: str, values: "np.ndarray", terms: "Terms | None"
 ) -> str:
     """The id of a simulator that a diagnosis leaves, registered."""
     from dynreg.sim.config import SimConfig
@@ -138,5 +138,5 @@ def _register(
     for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
         effects[term.key] = {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}
     config = SimConfig(robot.hash, robot.name, robot.space.as_dict(values), effects).as_dict()
-    lineage = {"made_by": "diagnose", "kind": kind, "recording": about.recording.id}
-    return about.registry.put_simulator(config | {"lineage": lineage})
+    lineage = {"made_by": "diagnose", "kind": kind, "recording": asked.recording.id}
+    return asked.registry.put_simulator(config | {"lineage": lineage})

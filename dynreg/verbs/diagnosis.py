@@ -3,10 +3,10 @@
 import numpy as np
 
 from dynreg.diagnose.account import Account
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.evidence import rivals
 from dynreg.diagnose.interval import Posterior
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.replay.judged import Gain as Gained
 from dynreg.replay.judged import traced
@@ -40,7 +40,12 @@ NAMES = ("nominal", "calibrated", "extended")
 
 
 def document(
-    about: Recorded, start: str, asked: Asked, made: Diagnosed, seen: Account, ids: dict[str, str | None]
+    asked: Recorded,
+    start: str,
+    options: DiagnosisOptions,
+    made: Diagnosed,
+    seen: Account,
+    ids: dict[str, str | None],
 ) -> Diagnosis:
     """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind.
 
@@ -52,8 +57,8 @@ def document(
     worst = (seen.errors[1] / np.maximum(spread, 1e-12)).argmax()  # channel of the calibrated simulator
     told = Diagnosis(
         robot=problem.robot.name,
-        recording=about.recording.id,
-        recording_name=about.name or about.recording.id[:12],
+        recording=asked.recording.id,
+        recording_name=asked.name or asked.recording.id[:12],
         start=start,
         simulator=None,
         verdict=made.verdict,
@@ -74,14 +79,14 @@ def document(
         noise=Noise(**vars(made.evidence.noise)),
         **_left(seen),
         experiments=experiments(made),
-        parts=_parts(about, made),
-        traces=_traces(about, made, seen),
-        inputs=inputs(problem, about.recording),
-        notes=notes(made, seen, about.recording, of_robot, asked),
+        parts=_parts(asked, made),
+        traces=_traces(asked, made, seen),
+        inputs=inputs(problem, asked.recording),
+        notes=notes(made, seen, asked.recording, of_robot, options),
         calibrated_simulator=ids["calibrated"],
         extended_simulator=ids.get("extended"),
         engine=problem.running,
-        seed=asked.seed,
+        seed=options.seed,
         cost=Cost(evaluations=0, rollouts=spent, test_rollouts=seen.simulated, seconds=0.0),
     )
     return told.model_copy(update={"sentence": diagnosis_sentence(told)})
@@ -206,9 +211,9 @@ def _left(seen: Account) -> dict[str, tuple[Rest | ResidualShare, ...]]:
     return {"rest": tuple(told), "residual": tuple(shares)}
 
 
-def _parts(about: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
+def _parts(asked: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
     each = {"fit": made.split.fit, "select": made.split.select, "test": made.split.test}
-    return {part: names(about.recording, made.problem.windows, mask) for part, mask in each.items()}
+    return {part: names(asked.recording, made.problem.windows, mask) for part, mask in each.items()}
 
 
 def _where(seen: Account) -> tuple[Where, ...]:
@@ -218,11 +223,11 @@ def _where(seen: Account) -> tuple[Where, ...]:
     return tuple(Where(**{key: getattr(r, key) for key in told}) for r in rows[:PLACES])
 
 
-def _traces(about: Recorded, made: Diagnosed, seen: Account) -> tuple[DiagnosisTrace, ...]:
+def _traces(asked: Recorded, made: Diagnosed, seen: Account) -> tuple[DiagnosisTrace, ...]:
     """The channels with the largest calibrated error in some windows, thinned."""
     problem = made.problem
     each = traced(
-        problem.robot, about.recording, problem.windows, seen.states, made.judged, worst=1, channels=CHANNELS
+        problem.robot, asked.recording, problem.windows, seen.states, made.judged, worst=1, channels=CHANNELS
     )
     return tuple(
         DiagnosisTrace(

@@ -2,10 +2,10 @@
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Diagnosed, Found
 from dynreg.diagnose.evidence import rivals
 from dynreg.diagnose.loose import Loose
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.where import ErrorRow
@@ -69,7 +69,11 @@ def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
 
 
 def notes(
-    made: Diagnosed, seen: Account, recording: Recording, parameters: dict[str, Pulled], asked: Asked
+    made: Diagnosed,
+    seen: Account,
+    recording: Recording,
+    parameters: dict[str, Pulled],
+    options: DiagnosisOptions,
 ) -> tuple[str, ...]:
     """What was left out, what the verdict could not be held against, and which parameters stand at a bound or open."""
     out = []
@@ -82,9 +86,9 @@ def notes(
             f"{', '.join(t.key for t in given)} came with the simulator that the search began with: fitted anew, and "
             "not named again"
         )
-    if asked.joints:
+    if options.joints:
         out.append(
-            f"{', '.join(asked.joints)} alone: parameters that cannot be seen there stay where the search began"
+            f"{', '.join(options.joints)} alone: parameters that cannot be seen there stay where the search began"
         )
     if made.evidence.noise.basis == "stated_noise":
         out.append(

@@ -57,7 +57,7 @@ class TrialSettings(Settings):
             )
 
 
-def trial(about: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":
+def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":
     """Hide an effect in simulated robots and see whether a diagnosis names it.
 
     The hidden robots have errors of their nameplate, noise and a finer simulation than the model's.
@@ -70,15 +70,15 @@ def trial(about: "Built", settings: TrialSettings, progress: Progress | None = N
     from dynreg.verbs.trials import jobs, one_trial
 
     report = progress or (lambda *_: None)
-    plan = protocol(about.robot, seed=settings.seed, seconds=settings.seconds)
-    todo = jobs(about.robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed)
+    plan = protocol(asked.robot, seed=settings.seed, seconds=settings.seconds)
+    todo = jobs(asked.robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed)
     how = settings.engine, settings.threshold_runs, settings.threads, settings.seed
-    trials = Trials(about.robot, plan, *how)
-    needed = trial_threshold(trials, about.registry, progress)
+    trials = Trials(asked.robot, plan, *how)
+    needed = trial_threshold(trials, asked.registry, progress)
     results = []
     for number, (terms, size, own) in enumerate(todo):
         report("trials", number, len(todo))
         results.append(one_trial(trials, terms, size, own, needed))
     report("trials", len(todo), len(todo))
     notes = [f"threshold {needed:.3g} nats, from {settings.threshold_runs} robots without an effect"]
-    return TrialTable.of(about.robot.name, results, notes)
+    return TrialTable.of(asked.robot.name, results, notes)

@@ -66,14 +66,14 @@ def test_diagnose_passes_its_options_on(dynreg, session) -> None:
 def test_what_diagnose_is_not_told_is_left_to_the_session(dynreg, session) -> None:
     import inspect
 
-    from dynreg.diagnose.asked import Asked
+    from dynreg.diagnose.options import DiagnosisOptions
     from dynreg.session import Session
 
     assert dynreg("diagnose", "bench").status == 0
     named = session.asked[0][2]
     defaults = {n: p.default for n, p in inspect.signature(Session.diagnose).parameters.items()}
     assert named == {name: defaults[name] for name in named}
-    stated = Asked()
+    stated = DiagnosisOptions()
     assert all(getattr(stated, name) == defaults[name] for name in stated.__dataclass_fields__)
 
 

@@ -6,13 +6,13 @@ from scipy.stats import norm, truncnorm
 
 from dynreg.diagnose import interval
 from dynreg.diagnose.apart import neighbours
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.fit import bounds, fit
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import Posterior, Proposal, posterior
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.truth import hide, log_of, protocol
@@ -42,7 +42,7 @@ def servo():
     robot = load_robot("servo_pendulum")
     hidden = hide(robot, (term("coulomb_friction"),), "medium", 3)
     recording = log_of(robot, hidden, protocol(robot, seed=2, seconds=25.0), engine="mujoco")
-    problem, split = pose(robot, recording, Asked(threads=1))
+    problem, split = pose(robot, recording, DiagnosisOptions(threads=1))
     base, effective = calibrate(problem, split.chosen)
     start = Point(Hypothesis((term("coulomb_friction"),)), base.nominal, np.ones(1))
     (point,), _ = fit(problem, [start], split.chosen, effective)
@@ -97,8 +97,8 @@ def test_what_takes_times_is_found_beyond_the_models_time_step(key):
     robot = load_robot("servo_pendulum")
     hidden = hide(robot, (term(key),), "strong", 11)
     recording = log_of(robot, hidden, protocol(robot, seed=2, seconds=25.0), engine="mujoco")
-    problem, split = pose(robot, recording, Asked(threads=1))
-    found = search(problem, [term(key)], split, Asked(threads=1, max_causes=1), needed=1.0)
+    problem, split = pose(robot, recording, DiagnosisOptions(threads=1))
+    found = search(problem, [term(key)], split, DiagnosisOptions(threads=1, max_causes=1), needed=1.0)
     draws = posterior(found.problem, found.extended, split.chosen)
     size = next(iter(estimates(found.problem, found.extended, 0, draws).values()))
     assert size.low <= hidden.values[0][0] <= size.high

@@ -8,7 +8,7 @@ from edited_log import edited
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.asked import Asked
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.errors import LogError
@@ -54,8 +54,10 @@ def filled(recording: Recording, channel: str) -> Recording:
 
 @pytest.mark.parametrize("channel", ["arm/position", "arm/target", "supply"])
 def test_rollouts_with_holes_are_left_out(robot: Robot, recording: Recording, channel: str):
-    whole, _ = pose(robot, recording, Asked(hold_out=HELD, threads=1))
-    some, split = pose(robot, lost(recording, channel, 4, slice(30, 80)), Asked(hold_out=HELD, threads=1))
+    whole, _ = pose(robot, recording, DiagnosisOptions(hold_out=HELD, threads=1))
+    some, split = pose(
+        robot, lost(recording, channel, 4, slice(30, 80)), DiagnosisOptions(hold_out=HELD, threads=1)
+    )
     kept = whole.windows.episode % 4 != 0
     assert 0 < kept.sum() < len(kept)
     assert some.windows.episode.tolist() == whole.windows.episode[kept].tolist()
@@ -74,7 +76,7 @@ def test_a_log_with_little_else_is_refused_and_told_where(robot: Robot, recordin
         short = [Episode(e.name, e.time[:6], e.values[:6], e.settings) for e in odd]
         broken = replace(broken, episodes=(*broken.episodes[::2], *short))
     with pytest.raises(LogError, match=rf"{channel} holds no number in rows \d+ to \d+ of episode") as error:
-        pose(robot, broken, Asked(hold_out="0", threads=1))
+        pose(robot, broken, DiagnosisOptions(hold_out="0", threads=1))
     assert "more places" in str(error.value) and "; expected " in str(error.value)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.loose import loose_ends
 from dynreg.diagnose.name import name_one
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import USUAL
@@ -28,7 +28,7 @@ def posed(data_dir: Path, tmp_path_factory):
         pytest.skip("no XL330 log in DYNREG_DATA_DIR")
     with dynreg.open(tmp_path_factory.mktemp("registry")) as registry:
         recording = registry.registry.recording(registry.ingest(logs, "servo_pendulum").recording)
-    settings = Asked(hold_out="kp=400", tolerance=5.0, threads=1)
+    settings = DiagnosisOptions(hold_out="kp=400", tolerance=5.0, threads=1)
     return pose(load_robot("servo_pendulum"), recording, settings)
 
 

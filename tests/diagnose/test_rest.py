@@ -7,8 +7,8 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
@@ -35,7 +35,7 @@ def recorded(robot: Robot, key: str, value: float | None = None) -> tuple[Hidden
 
 
 def posed(robot: Robot, recording: Recording) -> tuple[Problem, np.ndarray]:
-    problem, split = pose(robot, recording, Asked(hold_out=HELD, threads=1))
+    problem, split = pose(robot, recording, DiagnosisOptions(hold_out=HELD, threads=1))
     return problem, split.chosen
 
 
@@ -86,5 +86,5 @@ def test_a_state_that_was_never_measured_is_no_start():
     blank = lambda e: np.where(np.isin(np.arange(e.values.shape[1]), base), np.nan, e.values)  # noqa: E731
     episodes = tuple(replace(e, values=blank(e)) for e in recording.episodes)
     recording = Recording(recording.channels, episodes, measured=False)
-    blind, _ = pose(robot, recording, Asked(threads=1))
+    blind, _ = pose(robot, recording, DiagnosisOptions(threads=1))
     assert rest(blind, nominal(blind), np.arange(1), "unknown") is None

@@ -6,11 +6,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.evidence import remaining
 from dynreg.diagnose.finish import POLISHED
 from dynreg.diagnose.fit import objective, polish, uneven
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.truth import hide, log_of, protocol
@@ -24,7 +24,7 @@ def posed(height: float):
     plan = protocol(robot, seed=1, seconds=5.0, episode=1.0, reach=1.0)
     plan = replace(plan, run=replace(plan.run, settings=np.full_like(plan.run.settings, height)))
     hidden = hide(robot, (), None, 11)
-    problem, split = pose(robot, log_of(robot, hidden, plan), Asked(hold_out="test_0", threads=1))
+    problem, split = pose(robot, log_of(robot, hidden, plan), DiagnosisOptions(hold_out="test_0", threads=1))
     return problem, np.flatnonzero(split.fit), problem.coordinates.from_values(hidden.parameters)
 
 

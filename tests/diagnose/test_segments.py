@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose import interval
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.evidence import Evidence
 from dynreg.diagnose.finish import standing
 from dynreg.diagnose.fit import objective
 from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, single_terms
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import SEGMENT, Point
 from dynreg.diagnose.score import BEYOND, PER_PARAMETER, select
@@ -23,7 +23,7 @@ from dynreg.diagnose.zeros import rezeroed
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
-SETTINGS = Asked(hold_out="test_0", threads=1, max_causes=2)
+SETTINGS = DiagnosisOptions(hold_out="test_0", threads=1, max_causes=2)
 FREE = ("torque", "leg_mass")
 LITTLE = Effort(draws=0, alone=1, rival=1)  # takes less time
 
@@ -79,7 +79,7 @@ def test_a_segment_is_as_long_wherever_rollouts_are_cut_and_only_feet_need_it():
     assert short.segments == 1
     leg = load_robot("leg")
     made = log_of(leg, hide(leg, (), None, 11), protocol(leg, seed=1, seconds=6.5, episode=1.25))
-    assert replace(pose(leg, made, Asked(threads=1))[0], rough=True).segments == 1
+    assert replace(pose(leg, made, DiagnosisOptions(threads=1))[0], rough=True).segments == 1
 
 
 def test_what_comes_after_a_slip_does_not_drown_what_came_before():

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose import shortlist
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.fit import fit, objective, sensitivities
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.shortlist import mirrored, roughly_from, shortlisted
@@ -34,7 +34,7 @@ def posed(key: str | None):
     lively = replace(robot, file=robot.file.model_copy(update={"excitation": table}))
     plan = protocol(lively, seed=1, seconds=5.0, episode=1.0, reach=1.0)
     hidden = hide(robot, () if key is None else (term(key),), "strong", 11)
-    problem, split = pose(robot, log_of(robot, hidden, plan), Asked(hold_out="test_0", threads=1))
+    problem, split = pose(robot, log_of(robot, hidden, plan), DiagnosisOptions(hold_out="test_0", threads=1))
     return problem, np.flatnonzero(split.fit), hidden
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.diagnose.loose import Loose, loose_ends
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.truth import hide, log_of, protocol
@@ -37,7 +37,7 @@ def coordinates(robot: Robot) -> Coordinates:
 
 def test_only_a_supply_that_was_measured_while_the_robot_moved_holds_its_sag(robot: Robot):
     recording = log_of(robot, hide(robot, (), None, 3), protocol(robot, seconds=12.5))
-    problem, _ = pose(robot, recording, Asked(threshold_runs=0))
+    problem, _ = pose(robot, recording, DiagnosisOptions(threshold_runs=0))
     assert shown(robot, problem.windows) == {}  # one level an episode
     supply = robot.inputs.index("supply")
     problem.windows.run.inputs[0, 5:, supply] -= 0.3

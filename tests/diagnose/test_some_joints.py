@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.joints import only_joints, terms_at
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.rest import rest
@@ -115,7 +115,7 @@ def test_dry_friction_of_the_real_arms_shoulder_is_found(arm):
 
 def test_parameters_of_other_joints_stay_nominal(arm):
     recording = arm.recording("arm")
-    problem, split = pose(ARM, recording, Asked(joints=("wrist_roll",), windows=2))
+    problem, split = pose(ARM, recording, DiagnosisOptions(joints=("wrist_roll",), windows=2))
     free = [ARM.space.names[i] for i in problem.coordinates.free]
     assert {"wrist_roll_gain", "wrist_roll_speed"} <= set(free)
     assert not {"pitch_gain", "jaw_gain", "upper_mass"} & set(free)
@@ -128,7 +128,7 @@ def test_what_is_left_is_told_of_the_joints_asked_for_alone(engine: str):
     recording = log_of(ARM, hide(ARM, (term("coulomb_friction"),), "strong", 4), plan, engine="joint")
     left = {}
     for joints in (None, ("elbow",), ("jaw", "pitch")):
-        settings = Asked(joints=joints, engine=engine, threads=1, windows=1)
+        settings = DiagnosisOptions(joints=joints, engine=engine, threads=1, windows=1)
         problem, split = pose(ARM, recording, settings)
         point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
         found = rest(problem, point, split.chosen[:1], "unknown")
@@ -150,7 +150,7 @@ def test_windows_that_are_episodes_stay_parted():
 def test_robots_without_an_effect_are_diagnosed_at_some_joints_too():
     plan = protocol(ARM, seed=1, seconds=12.5)
     recording = log_of(ARM, hide(ARM, (), None, 4), plan, engine="joint")
-    settings = Asked(joints=("elbow",), threads=1)
+    settings = DiagnosisOptions(joints=("elbow",), threads=1)
     problem, split = pose(ARM, recording, settings)
     terms = [term("coulomb_friction[elbow]")]
     assert 0.0 <= null_score(problem, terms, split, 5) < 20.0

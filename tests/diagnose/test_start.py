@@ -8,8 +8,8 @@ import pytest
 import dynreg
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import account
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import diagnose, offered, search
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
@@ -54,7 +54,7 @@ def test_where_the_simulator_has_the_only_cause_already_nothing_is_missing(robot
 
 def test_what_else_is_missing_is_named_and_the_extended_simulator_has_both(robot: Robot):
     hidden, recording = recorded(robot, "cogging", "load_friction")
-    asked = Asked(hold_out="test_0", effects=OFFERED, max_causes=1, threads=1)
+    asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=1, threads=1)
     problem, split = pose(robot, recording, asked, known(robot, hidden))
     found = search(problem, offered(problem, asked), split, asked, needed=USUAL)
     assert found.accepted == 1 and found.rounds[0].chosen.point.hypothesis.terms[-1].key == "load_friction"
@@ -73,7 +73,7 @@ def test_what_else_is_missing_is_named_and_the_extended_simulator_has_both(robot
 def test_of_two_effects_the_one_that_is_missing_is_told_and_the_known_one_keeps_its_size(robot: Robot):
     hidden, recording = recorded(robot, "cogging", "load_friction")
     cogging, friction = (values[0] for values in hidden.values)
-    asked = Asked(hold_out="test_0", effects=OFFERED, max_causes=2, threshold_runs=2, threads=1)
+    asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=2, threshold_runs=2, threads=1)
     made = diagnose(robot, recording, asked, known(robot, hidden))
     seen = account(made, asked)
     (cause,) = seen.causes
@@ -88,7 +88,7 @@ def test_of_two_effects_the_one_that_is_missing_is_told_and_the_known_one_keeps_
 def test_the_simulator_that_a_search_begins_with_is_the_one_that_was_named(robot: Robot):
     hidden, recording = recorded(robot, "cogging")
     start = known(robot, hidden)
-    problem, split = pose(robot, recording, Asked(threads=1), start)
+    problem, split = pose(robot, recording, DiagnosisOptions(threads=1), start)
     values, effects = problem.simulator(problem.start, split.chosen)
     assert robot.space.as_dict(values) == pytest.approx(dict(start.values))
     assert [t.key for t in effects.terms] == ["cogging"]

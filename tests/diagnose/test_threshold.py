@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.effort import FULL, Effort
 from dynreg.diagnose.hypothesis import single_terms
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.threshold import key_of, null_robot
@@ -57,7 +57,9 @@ def case(robot: Robot, recording: Recording) -> Case:
 
 
 def posed(robot: Robot, recording: Recording, start: SimConfig | None = None, **asked: Any) -> Case:
-    problem, split = pose(robot, recording, Asked(**{"hold_out": "test_0", "threads": 1} | asked), start)
+    problem, split = pose(
+        robot, recording, DiagnosisOptions(**{"hold_out": "test_0", "threads": 1} | asked), start
+    )
     return Case(problem, single_terms(robot, OFFERED), split)
 
 

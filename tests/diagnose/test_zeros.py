@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.diagnose import Found
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.shortlist import REFINED, _probes
@@ -49,7 +49,7 @@ def _recording(robot) -> Recording:
 @pytest.fixture(scope="module")
 def posed():
     robot = load_robot("double_pendulum")
-    settings = Asked(hold_out="0", threads=1)
+    settings = DiagnosisOptions(hold_out="0", threads=1)
     return pose(robot, _recording(robot), settings)
 
 

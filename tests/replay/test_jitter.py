@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dynreg.diagnose.asked import Asked
 from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.replay.jitter import CANDIDATES, jitter
@@ -41,7 +41,7 @@ def standing(robot: Robot, noise: float, effects: dict[str, tuple[float, ...]]) 
     episodes = tuple(
         replace(log.episodes[0], time=log.episodes[0].time + i * apart) for i, log in enumerate(logs)
     )
-    return pose(robot, replace(logs[0], episodes=episodes), Asked(threads=1))[0]
+    return pose(robot, replace(logs[0], episodes=episodes), DiagnosisOptions(threads=1))[0]
 
 
 @pytest.fixture(scope="module")

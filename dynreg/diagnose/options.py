@@ -1,10 +1,10 @@
-"""What a diagnosis is asked, as plain values."""
+"""The options of a diagnosis, as plain values."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Asked:
+class DiagnosisOptions:
     """How a recording is cut, what may be named in it, and how long the search takes.
 
     hold_out : the test part; see `replay.parts`. effects : ids of the effects that may be named, None for all that the
