@@ -15,9 +15,12 @@ import numpy as np
 from hidden import Hidden, hidden_robots, unseen_commands
 
 import dynreg
-from dynreg.distance.asked import Asked
+from dynreg.distance.query import DistanceQuery
 from dynreg.neighbours.retrieve import retrieve
+from dynreg.replay.cut import windows
 from dynreg.replay.known import known_values
+from dynreg.replay.windows import Replayer
+from dynreg.replay.windows import errors as replay_errors
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
@@ -43,10 +46,15 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
     chosen["random"] = population.entries.values[random]
     chosen["itself"] = hidden.values[None, : len(robot.space)]
     known, graph = known_values(robot, log), load_graph(registry, population.id, population.entries.ids)
+    replayer = Replayer(robot, windows(robot, log))
+    every = np.arange(len(replayer.windows))
+    replayed = lambda unit: replay_errors(  # noqa: E731
+        replayer.residuals(robot.space.from_unit(unit), every)
+    ).mean(axis=1)
     for distance in RETRIEVED:
         if distance == "trajectory" and kind == "own":
             continue
-        found = retrieve(Asked(population, log, known, graph=graph), distance)
+        found = retrieve(DistanceQuery(population, log, replayed, known, graph=graph), distance)
         chosen[distance] = population.entries.values[found.ranked.order[:5]]
     began = time.perf_counter()
     answer = query(

@@ -1,10 +1,10 @@
 """Distance between the embeddings of models: what they predict on shared probe states."""
 
-from dynreg.distance.asked import Asked, Ranked
+from dynreg.distance.query import DistanceQuery, Ranked
 from dynreg.index import vector_index
 
 
-def rank(asked: Asked) -> Ranked:
+def rank(asked: DistanceQuery) -> Ranked:
     """Entries by the Euclidean distance of their vectors to that of the recording's own model."""
     population, allowed = asked.population, asked.allowed
     index = vector_index(population.vectors.shape[1], seed=population.shared.seed)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from dynreg.distance.asked import Asked, Ranked
 from dynreg.distance.cross_loss import CrossLoss
 from dynreg.distance.one_sided import rank as by_one_sided
 from dynreg.distance.population import JUDGED_ON
+from dynreg.distance.query import DistanceQuery, Ranked
 from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
 from dynreg.index import search, search_printed
@@ -15,23 +15,27 @@ from dynreg.rng import stream
 REACHED = 60  # entries that a search of the graph keeps
 
 
-def held_out(asked: Asked) -> Ranked:
+def held_out(asked: DistanceQuery) -> Ranked:
     """Best-first, own losses on held-out rows."""
     return _rank(asked, asked.population.cross_loss, asked.rows.held)
 
 
-def training(asked: Asked) -> Ranked:
+def training(asked: DistanceQuery) -> Ranked:
     """Best-first, own losses on training rows, the query's too."""
     return _rank(asked, asked.population.cross_loss_train, asked.rows.train)
 
 
-def printed(asked: Asked) -> Ranked:
+def printed(asked: DistanceQuery) -> Ranked:
     """The paper's Algorithm 1 as printed, k = 5, with 4 restarts; own losses on held-out rows."""
     return _rank(asked, asked.population.cross_loss, asked.rows.held, as_printed=True)
 
 
 def _rank(
-    asked: Asked, distance: CrossLoss, rows: tuple[np.ndarray, np.ndarray], *, as_printed: bool = False
+    asked: DistanceQuery,
+    distance: CrossLoss,
+    rows: tuple[np.ndarray, np.ndarray],
+    *,
+    as_printed: bool = False,
 ) -> Ranked:
     """Entries by their distance to the recording, a new node of the graph that is judged on some of `rows`.
 

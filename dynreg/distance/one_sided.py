@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dynreg.distance.asked import Asked, Ranked, in_order
+from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import Rows, thin
 from dynreg.errors import LogError
 from dynreg.models.losses import predict
@@ -14,7 +14,7 @@ QUERY_ROWS = 200  # sequences of the recording on which every entry's model is j
 AHEAD = 2  # steps long each
 
 
-def rank(asked: Asked, entries: np.ndarray | None = None) -> Ranked:
+def rank(asked: DistanceQuery, entries: np.ndarray | None = None) -> Ranked:
     """Entries (M',), else all that are allowed, by this distance; raises LogError where there is nothing to judge."""
     population, entries = asked.population, asked.allowed if entries is None else entries
     inputs, targets = _sequences(asked.rows)

@@ -2,18 +2,13 @@
 
 import numpy as np
 
-from dynreg.distance.asked import Asked, Ranked, in_order
-from dynreg.errors import UsageError
+from dynreg.distance.query import DistanceQuery, Ranked, in_order
 
 AT_ONCE = 32  # entries that are replayed together, at most
 
 
-def rank(asked: Asked) -> Ranked:
-    """Entries by their replay error; raises UsageError where nothing can be replayed."""
-    if asked.replayed is None:
-        raise UsageError(
-            "distance 'replay' without a replay", expected="what replays entries", do="give `replayed`"
-        )
+def rank(asked: DistanceQuery) -> Ranked:
+    """Entries by their replay error."""
     unit, allowed = asked.population.unit, asked.allowed
     parts = np.array_split(allowed, max(-(-len(allowed) // AT_ONCE), 1))
     found = np.concatenate([asked.replayed(unit[part]) for part in parts])

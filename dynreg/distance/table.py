@@ -1,6 +1,6 @@
 """The table of distances between a recording and a population's entries; without heavy imports.
 
-A distance is a function of what is `asked`, and a line here.
+A distance is a function of a `query.DistanceQuery`, and a line here.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynreg.distance.asked import Asked, Ranked
+    from dynreg.distance.query import DistanceQuery, Ranked
 
 AUTO = "auto"  # chooses one by what the recording holds
 
@@ -28,7 +28,7 @@ class Distance:
     states: bool = False
     graph: bool = False
 
-    def rank(self, asked: "Asked") -> "Ranked":
+    def rank(self, asked: "DistanceQuery") -> "Ranked":
         """The entries that are allowed, nearest first."""
         module, _, function = self.where.partition(":")
         return getattr(import_module(f"dynreg.distance.{module}"), function)(asked)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from dynreg.distance.asked import Asked, Ranked, in_order
+from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.errors import UsageError
 
 
-def rank(asked: Asked) -> Ranked:
+def rank(asked: DistanceQuery) -> Ranked:
     """Entries by this distance; needs their states. Raises as `trajectory`."""
     recording, robot, states = asked.recording, asked.robot, asked.population.entries.states
     some = [episode.values for episode in recording.episodes]

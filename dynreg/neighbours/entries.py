@@ -14,6 +14,7 @@ import numpy as np
 from dynreg.distance.population import Shared, Training, context_of
 from dynreg.distance.rows import thin
 from dynreg.models.bank import LossBank
+from dynreg.models.base import POOLED, train_base
 from dynreg.models.mlp import MlpStack
 from dynreg.models.normaliser import Normaliser, fit_normaliser
 from dynreg.rng import stream_seed
@@ -94,8 +95,6 @@ def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Sh
     Base configurations run commands of their own, eight to a bank: a base that saw the entries' commands alone
     would know those trajectories rather than the dynamics.
     """
-    from dynreg.models.base import POOLED, train_base
-
     run = excitation(robot, seed=seed)
     firsts = range(0, training.base_configurations, IN_A_BANK)
     parts = [_base_rows(robot, seed, training, first, threads) for first in firsts]

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.distance.asked import Asked
 from dynreg.distance.population import Population
+from dynreg.distance.query import DistanceQuery
 from dynreg.errors import UsageError
 from dynreg.index import Graph
 from dynreg.neighbours.judge import channel_errors, misfit
 from dynreg.neighbours.retrieve import Retrieved
-from dynreg.neighbours.synthesise import Evidence, Interval, estimates, evidence_of, refine
+from dynreg.neighbours.synthesise import Interval, Replays, estimates, refine, replays_of
 from dynreg.replay.data import Data, data
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.parts import seen
@@ -49,7 +49,7 @@ def case_of(
     return Case(population, cut, Replayer(robot, cut.windows, threads), report)
 
 
-def asked_of(case: Case, graph: Graph | None, at_least: int) -> Asked:
+def distance_query(case: Case, graph: Graph | None, at_least: int) -> DistanceQuery:
     """What a distance is asked: of the recording, the rows that are not held out."""
     cut, chosen = case.data, case.data.parts.chosen
 
@@ -59,11 +59,11 @@ def asked_of(case: Case, graph: Graph | None, at_least: int) -> Asked:
         return found
 
     rows = seen(on_grid(case.robot, cut.recording), cut.windows, chosen)
-    return Asked(case.population, rows, cut.known, at_least, replayed, graph, case.replayer.threads)
+    return DistanceQuery(case.population, rows, replayed, cut.known, at_least, graph, case.replayer.threads)
 
 
 @dataclass(frozen=True)
-class Effort:
+class Spending:
     """What a query spends: the k nearest are replayed in any case, others where `replay`; `budget` replays in all.
 
     synthesise : whether a simulator is made of them. Raises UsageError where the budget does not suffice.
@@ -104,10 +104,10 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class Choice:
     """The best of what was replayed, and how it does on what was held out. Simulators are numbers of `candidates`.
 
-    candidates : all that were replayed, the nominal first; evidence : their parameters and errors. begun : how many of
+    candidates : all that were replayed, the nominal first; replays : their parameters and errors. begun : how many of
     them before the synthesis. nearest : the k nearest entries. best : of the entries; made : of the synthesised, None
     where there is none; answer : of all. intervals : of the parameters of `made`.
     tests : (W_test,) errors by simulator. judged : (W',) windows that judge, the test part where there is one, in which
@@ -116,7 +116,7 @@ class Chosen:
     """
 
     candidates: tuple[Candidate, ...]
-    evidence: Evidence
+    replays: Replays
     begun: int
     nearest: tuple[int, ...]
     best: int
@@ -131,10 +131,10 @@ class Chosen:
     rollouts: int
 
 
-def choose(case: Case, found: Retrieved, effort: Effort) -> Chosen:
+def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     """Replay what was found, synthesise, choose; then replay the test part once, in all that is told of."""
-    candidates, evidence, begun = _replayed(case, found, effort)
-    score = evidence.score
+    candidates, replays, begun = _replayed(case, found, spending)
+    score = replays.score
 
     def best_of(*kinds: str) -> int | None:
         ids = [i for i, c in enumerate(candidates) if c.kind in kinds]
@@ -142,22 +142,22 @@ def choose(case: Case, found: Retrieved, effort: Effort) -> Chosen:
 
     made, noisy = best_of("synthesised"), False
     if made is not None:
-        evidence, noisy = _with_noise(case, evidence, made)
-    nearest = tuple(i for i, c in enumerate(candidates) if c.kind == "neighbour")[: effort.k]
+        replays, noisy = _with_noise(case, replays, made)
+    nearest = tuple(i for i, c in enumerate(candidates) if c.kind == "neighbour")[: spending.k]
     best, answer = best_of("neighbour"), best_of("nominal", "neighbour", "synthesised")
     told = sorted({0, *nearest, best, answer, made} - {None})
-    values = case.data.values_of(evidence.unit)
+    values = case.data.values_of(replays.unit)
     test = np.flatnonzero(case.data.parts.test)
     tests = errors(case.replayer.residuals(values[told], test)) if len(test) else np.zeros((len(told), 0))
     judged = test if len(test) else case.data.parts.chosen
     states = case.replayer.states(values[[0, answer]], judged)
     intervals = {}
     if made is not None:
-        effective = samples_in_all(evidence.residuals[answer])
-        intervals = estimates(evidence, evidence.unit[made], effective, case.data.values_of)
-    return Chosen(
+        effective = samples_in_all(replays.residuals[answer])
+        intervals = estimates(replays, replays.unit[made], effective, case.data.values_of)
+    return Choice(
         candidates=candidates,
-        evidence=evidence,
+        replays=replays,
         begun=begun,
         nearest=nearest,
         best=best,
@@ -168,46 +168,46 @@ def choose(case: Case, found: Retrieved, effort: Effort) -> Chosen:
         judged=judged,
         states=states,
         channels=channel_errors(case.data.windows, states, judged),
-        misfit=misfit(evidence.residuals[:begun], float(evidence.fit[answer])),
-        rollouts=found.ranked.replays + len(evidence.unit) + CANDIDATES * noisy,
+        misfit=misfit(replays.residuals[:begun], float(replays.fit[answer])),
+        rollouts=found.ranked.replays + len(replays.unit) + CANDIDATES * noisy,
     )
 
 
-def _replayed(case: Case, found: Retrieved, effort: Effort) -> tuple[tuple[Candidate, ...], Evidence, int]:
+def _replayed(case: Case, found: Retrieved, spending: Spending) -> tuple[tuple[Candidate, ...], Replays, int]:
     """Nominal, guess and nearest first (how many); then rounds of synthesis with what is left of the budget."""
     space, chosen = case.robot.space, case.data.parts.chosen
     first, unit = [Candidate("nominal")], [space.to_unit(space.nominal)]
-    if effort.synthesise and found.guess is not None:
+    if spending.synthesise and found.guess is not None:
         first.append(Candidate("synthesised"))
         unit.append(found.guess)
-    entries = found.ranked.order[: effort.entries(len(first))]
+    entries = found.ranked.order[: spending.entries(len(first))]
     first += [Candidate("neighbour", int(entry)) for entry in entries]
     units = case.data.with_known(np.array([*unit, *case.population.unit[entries]]))
     replay = lambda some: case.replayer.residuals(case.data.values_of(some), chosen)  # noqa: E731
-    case.report("replay", 0, effort.budget)
+    case.report("replay", 0, spending.budget)
     free = np.isnan(case.data.known)
-    evidence = evidence_of(space, free, case.data.parts.fit[chosen], units, replay(units))
-    case.report("replay", len(first), effort.budget)
-    left = effort.budget - len(first)
-    if effort.synthesise and left > 0 and evidence.free.any() and len(first) > 3:
-        evidence = refine(evidence, replay, left, case.population.shared.seed)
-    case.report("replay", effort.budget, effort.budget)
-    made = [Candidate("synthesised")] * (len(evidence.unit) - len(first))
-    return (*first, *made), evidence, len(first)
+    replays = replays_of(space, free, case.data.parts.fit[chosen], units, replay(units))
+    case.report("replay", len(first), spending.budget)
+    left = spending.budget - len(first)
+    if spending.synthesise and left > 0 and replays.free.any() and len(first) > 3:
+        replays = refine(replays, replay, left, case.population.shared.seed)
+    case.report("replay", spending.budget, spending.budget)
+    made = [Candidate("synthesised")] * (len(replays.unit) - len(first))
+    return (*first, *made), replays, len(first)
 
 
-def _with_noise(case: Case, evidence: Evidence, made: int) -> tuple[Evidence, bool]:
+def _with_noise(case: Case, replays: Replays, made: int) -> tuple[Replays, bool]:
     """A synthesised simulator with the motor noise that the log tells, and whether it tells it.
 
     Replays have none, and cannot.
     """
     space, replayer = case.robot.space, case.replayer
-    values = case.data.values_of(evidence.unit[made])
+    values = case.data.values_of(replays.unit[made])
     noisy = jitter(
         case.robot, case.data.windows, values, None, case.data.parts.chosen, threads=replayer.threads
     )
     if noisy is values:
-        return evidence, False
-    unit = evidence.unit.copy()
+        return replays, False
+    unit = replays.unit.copy()
     unit[made] = case.data.with_known(space.to_unit(noisy))
-    return replace(evidence, unit=unit), True
+    return replace(replays, unit=unit), True

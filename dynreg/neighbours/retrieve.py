@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.distance.asked import Asked, Ranked
+from dynreg.distance.query import DistanceQuery, Ranked
 from dynreg.distance.table import AUTO, DISTANCES, NAMES
 from dynreg.errors import UsageError
 
@@ -23,7 +23,7 @@ class Retrieved:
     guess: np.ndarray | None
 
 
-def retrieve(asked: Asked, distance: str = AUTO, *, guess: bool = True) -> Retrieved:
+def retrieve(asked: DistanceQuery, distance: str = AUTO, *, guess: bool = True) -> Retrieved:
     """Rank the entries of a population by their distance to a recording.
 
     distance : one of the table, or "auto", see `_chosen`. guess : whether to read parameters off the recording's own
@@ -46,13 +46,13 @@ def retrieve(asked: Asked, distance: str = AUTO, *, guess: bool = True) -> Retri
     return Retrieved(distance, ranked, _guess(asked) if guess and DISTANCES[distance].models else None)
 
 
-def _chosen(asked: Asked) -> tuple[str, Ranked]:
+def _chosen(asked: DistanceQuery) -> tuple[str, Ranked]:
     """By replay where control is timed, or states were measured now and then; else one-sided.
 
     By embedding where no entry predicts better than the base model: then one-step errors say nothing, as on servos
     with unmodelled friction.
     """
-    if asked.timed or (asked.replayed is not None and asked.sparse):
+    if asked.timed or asked.sparse:
         return "replay", DISTANCES["replay"].rank(asked)
     sided = DISTANCES["one_sided"].rank(asked)
     if sided.distance[0] < 1.0:
@@ -60,7 +60,7 @@ def _chosen(asked: Asked) -> tuple[str, Ranked]:
     return "embedding", DISTANCES["embedding"].rank(asked)
 
 
-def _guess(asked: Asked) -> np.ndarray | None:
+def _guess(asked: DistanceQuery) -> np.ndarray | None:
     """(P,) ridge regression from embeddings to unit parameters, at the recording's embedding."""
     vectors, vector = asked.population.vectors, asked.vector
     if len(vectors) < ENOUGH:

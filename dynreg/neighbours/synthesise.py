@@ -23,7 +23,7 @@ FEATURES = 2000  # residual samples kept for the linear model
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class Replays:
     """Replays of one recording: unit parameters (n, P), residuals (n, W, T, S'), errors (n,) on fit and select.
 
     free : (P,) parameters that may change (those that are known of the robot may not). to_fit : (W',) which of the
@@ -38,9 +38,9 @@ class Evidence:
     fit: np.ndarray
     select: np.ndarray
 
-    def grown(self, unit: np.ndarray, residuals: np.ndarray) -> "Evidence":
+    def grown(self, unit: np.ndarray, residuals: np.ndarray) -> "Replays":
         """With the replays of unit parameters (m, P), residuals (m, W', T, S') over all replayed windows."""
-        more = evidence_of(self.space, self.free, self.to_fit, unit, residuals)
+        more = replays_of(self.space, self.free, self.to_fit, unit, residuals)
         columns = ("unit", "residuals", "fit", "select")
         return replace(self, **{c: np.concatenate([getattr(self, c), getattr(more, c)]) for c in columns})
 
@@ -51,43 +51,41 @@ class Evidence:
         return share * self.fit + (1.0 - share) * self.select
 
 
-def evidence_of(
+def replays_of(
     space: ParameterSpace, free: np.ndarray, to_fit: np.ndarray, unit: np.ndarray, residuals: np.ndarray
-) -> Evidence:
+) -> Replays:
     """Of the first replays: unit parameters (n, P), residuals (n, W', T, S') over all replayed windows."""
     error, rest = errors(residuals), ~to_fit
     select = (error[:, rest] if rest.any() else error).mean(axis=1)
     mine = residuals[:, to_fit].astype(np.float32)
-    return Evidence(space, free, to_fit, unit, mine, error[:, to_fit].mean(axis=1), select)
+    return Replays(space, free, to_fit, unit, mine, error[:, to_fit].mean(axis=1), select)
 
 
-def refine(
-    evidence: Evidence, replay: Callable[[np.ndarray], np.ndarray], budget: int, seed: int
-) -> Evidence:
-    """The evidence after rounds of proposals in which `budget` replays were spent.
+def refine(replays: Replays, replay: Callable[[np.ndarray], np.ndarray], budget: int, seed: int) -> Replays:
+    """The replays after rounds of proposals, `budget` more than before.
 
     replay : residuals (n, W', T, S') of unit parameters (n, P).
     """
     reach = REACH
     while budget > 0:
-        best = evidence.score.min()
-        proposals = propose(evidence, reach, seed)[:budget]
-        evidence = evidence.grown(proposals, replay(proposals))
+        best = replays.score.min()
+        proposals = propose(replays, reach, seed)[:budget]
+        replays = replays.grown(proposals, replay(proposals))
         budget -= len(proposals)
-        if evidence.score.min() > 0.98 * best:
+        if replays.score.min() > 0.98 * best:
             reach *= 0.7
-    return evidence
+    return replays
 
 
-def propose(evidence: Evidence, reach: float, seed: int) -> np.ndarray:
+def propose(replays: Replays, reach: float, seed: int) -> np.ndarray:
     """(3, P) unit parameters to replay next: a bold step, a careful one, and one that explores.
 
     The exploring one goes `reach` away from the careful one, farthest where the residuals hardly change: it is
     there that the linear model knows least.
     """
-    local = linearise(evidence)
-    lead, free = local.centre, np.flatnonzero(evidence.free)
-    rng = stream(seed, "synthesise", len(evidence.unit))
+    local = linearise(replays)
+    lead, free = local.centre, np.flatnonzero(replays.free)
+    rng = stream(seed, "synthesise", len(replays.unit))
     hessian, slope = _normal_equations(local)
     scale = np.trace(hessian) / len(free) + 1e-12
     steps = [np.linalg.solve(hessian + d * scale * np.eye(len(free)), slope) for d in DAMPING]
@@ -98,7 +96,7 @@ def propose(evidence: Evidence, reach: float, seed: int) -> np.ndarray:
     for move in (-steps[0], -steps[1], -steps[1] + astray):
         point = lead.copy()
         point[free] = np.clip(lead[free] + move, 0.0, 1.0)
-        if any(np.abs(point - other).max() < 2e-3 for other in [*proposals, *evidence.unit]):
+        if any(np.abs(point - other).max() < 2e-3 for other in [*proposals, *replays.unit]):
             jitter = 0.5 * reach / np.sqrt(len(free)) * rng.standard_normal(len(free))
             point[free] = np.clip(point[free] + jitter, 0.0, 1.0)
         proposals.append(point)
@@ -123,19 +121,19 @@ class Local:
     doubt: np.ndarray
 
 
-def linearise(evidence: Evidence) -> Local:
+def linearise(replays: Replays) -> Local:
     """Weighted ridge regression of the residuals of all replays on their parameters, around the best one."""
-    best = int(np.argmin(evidence.score))
-    flat = evidence.residuals.reshape(len(evidence.unit), -1)
+    best = int(np.argmin(replays.score))
+    flat = replays.residuals.reshape(len(replays.unit), -1)
     flat = flat[:, ~np.isnan(flat).any(axis=0)]
     flat = flat[:, :: max(1, flat.shape[1] // FEATURES)].astype(float)
-    free = np.flatnonzero(evidence.free)
-    offset = (evidence.unit - evidence.unit[best])[:, free]
+    free = np.flatnonzero(replays.free)
+    offset = (replays.unit - replays.unit[best])[:, free]
     apart = (offset**2).sum(axis=1)
     # near replays and good ones say most about the map here; the width is that of the 2 P nearest
     width = np.sort(apart)[min(len(apart) - 1, 2 * len(free))]
     w = 1.0 / (apart + 0.1 * width + 1e-4)
-    w *= np.exp(-np.minimum(evidence.score / evidence.score[best] - 1.0, 3.0) / 0.5)
+    w *= np.exp(-np.minimum(replays.score / replays.score[best] - 1.0, 3.0) / 0.5)
     w[best] = 0.0
     weighted = (offset * w[:, None]).T
     gram = weighted @ offset
@@ -149,7 +147,7 @@ def linearise(evidence: Evidence) -> Local:
     # map counts as an error of its slope
     leverage = np.einsum("pi,ip->i", influence, offset)
     missed = ((change - offset @ jacobian.T) ** 2 @ weight) / np.maximum(1.0 - leverage, 0.05) ** 2
-    return Local(evidence.unit[best], jacobian, residual, weight, (influence * missed) @ influence.T)
+    return Local(replays.unit[best], jacobian, residual, weight, (influence * missed) @ influence.T)
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,7 @@ class Interval:
 
 
 def estimates(
-    evidence: Evidence, unit: np.ndarray, effective: float, values_of: Callable[[np.ndarray], np.ndarray]
+    replays: Replays, unit: np.ndarray, effective: float, values_of: Callable[[np.ndarray], np.ndarray]
 ) -> dict[str, Interval]:
     """90 % intervals of each parameter around `unit` (P,): Laplace approximation of the local linear model.
 
@@ -171,7 +169,7 @@ def estimates(
     units of unit parameters (P,). A parameter that the recording says nothing about gets its whole range; so do
     parameters that can make up for each other. The intervals hold if the model is right.
     """
-    local = linearise(evidence)
+    local = linearise(replays)
     hessian, _ = _normal_equations(local)
     size = np.mean(np.abs(local.residual))
     # an uncertain jacobian looks steeper than it is, most of all where the true one is flat
@@ -179,14 +177,14 @@ def estimates(
     # least absolute residuals with Gaussian noise of s: covariance (pi / 2) s^2 (J^T J)^-1, s = sqrt(pi / 2) size
     share = effective / (len(local.residual) * np.mean(local.weight))
     information = np.maximum(curvature, 0.0) * share / (0.5 * np.pi * size) ** 2
-    free, space = np.flatnonzero(evidence.free), evidence.space
+    free, space = np.flatnonzero(replays.free), replays.space
     sigma = np.zeros(len(unit))
     sigma[free] = np.sqrt((directions**2 / (information + PRIOR)).sum(axis=1))
     low, value, high = (values_of(unit + z * sigma) for z in (-1.645, 0.0, 1.645))
     # a flat parameter's Laplace interval is its prior's: show it as the whole range
     flat = sigma > 0.25
     low, high = np.where(flat, space.bounds[:, 0], low), np.where(flat, space.bounds[:, 1], high)
-    edge = space.at_bound(unit) & evidence.free
+    edge = space.at_bound(unit) & replays.free
     return {
         name: Interval(float(value[i]), float(low[i]), float(high[i]), bool(edge[i]))
         for i, name in enumerate(space.names)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.neighbours.judge import TOO_FAR
-from dynreg.neighbours.query import Case, Chosen, Effort
+from dynreg.neighbours.query import Case, Choice, Spending
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.replay.judged import gain, traced
 from dynreg.results.neighbours import ChannelError, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
@@ -26,7 +26,7 @@ class Subject:
     asked: Recorded
     case: Case
     found: Retrieved
-    effort: Effort
+    spending: Spending
     began: float
 
     def document(self, **judged: Any) -> Neighbours:
@@ -38,7 +38,7 @@ class Subject:
             recording=self.asked.recording.id,
             recording_name=self.asked.name,
             distance=self.found.distance_name,
-            k=self.effort.k,
+            k=self.spending.k,
             parts=case.data.named,
             **judged,
         )
@@ -74,7 +74,7 @@ class Subject:
 
 def unjudged(subject: Subject) -> Neighbours:
     """The k nearest alone: how well they predict is known only where replay ranked them."""
-    ranked, k = subject.found.ranked, subject.effort.k
+    ranked, k = subject.found.ranked, subject.spending.k
     errors = ranked.distance[:k].tolist() if ranked.replays else [None] * k
     near = [subject.neighbour(int(i), e) for i, e in zip(ranked.order[:k], errors, strict=True)]
     return subject.document(
@@ -96,24 +96,25 @@ def unjudged(subject: Subject) -> Neighbours:
     )
 
 
-def judged(subject: Subject, chosen: Chosen) -> Neighbours:
+def judged(subject: Subject, chosen: Choice) -> Neighbours:
     """The answer that replays chose, and how it does on what was held out."""
-    case, evidence, answer = subject.case, chosen.evidence, chosen.answer
-    score, space = evidence.score, case.robot.space
+    case, replays, answer = subject.case, chosen.replays, chosen.answer
+    score, space = replays.score, case.robot.space
     told = {0, chosen.best, answer, chosen.made} - {None}
     simulators = {i: _simulator(subject, chosen, i) for i in told}
     nearest = [i for i, c in enumerate(chosen.candidates) if c.kind == "neighbour"]
-    ranks = sorted(nearest, key=lambda i: score[i]) if subject.effort.replay else nearest
+    ranks = sorted(nearest, key=lambda i: score[i]) if subject.spending.replay else nearest
     synthesised = None if chosen.made is None else _synthesised(case, chosen, simulators[chosen.made])
     alarm, notes = _alarm(chosen.misfit)
     return subject.document(
         neighbours=tuple(
-            subject.neighbour(chosen.candidates[i].entry, float(score[i])) for i in ranks[: subject.effort.k]
+            subject.neighbour(chosen.candidates[i].entry, float(score[i]))
+            for i in ranks[: subject.spending.k]
         ),
         synthesised=synthesised,
         answer=simulators[answer],
         answer_kind=chosen.candidates[answer].kind,
-        answer_parameters=space.as_dict(case.data.values_of(evidence.unit[answer])),
+        answer_parameters=space.as_dict(case.data.values_of(replays.unit[answer])),
         nominal=subject.nominal(float(score[0])),
         stages=_stages(subject, chosen, simulators),
         gain=gain(chosen.tests[0], chosen.tests[answer]) if case.data.parts.test.any() else None,
@@ -127,7 +128,7 @@ def judged(subject: Subject, chosen: Chosen) -> Neighbours:
     )
 
 
-def _simulator(subject: Subject, chosen: Chosen, number: int) -> str:
+def _simulator(subject: Subject, chosen: Choice, number: int) -> str:
     """The id of a candidate: an entry's own, or that under which it is registered."""
     candidate, population, space = (
         chosen.candidates[number],
@@ -136,24 +137,24 @@ def _simulator(subject: Subject, chosen: Chosen, number: int) -> str:
     )
     if candidate.entry is not None:
         return population.entries.ids[candidate.entry]
-    values = space.as_dict(subject.case.data.values_of(chosen.evidence.unit[number]))
+    values = space.as_dict(subject.case.data.values_of(chosen.replays.unit[number]))
     lineage = {"population": population.id, "made_by": "query", "kind": candidate.kind}
     config = SimConfig(subject.case.robot.hash, subject.case.robot.name, values)
     return subject.asked.registry.put_simulator(config.as_dict() | {"lineage": lineage})
 
 
-def _synthesised(case: Case, chosen: Chosen, simulator: str) -> Synthesised:
+def _synthesised(case: Case, chosen: Choice, simulator: str) -> Synthesised:
     parameters = {}
     for p in case.robot.space.parameters:
         found = chosen.intervals[p.name]
         about = {"unit": p.unit, "nominal": p.nominal, "limits": (p.low, p.high)}
         parameters[p.name] = Estimate(**vars(found), **about)
-    error = float(chosen.evidence.score[chosen.made])
+    error = float(chosen.replays.score[chosen.made])
     return Synthesised(simulator=simulator, replay_error=error, parameters=parameters)
 
 
-def _stages(subject: Subject, chosen: Chosen, simulators: dict[int, str]) -> tuple[Stage, ...]:
-    evidence, has_select = chosen.evidence, bool(subject.case.data.parts.select.any())
+def _stages(subject: Subject, chosen: Choice, simulators: dict[int, str]) -> tuple[Stage, ...]:
+    replays, has_select = chosen.replays, bool(subject.case.data.parts.select.any())
 
     def stage(label: str, members: Sequence[int], spent: int) -> Stage:
         members = list(members)
@@ -161,21 +162,21 @@ def _stages(subject: Subject, chosen: Chosen, simulators: dict[int, str]) -> tup
         return Stage(
             stage=label,
             simulator=simulators.get(members[0]) if len(members) == 1 else None,
-            fit=float(evidence.fit[members].mean()),
-            select=float(evidence.select[members].mean()) if has_select else None,
+            fit=float(replays.fit[members].mean()),
+            select=float(replays.select[members].mean()) if has_select else None,
             test=float(np.mean(tested)) if tested else None,
             simulations=spent,
         )
 
     out = [stage("nominal", [0], 1), stage("nearest", chosen.nearest, len(chosen.nearest))]
-    if subject.effort.replay:
+    if subject.spending.replay:
         out.append(stage("replayed", [chosen.best], chosen.begun))
     if chosen.made is not None:
-        out.append(stage("synthesised", [chosen.made], len(evidence.unit)))
-    return (*out, stage("answer", [chosen.answer], len(evidence.unit)))
+        out.append(stage("synthesised", [chosen.made], len(replays.unit)))
+    return (*out, stage("answer", [chosen.answer], len(replays.unit)))
 
 
-def _channels(case: Case, chosen: Chosen) -> tuple[ChannelError, ...]:
+def _channels(case: Case, chosen: Choice) -> tuple[ChannelError, ...]:
     """Every measured channel, nominal and answer, worst share first."""
     spread = case.data.windows.spread
     found = [
@@ -188,7 +189,7 @@ def _channels(case: Case, chosen: Chosen) -> tuple[ChannelError, ...]:
     return tuple(sorted(found, key=lambda c: -c.answer / c.spread))
 
 
-def _traces(case: Case, chosen: Chosen) -> tuple[Trace, ...]:
+def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
     """What a report draws of nominal and answer: the channels with the largest nominal error."""
     return tuple(
         Trace(

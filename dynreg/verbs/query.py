@@ -62,7 +62,7 @@ def query(
     Raises UsageError where k or the budget cannot be met, LogError where the
     recording cannot be replayed.
     """
-    from dynreg.neighbours.query import Effort, asked_of, case_of, choose, usual_budget
+    from dynreg.neighbours.query import Spending, case_of, choose, distance_query, usual_budget
     from dynreg.neighbours.retrieve import retrieve
     from dynreg.verbs.neighbours import Subject, judged, unjudged
     from dynreg.verbs.populations import load_graph, ready
@@ -77,16 +77,16 @@ def query(
             do="ask for fewer neighbours, or populate more simulators",
         )
     budget = settings.budget or usual_budget(len(population.shared.robot.space), k)
-    effort = Effort(k, budget, settings.replay, settings.synthesise)
+    spending = Spending(k, budget, settings.replay, settings.synthesise)
     report = progress or (lambda *_: None)
     case = case_of(population, recording, hold_out=settings.hold_out, threads=settings.threads, report=report)
     graph = None
     if needs(settings.distance, "graph"):
         graph = load_graph(asked.registry, population.id, population.entries.ids)
     report("retrieve", 0, 1)
-    found = retrieve(asked_of(case, graph, k), settings.distance, guess=settings.synthesise)
+    found = retrieve(distance_query(case, graph, k), settings.distance, guess=settings.synthesise)
     report("retrieve", 1, 1)
-    subject = Subject(asked, case, found, effort, began)
+    subject = Subject(asked, case, found, spending, began)
     if not settings.replay and not settings.synthesise:
         return unjudged(subject)
-    return judged(subject, choose(case, found, effort))
+    return judged(subject, choose(case, found, spending))

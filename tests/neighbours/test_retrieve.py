@@ -12,7 +12,7 @@ from secret_servo import ENTRIES
 
 from dynreg import session
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.distance.asked import Asked, with_defaults
+from dynreg.distance.query import DistanceQuery, with_defaults
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import LogError, UsageError
 from dynreg.neighbours.retrieve import Retrieved, retrieve
@@ -60,8 +60,9 @@ def found_in(servos, population) -> Callable[..., Retrieved]:
     """Retrieves from the population for a recording."""
     graph = load_graph(servos.registry, population.id)
 
-    def found(recording: Recording, distance: str = "auto", *, guess: bool = True, **asked) -> Retrieved:
-        return retrieve(Asked(population, recording, graph=graph, **asked), distance, guess=guess)
+    def found(recording: Recording, distance: str = "auto", *, guess: bool = True, known=None) -> Retrieved:
+        query = DistanceQuery(population, recording, replay_of(population, recording), known, graph=graph)
+        return retrieve(query, distance, guess=guess)
 
     return found
 
@@ -70,7 +71,7 @@ def found_in(servos, population) -> Callable[..., Retrieved]:
 @pytest.mark.parametrize("entry", [4, 17])
 def test_an_entry_s_own_run_finds_the_entry(found_in, population, distance, entry):
     recording = ran_the_bank(population, entry, 0.001)
-    found = found_in(recording, distance, replayed=replay_of(population, recording)).ranked
+    found = found_in(recording, distance).ranked
     at = int(np.flatnonzero(found.order == entry)[0])
     # the printed algorithm returns what its greedy walks met; the training losses are the weaker reading
     assert at == 0 if distance in ("one_sided", "embedding", "trajectory", "replay") else at < 5
@@ -86,8 +87,7 @@ def test_near_entries_move_like_the_robot(found_in, population, distance):
     for seed in (70, 71, 72):
         values = secret_servo.values_of(seed)
         recording = secret_servo.record(values, seed)
-        replayed = replay_of(population, recording)
-        found = found_in(recording, distance, guess=False, replayed=replayed).ranked
+        found = found_in(recording, distance, guess=False).ranked
         states = rollout(population.shared.robot, values[None], population.shared.run).states[0]
         apart = np.abs(population.entries.states - states)[..., 0].mean(axis=(1, 2))
         shares.append(apart[found.order[:5]].mean() / apart.mean())
@@ -106,7 +106,7 @@ def test_a_short_log_is_refused(found_in, population, rows):
     (first, *_) = recording.episodes
     short = replace(recording, episodes=(replace(first, time=first.time[:rows], values=first.values[:rows]),))
     with pytest.raises(LogError, match="usable rows.*record longer"):
-        found_in(short, replayed=replay_of(population, short))
+        found_in(short)
 
 
 def now_and_then(episode: Episode, population) -> Episode:
@@ -121,16 +121,12 @@ def test_rows_without_successors_are_ranked_by_replay(found_in, population):
     """States measured now and then: one-step errors have nothing to judge, and are tried only where asked for."""
     recording = ran_the_bank(population, 4, 0.001)
     recording = replace(recording, episodes=tuple(now_and_then(e, population) for e in recording.episodes))
-    replayed = replay_of(population, recording)
-    found = found_in(recording, replayed=replayed)
+    found = found_in(recording)
     ranked = found.ranked
     assert found.distance_name == "replay" and ranked.order[0] == 4 and found.guess is None
-    assert ranked.distance == pytest.approx(replayed(population.unit[ranked.order]))
-    for given in ({}, {"distance": "one_sided", "replayed": replayed}):
-        with pytest.raises(LogError, match="and in the next as well.*--distance replay"):
-            found_in(recording, **given)
-    with pytest.raises(UsageError, match="replay"):
-        found_in(recording, "replay")
+    assert ranked.distance == pytest.approx(replay_of(population, recording)(population.unit[ranked.order]))
+    with pytest.raises(LogError, match="and in the next as well.*--distance replay"):
+        found_in(recording, "one_sided")
 
 
 def test_entries_far_from_what_is_known_are_left_out(found_in, population, robot):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from dynreg.neighbours.synthesise import (
-    Evidence,
+    Replays,
     estimates,
-    evidence_of,
     linearise,
     propose,
     refine,
+    replays_of,
 )
 from dynreg.rng import stream
 from dynreg.sim.space import Parameter, ParameterSpace
@@ -41,52 +41,52 @@ class Plant:
         return np.tensordot(bent, self.slopes, axes=1) + self.noise
 
 
-def started(space: ParameterSpace, plant: Plant, free=(True,) * 4, count: int = 18) -> Evidence:
+def started(space: ParameterSpace, plant: Plant, free=(True,) * 4, count: int = 18) -> Replays:
     unit = stream(1, "start").uniform(size=(count, 4))
     unit = np.where(free, unit, TRUTH)
-    return evidence_of(space, np.array(free), np.arange(WINDOWS) < 3, unit, plant.residuals(unit))
+    return replays_of(space, np.array(free), np.arange(WINDOWS) < 3, unit, plant.residuals(unit))
 
 
 @pytest.mark.parametrize("curvature", [0.0, 0.5])
 def test_it_finds_the_planted_parameters(space, curvature):
     plant = Plant(curvature)
     begun = started(space, plant)
-    evidence = refine(begun, plant.residuals, 15, seed=0)
-    best = evidence.unit[evidence.score.argmin()]
+    replays = refine(begun, plant.residuals, 15, seed=0)
+    best = replays.unit[replays.score.argmin()]
     np.testing.assert_allclose(best, TRUTH, atol=0.02)
-    assert evidence.score.min() < 0.1 * begun.score.min() and len(evidence.unit) == 18 + 15
+    assert replays.score.min() < 0.1 * begun.score.min() and len(replays.unit) == 18 + 15
 
 
 @pytest.mark.parametrize("budget", [0, 1, 2, 4, 7])
 def test_it_spends_the_budget_and_no_more(space, budget):
-    evidence = refine(started(space, Plant()), Plant().residuals, budget, seed=0)
-    assert len(evidence.unit) == 18 + budget
+    replays = refine(started(space, Plant()), Plant().residuals, budget, seed=0)
+    assert len(replays.unit) == 18 + budget
 
 
 def test_proposals_stay_inside_the_ranges_and_leave_what_is_known(space):
-    evidence = started(space, Plant(2.0), free=(True, False, True, True))
-    made = refine(evidence, Plant(2.0).residuals, 12, seed=0).unit[18:]
+    replays = started(space, Plant(2.0), free=(True, False, True, True))
+    made = refine(replays, Plant(2.0).residuals, 12, seed=0).unit[18:]
     assert made.min() >= 0 and made.max() <= 1
     assert (made[:, 1] == TRUTH[1]).all()
     assert len(np.unique(made, axis=0)) == 12, "none is simulated twice"
 
 
 def test_the_same_evidence_gives_the_same_proposals(space):
-    evidence = started(space, Plant())
-    np.testing.assert_array_equal(propose(evidence, 0.1, 3), propose(evidence, 0.1, 3))
-    assert not np.array_equal(propose(evidence, 0.1, 3), propose(evidence, 0.1, 4))
+    replays = started(space, Plant())
+    np.testing.assert_array_equal(propose(replays, 0.1, 3), propose(replays, 0.1, 3))
+    assert not np.array_equal(propose(replays, 0.1, 3), propose(replays, 0.1, 4))
 
 
 def test_the_score_weighs_fit_and_select_by_their_windows(space):
-    evidence = started(space, Plant())
-    whole = np.abs(Plant().residuals(evidence.unit)).mean(axis=(1, 2, 3))
-    np.testing.assert_allclose(evidence.score, whole, rtol=1e-6)
+    replays = started(space, Plant())
+    whole = np.abs(Plant().residuals(replays.unit)).mean(axis=(1, 2, 3))
+    np.testing.assert_allclose(replays.score, whole, rtol=1e-6)
 
 
 def test_a_linear_map_is_recovered_without_doubt(space):
     plant = Plant(noise=0.0)
-    evidence = started(space, plant, count=200)
-    local = linearise(evidence)
+    replays = started(space, plant, count=200)
+    local = linearise(replays)
     slopes = plant.slopes[:, :3].reshape(4, -1).T
     np.testing.assert_allclose(local.jacobian, slopes, atol=0.1 * np.abs(slopes).max())
     assert np.trace(local.doubt) < 0.01 * np.trace(
@@ -100,8 +100,8 @@ def test_most_intervals_hold_the_truth(space, curvature):
     held, width = 0, []
     for seed in range(20):
         plant = Plant(curvature, noise=0.1, seed=seed)
-        evidence = refine(started(space, plant), plant.residuals, 15, seed=0)
-        found = estimates(evidence, evidence.unit[evidence.score.argmin()], WINDOWS * ROWS, space.from_unit)
+        replays = refine(started(space, plant), plant.residuals, 15, seed=0)
+        found = estimates(replays, replays.unit[replays.score.argmin()], WINDOWS * ROWS, space.from_unit)
         held += sum(found[n].low <= 10 * t <= found[n].high for n, t in zip(NAMES, TRUTH, strict=True))
         width += [e.high - e.low for e in found.values()]
     assert held >= 62
@@ -111,9 +111,9 @@ def test_most_intervals_hold_the_truth(space, curvature):
 def test_parameters_that_can_make_up_for_each_other_get_their_whole_ranges(space):
     """Their sum is known well, their difference not at all, though noise makes every replay differ."""
     plant = Plant(0.3, twins=True)
-    evidence = refine(started(space, plant), plant.residuals, 15, seed=0)
-    best = evidence.unit[evidence.score.argmin()]
-    found = estimates(evidence, best, WINDOWS * ROWS, space.from_unit)
+    replays = refine(started(space, plant), plant.residuals, 15, seed=0)
+    best = replays.unit[replays.score.argmin()]
+    found = estimates(replays, best, WINDOWS * ROWS, space.from_unit)
     assert best[2] + best[3] == pytest.approx(TRUTH[2] + TRUTH[3], abs=0.05)
     for name in ("c", "d"):
         assert found[name].high - found[name].low > 4
@@ -122,8 +122,8 @@ def test_parameters_that_can_make_up_for_each_other_get_their_whole_ranges(space
 
 
 def test_what_is_known_has_no_interval_and_what_lies_at_an_edge_is_told(space):
-    evidence = started(space, Plant(), free=(True, False, True, True))
+    replays = started(space, Plant(), free=(True, False, True, True))
     point = np.array([1.0, TRUTH[1], 0.5, 0.5])
-    found = estimates(evidence, point, 100, space.from_unit)
+    found = estimates(replays, point, 100, space.from_unit)
     assert found["b"].low == found["b"].value == found["b"].high == pytest.approx(8.0)
     assert [found[name].at_bound for name in NAMES] == [True, False, False, False]

@@ -1,4 +1,4 @@
-"""What a distance is asked: a recording, and the population whose entries it ranks."""
+"""The query of a distance: a recording, and the population whose entries it ranks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,19 +39,19 @@ def in_order(entries: np.ndarray, distance: np.ndarray, evaluations: int, replay
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class DistanceQuery:
     """A recording, all of which is read, and the population in which its nearest entries are sought.
 
-    known : (P,) values of the parameters known of the robot, NaN elsewhere; entries far from them are left out, down
-    to `at_least`. replayed : (n,) replay errors of unit parameters (n, P); None where nothing can be replayed.
-    graph : over the entries; None where they are not linked.
+    replayed : (n,) replay errors of unit parameters (n, P). known : (P,) values of the parameters known of the robot,
+    NaN elsewhere; entries far from them are left out, down to `at_least`. graph : over the entries; None where they
+    are not linked.
     """
 
     population: Population
     recording: Recording
+    replayed: Callable[[np.ndarray], np.ndarray]
     known: np.ndarray | None = None
     at_least: int = 1
-    replayed: Callable[[np.ndarray], np.ndarray] | None = None
     graph: Graph | None = None
     threads: int = 0
 
