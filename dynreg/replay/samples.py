@@ -1,11 +1,23 @@
-"""How many independent samples residuals hold: rows over the time for which they stay alike."""
+"""How many independent samples residuals hold: rows over the time for which they stay alike.
+
+There are two rules. The likelihood of a diagnosis takes `effective_samples`: a usual time of each channel, which few
+rows or the noise in the tail of the correlations must not move. The Laplace intervals of a query take
+`samples_in_all`, one number that every series adds to by its own time, tail and all: a longer time means wider
+intervals, the safer error.
+"""
 
 import warnings
 
 import numpy as np
 
+FADED, ROWS = (
+    0.05,
+    8,
+)  # a diagnosis: correlation from which on all is noise; measured rows that tell a time, at least
+FADED_IN_ALL, ROWS_IN_ALL = 0.0, 4  # a query: the same, so that all of a correlation above none counts
 
-def correlation_time(series: np.ndarray, below: float = 0.05) -> float:
+
+def correlation_time(series: np.ndarray, below: float = FADED) -> float:
     """Integrated autocorrelation time [samples] of (T,) without gaps: 1 + 2 sum of the correlations, 1 for white noise.
 
     The sum ends with the first lag whose correlation is `below`, where noise takes over. Never below 1: a series that
@@ -32,7 +44,7 @@ def effective_samples(residuals: np.ndarray, *, apart: bool = False) -> np.ndarr
             x = residuals[w, :, c]
             x = x[np.isfinite(x)]
             measured[w, c] = len(x)
-            if len(x) >= 8 and np.any(x):
+            if len(x) >= ROWS and np.any(x):
                 out[w, c] = correlation_time(x)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a channel that nowhere moves
@@ -46,6 +58,6 @@ def samples_in_all(residuals: np.ndarray) -> float:
     count = 0.0
     for series in np.moveaxis(np.asarray(residuals, dtype=float), 1, 2).reshape(-1, residuals.shape[1]):
         x = series[~np.isnan(series)]
-        if len(x) >= 4 and np.any(x - x.mean()):
-            count += len(x) / correlation_time(x, below=0.0)
+        if len(x) >= ROWS_IN_ALL and np.any(x - x.mean()):
+            count += len(x) / correlation_time(x, below=FADED_IN_ALL)
     return max(count, 1.0)
