@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 from dynreg.errors import UsageError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from dynreg.sim.effects import Terms
+    from dynreg.sim.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,13 @@ class SimConfig:
             "values": {k: float(v) for k, v in self.values.items()},
             "effects": {k: dict(v) for k, v in self.effects.items()},
         }
+
+    @classmethod
+    def of(
+        cls, robot: "Robot", values: "np.ndarray", effects: Mapping[str, Mapping[str, float]] | None = None
+    ) -> "SimConfig":
+        """The configuration of a robot with parameters (P,)."""
+        return cls(robot.hash, robot.name, robot.space.as_dict(values), effects or {})
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> "SimConfig":

@@ -62,7 +62,7 @@ def calibrate(
     )
     seconds = time.perf_counter() - began
     values = cut.values_of(found.unit)
-    config = SimConfig(robot.hash, robot.name, space.as_dict(values)).as_dict()
+    config = SimConfig.of(robot, values).as_dict()
     lineage = {"made_by": f"calibrate {settings.method}", "recording": asked.recording.id}
     edge = space.at_bound(found.unit)
     tested = (None, None) if not found.test_rollouts else found.test

@@ -6,8 +6,7 @@ from dynreg.extend.folder_readme import PLAIN, Written
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
-from dynreg.sim.config import SimConfig
-from dynreg.sim.robot import load_robot
+from dynreg.verbs.simulators import stored
 
 
 def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFolder:
@@ -15,18 +14,12 @@ def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFo
 
     Raises as `export_robot`, and NoMatchError where nothing is stored under `ref`.
     """
-    kind, identity = registry.resolve(ref, ("simulator", "entry"))
-    if kind == "simulator":
-        config = SimConfig.from_dict(registry.simulator(identity))
-    else:
-        entry = registry.load_entry(identity)
-        population = registry.population(entry.population_id)
-        config = SimConfig(population.robot_hash, population.name, entry.values)
-    made = export_robot(load_robot(registry.robot_folder(config.robot)), config, destination)
+    found = stored(registry, *registry.resolve(ref, ("simulator", "entry")))
+    made = export_robot(found.robot, found.config, destination)
     plain = destination / Path(made.robot.file.robot.model).with_name(PLAIN)
     return RobotFolder(
-        robot=config.robot_name,
-        simulator=identity,
+        robot=found.config.robot_name,
+        simulator=found.id,
         folder=str(destination),
         name=made.robot.name,
         effects=tuple(_told(one) for one in made.effects),

@@ -101,7 +101,7 @@ _MADE: dict[str, Callable[[Recorded, QuerySettings, int], Chosen]] = {
 def _made(asked: Recorded, values: np.ndarray, kind: str) -> Chosen:
     """Simulators with parameters (k, P), registered."""
     robot, lineage = asked.robot, {"made_by": "gait", "kind": kind}
-    configs = [SimConfig(robot.hash, robot.name, robot.space.as_dict(row)) for row in values]
+    configs = [SimConfig.of(robot, row) for row in values]
     ids = [asked.registry.put_simulator(c.as_dict() | {"lineage": lineage}) for c in configs]
     made = (Simulator(i, kind, lineage, c, robot) for i, c in zip(ids, configs, strict=True))
     return Chosen(kind, (kind,) * len(ids), tuple(made))

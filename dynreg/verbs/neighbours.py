@@ -130,16 +130,12 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
 
 def _simulator(subject: Subject, chosen: Choice, number: int) -> str:
     """The id of a candidate: an entry's own, or that under which it is registered."""
-    candidate, population, space = (
-        chosen.candidates[number],
-        subject.case.population,
-        subject.case.robot.space,
-    )
+    candidate, population = chosen.candidates[number], subject.case.population
     if candidate.entry is not None:
         return population.entries.ids[candidate.entry]
-    values = space.as_dict(subject.case.data.values_of(chosen.replays.unit[number]))
+    values = subject.case.data.values_of(chosen.replays.unit[number])
     lineage = {"population": population.id, "made_by": "query", "kind": candidate.kind}
-    config = SimConfig(subject.case.robot.hash, subject.case.robot.name, values)
+    config = SimConfig.of(subject.case.robot, values)
     return subject.asked.registry.put_simulator(config.as_dict() | {"lineage": lineage})
 
 

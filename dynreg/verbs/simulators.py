@@ -81,7 +81,7 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
     if ref == NOMINAL:
         from dynreg.sim.config import SimConfig
 
-        config = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal))
+        config = SimConfig.of(robot, robot.space.nominal)
         return Simulator(None, NOMINAL, {"kind": NOMINAL}, config, robot)
     if ref in WORDS:
         return _told(registry, _newest(registry, ref, recording), ref, robot, recording)
@@ -96,7 +96,7 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
             do="see `dynreg list --kind simulator`",
         ) from None
     if kind != "result":
-        found = _stored(registry, kind, identity, robot)
+        found = stored(registry, kind, identity, robot)
         return replace(found, fitted_to=_fitted_to(registry, found, recording))
     record = registry.result(identity)
     if record.kind not in RECOMMENDED:
@@ -111,7 +111,7 @@ def nearest(registry: "Registry", robot: "Robot", recording: str, k: int) -> tup
     """
     record = _newest(registry, "nearest", recording)
     ids = [neighbour["entry"] for neighbour in record.document["neighbours"][:k]]
-    return tuple(replace(_stored(registry, "entry", i, robot), source=record.id) for i in ids)
+    return tuple(replace(stored(registry, "entry", i, robot), source=record.id) for i in ids)
 
 
 def own(found: Simulator, robot: "Robot") -> Simulator:
@@ -163,14 +163,14 @@ def _told(
     identity = WORDS[word].told(record.document)
     if identity is None:
         raise _no_simulator(word, record)
-    found = _stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
+    found = stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
     own = _fitted(record.document) if record.recording_id == recording else frozenset()
     fitted_to = _fitted_to(registry, found, recording) if own == frozenset() else own
     return replace(found, source=record.id, fitted_to=fitted_to)
 
 
-def _stored(registry: "Registry", kind: str, identity: str, robot: "Robot") -> Simulator:
-    """A registered simulator or entry by its id."""
+def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None" = None) -> Simulator:
+    """A registered simulator or entry, by its kind and id; robot : its own, where that is loaded already."""
     from dynreg.sim.config import SimConfig
     from dynreg.sim.robot import load_robot
 
@@ -183,7 +183,7 @@ def _stored(registry: "Registry", kind: str, identity: str, robot: "Robot") -> S
         document = registry.simulator(identity)
         config, lineage = SimConfig.from_dict(document), document.get("lineage", {})
         name = f"{made(lineage) or kind} {identity[:8]}"
-    same = config.robot == robot.hash
+    same = robot is not None and config.robot == robot.hash
     owner = robot if same else load_robot(registry.robot_folder(config.robot))
     return Simulator(identity, name, lineage, config, owner)
 
