@@ -23,9 +23,16 @@ class DynregError(Exception):
 
 
 class UsageError(DynregError):
-    """A command or a call that was put together wrongly (exit status 2)."""
+    """A command or a call that was put together wrongly (exit status 2).
+
+    setting : the setting whose name begins the problem, where it is about one; a command line names its flag.
+    """
 
     exit_status = 2
+
+    def __init__(self, problem: str, *, expected: str, do: str, setting: str = ""):
+        super().__init__(problem, expected=expected, do=do)
+        self.setting = setting
 
 
 class LogError(DynregError):

@@ -48,12 +48,16 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
             value = getattr(file, one.name, None)
         if value is not None:
             flags[one.name] = _flag(one, how)
-            said[one.name] = _names(value, flags[one.name], one.name, how) if _listed(one, how) else value
+            said[one.name] = _names(value) if _listed(one, how) else value
+            if said[one.name] == () and how.some:
+                raise how.empty(f"{flags[one.name]} {value!r}", one.name)
     try:
         return kind(**said)
     except UsageError as error:
-        name, space, rest = error.problem.partition(" ")
-        raise UsageError(flags.get(name, name) + space + rest, expected=error.expected, do=error.do) from None
+        if error.setting not in flags:
+            raise
+        problem = flags[error.setting] + error.problem.removeprefix(error.setting)
+        raise UsageError(problem, expected=error.expected, do=error.do) from None
 
 
 def _flag(one: Field, how: Option) -> str:
@@ -97,10 +101,10 @@ def _offers(how: Option) -> Callable[[str], list[str]] | None:
     return completion.one_of(how.allowed) if how.allowed else None
 
 
-def _names(given: str, flag: str, what: str, how: Option) -> tuple[str, ...]:
+def _names(given: str) -> tuple[str, ...]:
     """The names of a list with commas; one between brackets parts joints, not names.
 
-    >>> _names("payload, backlash[hip,knee]", "--for", "between", Option("The two."))
+    >>> _names("payload, backlash[hip,knee]")
     ('payload', 'backlash[hip,knee]')
     """
     parts, depth = [""], 0
@@ -110,8 +114,4 @@ def _names(given: str, flag: str, what: str, how: Option) -> tuple[str, ...]:
             parts.append("")
         else:
             parts[-1] += letter
-    names = tuple(part.strip() for part in parts if part.strip())
-    if not names:
-        what, see = ("effects", "effects") if how.complete == "effect_names" else (what, "robots")
-        raise UsageError(f"{flag} {given!r}", expected=f"{what} such as a,b", do=f"see `dynreg {see}`")
-    return names
+    return tuple(part.strip() for part in parts if part.strip())

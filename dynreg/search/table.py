@@ -47,4 +47,3 @@ SEARCHES: Mapping[str, Kind] = MappingProxyType(
         )
     }
 )
-OLD = MappingProxyType({"cmaes": "cma"})  # what a search was called

@@ -1,14 +1,11 @@
 """Calibrate: fit a robot's parameters to a recording by a search, for comparison with a query."""
 
 import time
-import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dynreg.errors import OldWord
-from dynreg.search.table import OLD, SEARCHES
-from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
+from dynreg.verbs.settings import Settings, hold_out, method, option, seed, threads
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.results.calibration import Calibration
@@ -19,23 +16,15 @@ if TYPE_CHECKING:
 class CalibrateSettings(Settings):
     """What `calibrate` can be told."""
 
-    method: str = option("cma", "The search.", choices=tuple(SEARCHES))
+    method: str = method()
     seed: int = seed()
     budget: int = option(600, "Simulations that the search may run.", least=1)
     hold_out: str | None = hold_out()
     threads: int = threads()
 
-    def __post_init__(self) -> None:
-        if self.method in OLD:
-            warnings.warn(f"{self.method!r} is called {OLD[self.method]!r} now", OldWord, stacklevel=3)
-            object.__setattr__(self, "method", OLD[self.method])
-        super().__post_init__()
-
 
 def calibrate(
-    asked: "Recorded",
-    settings: CalibrateSettings,
-    progress: Callable[[str, int, int], None] | None = None,
+    asked: "Recorded", settings: CalibrateSettings, progress: Progress | None = None
 ) -> "Calibration":
     """Fit a robot's parameters by a search.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, option, seed, threads
-from dynreg.verbs.simulators import NAMES, simulator
+from dynreg.verbs.simulators import NAMES, OLD, simulator
 from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class CompareSettings(Settings):
         flag="--with",
         metavar="ID",
         repeated=True,
+        old=OLD,
     )
     starts: int = option(30, "Random starts of the networks.", least=1)
     generations: int = option(60, "Generations of the search that fits the dynamic model.", least=1)

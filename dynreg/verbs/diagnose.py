@@ -1,14 +1,14 @@
 """Diagnose: which physical causes a simulator of a recorded robot lacks."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
-from dynreg.verbs.simulators import NAMES, NOMINAL, own, simulator
+from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, own, simulator
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from dynreg.sim.robot import Robot
     from dynreg.verbs.subjects import Recorded
 
-Progress = Callable[[str, int, int], None]
 MOST_CAUSES = 10
 
 
@@ -42,10 +41,17 @@ class DiagnoseSettings(Settings):
         NOMINAL,
         f"Simulator to begin from: {', '.join(NAMES)} or an ID.",
         metavar="ID",
+        old=OLD,
     )
     hold_out: str | None = hold_out()
     effects: tuple[str, ...] | None = option(
-        None, "Only these effects.", usual="all that fit", metavar="A,B", complete="effect_names"
+        None,
+        "Only these effects.",
+        usual="all that fit",
+        metavar="A,B",
+        complete="effect_names",
+        some="effects",
+        see="effects",
     )
     without: tuple[str, ...] = option((), "Not these effects.", metavar="A,B", complete="effect_names")
     max_causes: int = option(DiagnosisOptions.max_causes, "Most causes to name.", least=1, most=MOST_CAUSES)
@@ -59,7 +65,12 @@ class DiagnoseSettings(Settings):
     )
     horizon: float | None = option(None, "Longest rollout in seconds.", usual="the robot's, or 10", above=0.0)
     joints: tuple[str, ...] | None = option(
-        None, "Diagnose these joints alone.", usual="all, together", metavar="A,B"
+        None,
+        "Diagnose these joints alone.",
+        usual="all, together",
+        metavar="A,B",
+        some="joints",
+        see="robots",
     )
     windows: int | None = option(
         None, "Most rollouts to fit, and as many to select by.", usual="all", least=1
@@ -81,17 +92,12 @@ class DiagnoseSettings(Settings):
                 expected="one of the two",
                 do="drop them from one",
             )
-        if self.effects is not None and not self.effects:
-            raise UsageError(
-                "no effects", expected="at least one id", do="name some, or leave the choice out"
-            )
         if not self.start:
             raise UsageError(
-                "start ''", expected=f"one of {', '.join(NAMES)}, or an id", do="name one of these"
-            )
-        if self.joints is not None and not self.joints:
-            raise UsageError(
-                "no joints", expected="at least one", do="name some, or leave the choice out for all"
+                "start ''",
+                expected=f"one of {', '.join(NAMES)}, or an id",
+                do="name one of these",
+                setting="start",
             )
 
     @property

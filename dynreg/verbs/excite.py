@@ -1,18 +1,16 @@
 """Excite: commands for the experiment that tells two causes apart."""
 
-from collections.abc import Callable
 from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, option, seed
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
     from dynreg.results.experiment import Experiment
     from dynreg.sim.robot import Robot
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -20,7 +18,13 @@ class ExciteSettings(Settings):
     """What an experiment can be told. Raises UsageError where it is not between two effects."""
 
     between: tuple[str, ...] = option(
-        MISSING, "The two effects.", flag="--for", metavar="A,B", complete="effect_names"
+        MISSING,
+        "The two effects.",
+        flag="--for",
+        metavar="A,B",
+        complete="effect_names",
+        some="effects",
+        see="effects",
     )
     seconds: float = option(10.0, "Length [s].", above=0.0)
     seed: int = seed()
@@ -33,6 +37,7 @@ class ExciteSettings(Settings):
                 f"between {','.join(pair)!r}",
                 expected="two different effects, A,B",
                 do="see `dynreg effects`",
+                setting="between",
             )
 
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.gait.accept import ACCEPT, USUAL
-from dynreg.search.table import SEARCHES
-from dynreg.verbs.settings import Settings, option, seed, threads
-from dynreg.verbs.simulators import NOMINAL, WORDS, today
+from dynreg.verbs.settings import Settings, method, option, seed, threads
+from dynreg.verbs.simulators import NOMINAL, OLD, WORDS
 from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
@@ -24,8 +23,10 @@ class GaitSettings(Settings):
     """What `gait` can be told."""
 
     k: int = option(5, "Simulators that the gait must walk in.", flag="-k", least=1, shared=True)
-    on: str = option(SOURCES[0], f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.")
-    method: str = option("cma", "The search.", choices=SEARCHES)
+    on: str = option(
+        SOURCES[0], f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD
+    )
+    method: str = method()
     accept: str | None = option(
         None,
         "What the search raises over the simulators.",
@@ -43,10 +44,6 @@ class GaitSettings(Settings):
     )
     seed: int = seed()
     threads: int = threads()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "on", today(self.on))
 
     @property
     def search(self) -> "SearchSettings":

@@ -1,12 +1,12 @@
 """Populate: simulate, train, register and link the entries of a population, shard by shard."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Training
@@ -33,7 +33,7 @@ def populate(
     settings: PopulateSettings,
     *,
     training: "Training | None" = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> "PopulationSummary":
     """Bring a population to n entries, and link them; entries that are there already stay as they are.
 

@@ -25,6 +25,7 @@ from dynreg.neighbours.entries import (
 from dynreg.registry import PopulationRecord, Registry, ShardData
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.subjects import population_for
+from dynreg.verbs.verb import Progress
 
 _READY: WeakKeyDictionary[Registry, tuple[tuple[str, int], Population]] = WeakKeyDictionary()
 WAIT = 0.1  # seconds between looks at what other processes have left
@@ -46,7 +47,7 @@ def begin(
     robot: Robot,
     plan: Plan,
     watch: Stopwatch,
-    report: Callable[[str, int, int], None],
+    report: Progress,
 ) -> tuple[str, Shared]:
     """The id of a population, and what its entries share: as the registry holds it, else made."""
     identity = population_id(robot, plan.seed, plan.training)

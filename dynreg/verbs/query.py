@@ -1,20 +1,18 @@
 """Query: from a recording to the simulator that predicts it best. Retrieve, replay and re-rank, synthesise."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.distance.table import AUTO, NAMES, needs
 from dynreg.errors import UsageError
 from dynreg.verbs.settings import Settings, hold_out, option, threads
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
     from dynreg.results.neighbours import Neighbours
     from dynreg.verbs.subjects import Recorded
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

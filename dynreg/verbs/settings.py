@@ -10,25 +10,29 @@ dynreg.errors.UsageError: seed -1; expected a whole number of 0 or more; give an
 """
 
 import inspect
-from collections.abc import Callable, Collection, Iterable, Iterator
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar, get_args
 
-from dynreg.errors import UsageError
+from dynreg.errors import OldWord, UsageError
+from dynreg.search.table import SEARCHES
 
 Wrapped = TypeVar("Wrapped", bound=Callable[..., Any])
 _OPTION = "option"
+_KINDS = {int: "a whole number", float: "a number", bool: "True or False", str: "a word"}
 
 
 @dataclass(frozen=True)
 class Option:
     """How one setting is told.
 
-    help : one sentence. flag : on the command line; "" for the name with dashes, None for none. usual : what stands
-    in for None, in words. metavar : of its value. least, most : its range, ends included; above, below : without them.
-    choices : the only values, or a function that gives them. complete : what a shell offers, by its name in
-    `cli.completion`. repeated : a sequence whose flag is given again and again, not a list with commas. shared : a
-    settings file and DYNREG_* may tell it as well.
+    help : one sentence. flag : on the command line; "" for the name with dashes, None for none. usual : what the
+    default stands for, in words. metavar : of its value. least, most : its range, ends included; above, below :
+    without them. choices : the only values, or a function that gives them. old : {what a value was called: what it is
+    called now}. some : what a list must hold at least one of; see : the command that shows these. complete : what a
+    shell offers, by its name in `cli.completion`. repeated : a sequence whose flag is given again and again, not a list
+    with commas. shared : a settings file and DYNREG_* may tell it as well.
     """
 
     help: str
@@ -40,6 +44,9 @@ class Option:
     above: float | None = None
     below: float = float("inf")
     choices: Collection[str] | Callable[[], Collection[str]] = ()
+    old: Mapping[str, str] = field(default_factory=dict)
+    some: str = ""
+    see: str = ""
     complete: str | None = None
     repeated: bool = False
     shared: bool = False
@@ -59,18 +66,30 @@ class Option:
         """UsageError, in which the setting is called `name`, for a value that cannot be; None is left to defaults."""
         if value is None:
             return
+        if value == () and self.some:
+            raise self.empty(f"no {name}", name)
         if self.allowed:
             for one in value if isinstance(value, tuple) else (value,):
                 if one not in self.allowed:
                     expected = f"one of {', '.join(self.allowed)}"
-                    raise UsageError(f"{name} {one!r}", expected=expected, do="choose one of these")
+                    raise UsageError(
+                        f"{name} {one!r}", expected=expected, do="choose one of these", setting=name
+                    )
         if self.least is not None and not self.least <= value <= (self.most or float("inf")):
-            raise UsageError(f"{name} {value}", expected=self._range(), do="give another number")
+            raise UsageError(
+                f"{name} {value}", expected=self._range(), do="give another number", setting=name
+            )
         if self.above is not None and not self.above < value < self.below:
             expected = f"a number above {self.above:g}"
             if self.below < float("inf"):
                 expected = f"a number between {self.above:g} and {self.below:g}"
-            raise UsageError(f"{name} {value:g}", expected=expected, do="give another")
+            raise UsageError(f"{name} {value:g}", expected=expected, do="give another", setting=name)
+
+    def empty(self, problem: str, name: str) -> UsageError:
+        """What is said of a list that holds nothing and may not."""
+        return UsageError(
+            problem, expected=f"{self.some} such as a,b", do=f"see `dynreg {self.see}`", setting=name
+        )
 
     def _range(self) -> str:
         return (
@@ -93,6 +112,11 @@ def seed() -> Any:
     return option(0, "Seed.", least=0, shared=True)
 
 
+def method() -> Any:
+    """The setting that every verb has which searches."""
+    return option("cma", "The search.", choices=tuple(SEARCHES), old={"cmaes": "cma"})
+
+
 def hold_out() -> Any:
     """The setting that every verb has which keeps a part of the recording to judge by; see `replay.parts`."""
     return option(None, "Test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
@@ -102,16 +126,31 @@ def hold_out() -> Any:
 class Settings:
     """Base of what a verb can be told: frozen, and checked when it is made.
 
-    A sequence becomes a tuple. A verb with rules between its settings extends `__post_init__`.
+    A sequence becomes a tuple, an old word what it is called now. A verb with rules between its settings extends
+    `__post_init__`.
     """
 
     def __post_init__(self) -> None:
         for one, how in options(type(self)):
             value = getattr(self, one.name)
-            if isinstance(value, Iterable) and not isinstance(value, str | tuple):
-                value = tuple(value)
-                object.__setattr__(self, one.name, value)
+            if value is None and not optional(one):
+                usual = "name one" if one.default is MISSING else f"leave it out for {one.default!r}"
+                expected = _KINDS.get(one.type, "names")
+                raise UsageError(f"{one.name} None", expected=expected, do=usual, setting=one.name)
+            if isinstance(value, Iterable) and not isinstance(value, str):
+                value = tuple(today(each, how.old) for each in value)
+            elif isinstance(value, str):
+                value = today(value, how.old)
+            object.__setattr__(self, one.name, value)
             how.check(one.name, value)
+
+
+def today(word: str, old: Mapping[str, str]) -> str:
+    """What a word is called now; where that is something else it is told (`OldWord`)."""
+    if word not in old:
+        return word
+    warnings.warn(f"{word!r} is called {old[word]!r} now", OldWord, stacklevel=3)
+    return old[word]
 
 
 def options(kind: type[Settings]) -> Iterator[tuple[Field, Option]]:
@@ -146,7 +185,8 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
         at = next((i for i, p in enumerate(own) if p.kind is p.KEYWORD_ONLY), len(own))
         method.__signature__ = signature.replace(parameters=[*own[:at], *settings, *own[at:]])
         lines = [
-            f"{one.name} : {how.sentence}{f' None: {how.usual}.' if how.usual else ''}" for one, how in theirs
+            f"{one.name} : {how.sentence}{f' {one.default!r}: {how.usual}.' if how.usual else ''}"
+            for one, how in theirs
         ]
         method.__doc__ = "\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines])
         return method

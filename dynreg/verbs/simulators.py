@@ -5,12 +5,12 @@ simulator or an entry, or by the id of a result that recommends one. Its effects
 """
 
 import re
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import AmbiguousError, NoMatchError, OldWord, UsageError
+from dynreg.errors import AmbiguousError, NoMatchError, UsageError
+from dynreg.verbs.settings import today
 
 if TYPE_CHECKING:
     from dynreg.registry import Registry, ResultRecord
@@ -77,7 +77,7 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
     else can be named here has an id and no name. Raises NoMatchError where there is no such simulator, or no such
     result yet.
     """
-    ref = today(ref)
+    ref = today(ref, OLD)
     if ref == NOMINAL:
         from dynreg.sim.config import SimConfig
 
@@ -123,14 +123,6 @@ def own(found: Simulator, robot: "Robot") -> Simulator:
             do="name another; see `dynreg list --kind simulator`",
         )
     return found
-
-
-def today(ref: str) -> str:
-    """What a word is called today; an old one is told (`OldWord`) and still works."""
-    if ref not in OLD:
-        return ref
-    warnings.warn(f"{ref!r} is called {OLD[ref]!r} now", OldWord, stacklevel=2)
-    return OLD[ref]
 
 
 def made(lineage: Mapping[str, Any]) -> str:

@@ -1,19 +1,19 @@
 """Trial: how often a diagnosis is right about simulated robots whose truth is known."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.verbs.diagnose import threshold_runs
 from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.results.trials import TrialTable
     from dynreg.verbs.verb import Built
 
-Progress = Callable[[str, int, int], None]
 HIDES = ("drawn", "chosen", "nothing", "every")
+SIZES = ("weak", "medium", "strong")  # of `sim.effects`, which takes long to load
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class TrialSettings(Settings):
     Raises UsageError where these do not fit together.
     """
 
-    hide: str = option("drawn", "What robots hide: drawn, chosen, nothing or every.", flag=None)
+    hide: str = option("drawn", "What robots hide.", choices=HIDES, flag=None)
     effects: tuple[str, ...] = option((), "What to hide, together.", flag=None)
-    size: str = option("medium", "weak, medium or strong.")
+    size: str = option("medium", "One of weak, medium or strong.", choices=SIZES)
     count: int = option(1, "Robots.", flag="-n", least=1)
     seed: int = seed()
     seconds: float = option(50.0, "Length of each robot's log [s].", above=0.0)
@@ -36,13 +36,9 @@ class TrialSettings(Settings):
     threads: int = threads()
 
     def __post_init__(self) -> None:
-        from dynreg.sim.effects import SIZES, term
+        from dynreg.sim.effects import term
 
         super().__post_init__()
-        if self.hide not in HIDES:
-            raise UsageError(
-                f"hide {self.hide!r}", expected="drawn, chosen, nothing or every", do="choose one of these"
-            )
         if (self.hide == "chosen") != bool(self.effects):
             raise UsageError(
                 f"hide {self.hide!r} with effects {list(self.effects)}",
@@ -51,10 +47,6 @@ class TrialSettings(Settings):
             )
         for key in self.effects:
             term(key)
-        if self.size not in SIZES:
-            raise UsageError(
-                f"size {self.size!r}", expected=f"one of {list(SIZES)}", do="choose one of these"
-            )
 
 
 def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":

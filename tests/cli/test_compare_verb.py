@@ -38,6 +38,13 @@ def test_every_model_is_made_where_none_is_named(dynreg, session) -> None:
     assert tuple(named["models"]) == MODELS == tuple(KNOWN) and named["simulators"] == ()
 
 
+def test_simulators_alone_are_compared_where_the_list_of_models_is_empty(dynreg, session) -> None:
+    assert dynreg("compare", "monday", "--models", "", "--with", "nominal", "--with", "ab12").status == 0
+    assert session.asked[0][2]["models"] == () and session.asked[0][2]["simulators"] == ("nominal", "ab12")
+    ended = dynreg("compare", "monday", "--models", "", "--with", "nominal")
+    assert ended.status == 2 and "1 to compare; expected two models or simulators" in ended.err
+
+
 def test_compare_answers_in_json_and_in_tables(dynreg, session) -> None:
     document = json.loads(dynreg("compare", "monday", "--json").out)
     assert model_of(document["schema"]).model_validate(document) == session.answers["compare"]

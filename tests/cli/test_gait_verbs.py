@@ -7,7 +7,7 @@ import made_up_gait
 import pytest
 
 from dynreg.cli.schemas import model_of
-from dynreg.errors import NoMatchError, PictureError
+from dynreg.errors import NoMatchError, OldWord, PictureError
 
 
 @pytest.fixture
@@ -55,6 +55,15 @@ def test_gait_answers_in_json_and_in_tables(dynreg, asked) -> None:
     asked.answers["gait"] = noted
     assert "note: in 2 of 3 simulators" in dynreg("gait", "yard").out
     assert asked.asked[-1][2]["accept"] is None  # the session chooses
+
+
+def test_old_words_of_a_gait_still_work(dynreg, asked) -> None:
+    with pytest.warns(OldWord, match="'cmaes' is called 'cma' now"):
+        assert dynreg("gait", "yard", "--method", "cmaes").status == 0
+    with pytest.warns(OldWord, match="'neighbours' is called 'nearest' now"):
+        assert dynreg("gait", "yard", "--on", "neighbours").status == 0
+    assert [one[2]["method"] for one in asked.asked] == ["cma", "cma"]
+    assert asked.asked[-1][2]["on"] == "nearest"
 
 
 def test_where_nothing_is_close_the_status_is_4(dynreg, asked) -> None:

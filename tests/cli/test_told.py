@@ -18,7 +18,9 @@ class AskSettings(Settings):
     between: tuple[str, ...] = option(MISSING, "Two of them.", flag="--for", metavar="A,B")
     count: int = option(1, "How many.", flag="-n", least=1)
     kinds: tuple[str, ...] = option(("a", "b"), "Which ones.", choices=("a", "b", "c"))
-    only: tuple[str, ...] | None = option(None, "Only these.", usual="all")
+    only: tuple[str, ...] | None = option(None, "Only these.", usual="all", some="only", see="ask")
+    but: tuple[str, ...] = option((), "Not these.")
+    budget: int | None = option(None, "Not what a verb of this name shares.", least=1)
     files: tuple[str, ...] = option((), "One of many.", flag="--with", repeated=True)
     longest: float = option(2.0, "Seconds.", above=0.0)
     quick: bool = option(False, "Be quick.")
@@ -27,6 +29,14 @@ class AskSettings(Settings):
     inner: int = option(7, "Not told on a command line.", flag=None)
     seed: int = seed()
     threads: int = threads()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.between) != 2:
+            problem = f"between {','.join(self.between)!r}"
+            raise UsageError(problem, expected="two", do="name two", setting="between")
+        for name in {*self.but} & {*self.between}:
+            raise UsageError(f"but and between share {name!r}", expected="one of the two", do="drop one")
 
 
 @pytest.fixture
@@ -77,7 +87,9 @@ def test_every_kind_of_option_is_read(ask) -> None:
     [
         ("--for x,y -n 0", "-n 0; expected a whole number of 1 or more"),
         ("--for x,y --kinds a,d", "--kinds 'd'; expected one of a, b, c"),
-        ("--for x,y --only ,", "--only ','; expected only such as a,b"),
+        ("--for x,y --only ,", "--only ','; expected only such as a,b; see `dynreg ask`"),
+        ("--for x,y --but x", "but and between share 'x'"),
+        ("--for x", "--for 'x'; expected two"),
         ("--for x,y --longest 0", "--longest 0; expected a number above 0"),
         ("--for x,y --seed -1", "--seed -1; expected a whole number of 0 or more"),
     ],
@@ -94,9 +106,14 @@ def test_what_must_be_given_and_what_no_command_line_tells(line: str, ask) -> No
         ask(line)
 
 
-def test_only_what_verbs_share_comes_from_a_settings_file(ask) -> None:
+def test_a_list_may_hold_nothing_where_its_setting_does_not_need_any(ask) -> None:
+    assert ask("--for x,y --but ,").but == ask("--for x,y --kinds=").kinds == ()
+
+
+def test_only_what_verbs_share_comes_from_a_settings_file(ask, monkeypatch) -> None:
     Path("dynreg.toml").write_text("seed = 3\nk = 9\n")
-    assert ask("--for x,y").seed == 3
+    monkeypatch.setenv("DYNREG_BUDGET", "50")
+    assert ask("--for x,y").seed == 3 and ask("--for x,y").budget is None
     assert ask("--for x,y --seed 5").seed == 5
 
 

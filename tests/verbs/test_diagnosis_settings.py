@@ -6,7 +6,7 @@ import pytest
 
 from dynreg.errors import UsageError
 from dynreg.verbs.diagnose import DiagnoseSettings
-from dynreg.verbs.trial import TrialSettings
+from dynreg.verbs.trial import SIZES, TrialSettings
 
 BAD_DIAGNOSES = [
     ({"effects": ("rust",)}, "rust"),
@@ -49,6 +49,12 @@ def test_bad_settings_of_a_trial_are_refused(given: dict, says: str) -> None:
     with pytest.raises(UsageError, match="expected") as error:
         TrialSettings(**given)
     assert says in error.value.problem
+
+
+def test_a_trial_hides_effects_of_the_sizes_that_effects_have() -> None:
+    from dynreg.sim import effects
+
+    assert effects.SIZES == SIZES
 
 
 def test_settings_are_frozen_and_can_be_compared() -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from dynreg.errors import UsageError
+from dynreg.errors import OldWord, UsageError
 from dynreg.verbs.settings import Settings, option, seed, taking, threads
 
 
@@ -15,7 +15,10 @@ class Ask(Settings):
 
     k: int = option(5, "How many.", flag="-k", least=1, most=9)
     kind: str = option("a", "Which.", choices=("a", "b"))
-    kinds: tuple[str, ...] | None = option(None, "Which ones.", choices=lambda: ("a", "b"), usual="all")
+    how: str = option("fast", "How.", choices=("fast",), old={"quickly": "fast"})
+    kinds: tuple[str, ...] | None = option(
+        None, "Which ones.", choices=lambda: ("a", "b"), usual="all", some="kinds"
+    )
     longest: float = option(2.0, "Seconds.", above=0.0)
     seed: int = seed()
     threads: int = threads()
@@ -32,12 +35,20 @@ class Ask(Settings):
         ({"longest": float("nan")}, "longest nan; expected a number above 0"),
         ({"longest": float("inf")}, "longest inf; expected a number above 0"),
         ({"seed": -1}, "seed -1; expected a whole number of 0 or more"),
+        ({"kinds": ()}, "no kinds; expected kinds such as a,b"),
+        ({"seed": None}, "seed None; expected a whole number; leave it out for 0"),
+        ({"kind": None}, "kind None; expected a word; leave it out for 'a'"),
     ],
 )
 def test_a_setting_that_cannot_be_is_named(told, problem):
     with pytest.raises(UsageError) as error:
         Ask(**told)
     assert str(error.value).startswith(problem)
+
+
+def test_an_old_word_still_works_and_says_what_it_is_called_now():
+    with pytest.warns(OldWord, match="'quickly' is called 'fast' now"):
+        assert Ask(how="quickly").how == "fast"
 
 
 def test_sequences_become_tuples_and_none_is_left_alone():
@@ -52,7 +63,8 @@ def test_a_method_names_every_setting():
 
     signature = inspect.signature(ask)
     assert list(signature.parameters) == [
-        "self", "recording", "k", "kind", "kinds", "longest", "seed", "threads", "progress",
+        "self", "recording", "k", "kind", "how", "kinds", "longest", "seed", "threads", "progress",
     ]  # fmt: skip
     assert signature.parameters["k"].default == 5
     assert "kinds : Which ones. One of a, b. None: all." in ask.__doc__
+    assert "threads : Simulation threads. 0: all cores." in ask.__doc__
