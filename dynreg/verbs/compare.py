@@ -55,8 +55,7 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
     kinematic: the closed form; dynamic: the unicycle, fitted; table: the closed form, put right in cells of wheel
     speeds; network: three small networks; mlp: one of three layers. They are made from the first 84 % of the
     recording's commands, and all are judged on the last 16 %. A simulator named by --with drives the whole recording; a
-    note says if it may have seen that part. What names a simulator hides nothing: what --with takes has ids, and no
-    names.
+    note says if it may have seen that part.
 
     Example: dynreg compare monday --with nominal --report monday.html
 
