@@ -187,6 +187,12 @@ def test_functions_are_short():
     assert not long, "\n".join(long)
 
 
+def test_test_files_have_names_of_their_own():
+    """Those of two folders with one name cannot be collected together."""
+    names = [p.name for p in (ROOT / "tests").rglob("test_*.py")]
+    assert not {name for name in names if names.count(name) > 1}
+
+
 def tracked() -> list[Path]:
     """The files that git tracks or would; skips where git or its directory is missing."""
     if not shutil.which("git") or not (ROOT / ".git").exists():
