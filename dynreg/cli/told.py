@@ -47,7 +47,7 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
         if value is None and how.shared:
             value = getattr(file, one.name, None)
         if value is not None:
-            flags[one.name] = _flag(one, how)
+            flags[one.name] = how.flag_of(one.name)
             said[one.name] = _names(value) if _listed(one, how) else value
             if said[one.name] == () and how.some:
                 raise how.empty(f"{flags[one.name]} {value!r}", one.name)
@@ -60,14 +60,9 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
         raise UsageError(problem, expected=error.expected, do=error.do) from None
 
 
-def _flag(one: Field, how: Option) -> str:
-    """As an error names it."""
-    return (how.flag or f"--{one.name.replace('_', '-')}").split("/")[0]
-
-
 def _flags(one: Field, how: Option) -> tuple[str, ...]:
     """What typer is told: for what is usually on, it adds the flag that turns it off."""
-    return () if not how.flag and one.default is True else (how.flag or _flag(one, how),)
+    return () if not how.flag and one.default is True else (how.flag or how.flag_of(one.name),)
 
 
 def _listed(one: Field, how: Option) -> bool:

@@ -110,8 +110,9 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     """Name the physical causes that a robot's simulator lacks.
 
     Parameters and effects are fitted together; an effect is named only above what chance reaches on this
-    robot. A finished diagnosis exits 0 whatever its verdict: named, ambiguous, partly_explained, unknown,
-    none. It needs no population.
+    robot. The verdict is named, ambiguous, partly_explained, unknown or none. It needs no population.
+
+    Exit status 0 whatever the verdict of a finished diagnosis.
 
     Example: dynreg diagnose monday --hold-out kp=400 --report monday.html
 

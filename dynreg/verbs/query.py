@@ -51,8 +51,9 @@ def query(
 ) -> "Neighbours":
     """Find the simulators nearest to a recording.
 
-    They are replayed with the recording's own commands and ranked again, and one answer is given. Exit
-    status 4 when no simulator of the population fits the recording (the result is printed all the
+    They are replayed with the recording's own commands and ranked again, and one answer is given.
+
+    Exit status 4 when no simulator of the population fits the recording (the result is printed all the
     same).
 
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html

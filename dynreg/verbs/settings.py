@@ -10,6 +10,7 @@ dynreg.errors.UsageError: seed -1; expected a whole number of 0 or more; give an
 """
 
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -55,6 +56,10 @@ class Option:
     def allowed(self) -> Collection[str]:
         """The only values; empty where every value will do."""
         return self.choices() if callable(self.choices) else self.choices
+
+    def flag_of(self, name: str) -> str:
+        """As an error names it."""
+        return (self.flag or f"--{name.replace('_', '-')}").split("/")[0]
 
     @property
     def sentence(self) -> str:
@@ -188,7 +193,14 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
             f"{one.name} : {how.sentence}{f' {one.default!r}: {how.usual}.' if how.usual else ''}"
             for one, how in theirs
         ]
-        method.__doc__ = "\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines])
+        method.__doc__ = _in_python("\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines]), kind)
         return method
 
     return wrap
+
+
+def _in_python(text: str, kind: type[Settings]) -> str:
+    """A text in which the flags of a command are called as the settings that they tell."""
+    for one, how in options(kind):
+        text = re.sub(rf"(?<!\S){how.flag_of(one.name)}(?![\w-])", f"`{one.name}`", text)
+    return text

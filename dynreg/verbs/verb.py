@@ -5,6 +5,7 @@ the recording or the robot that it is about. What it answers is stored, and kept
 A verb's module loads quickly, as the help of the program needs its settings: what is heavy is imported where it runs.
 """
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,15 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 Answer = TypeVar("Answer")
+_COMMANDS = ("Example:", "Exit status")  # how paragraphs begin that a command alone shows
+_TAKEN = {
+    "recording": """recording : a registered one by its id, name, `@last` or summary, or the path of a log of `robot`.
+robot : packaged name, folder or robot; needed for a log alone.
+log_map : a map file, for a log that needs one.
+progress : is called with (stage, done, total).""",
+    "robot": """robot : packaged name, folder or robot.
+progress : is called with (stage, done, total).""",
+}
 
 
 @dataclass(frozen=True)
@@ -45,9 +55,13 @@ class Verb:
     @property
     def help(self) -> str:
         """What it does and an example, for the command line: the docstring, without what Python raises."""
-        import inspect
-
         return inspect.getdoc(self.run).partition("\n\nRaises")[0]
+
+    @property
+    def doc(self) -> str:
+        """What it does, raises and takes beside its settings, for Python: without what is said of commands."""
+        said = inspect.getdoc(self.run).split("\n\n")
+        return "\n\n".join([*(part for part in said if not part.startswith(_COMMANDS)), _TAKEN[self.about]])
 
 
 def about_recording(
@@ -93,6 +107,7 @@ def _row(method: Callable[..., Answer], verb: Verb) -> Callable[..., Answer]:
     """The method with the name, the help and the arguments of its verb, and the row itself as `verb`."""
     method.__name__ = verb.run.__name__
     method.__qualname__ = f"Session.{verb.run.__name__}"
-    method.__doc__ = verb.run.__doc__
+    method.__doc__ = verb.doc
+    method.__annotations__["return"] = inspect.signature(verb.run).return_annotation
     method.verb = verb
     return taking(verb.settings)(method)

@@ -19,8 +19,10 @@ class CountSettings(Settings):
     seed: int = seed()
 
 
-def count(asked, settings, progress):
-    """Count rows.
+def count(asked, settings, progress) -> EffectsList:
+    """Count rows, as many as --rows says.
+
+    Exit status 0 whatever their number.
 
     Example: dynreg count monday
 
@@ -41,9 +43,15 @@ def test_a_method_is_told_as_its_verb():
     signature = inspect.signature(Door.count)
     assert [*signature.parameters] == ["self", "recording", "rows", "seed", "robot", "log_map", "progress"]
     assert [*inspect.signature(Door.counted).parameters] == ["self", "robot", "rows", "seed", "progress"]
-    assert Door.count.__doc__.startswith("Count rows.")
-    assert "rows : Rows to count." in Door.count.__doc__
-    assert Door.count.verb.help == "Count rows.\n\nExample: dynreg count monday"
+    assert signature.return_annotation is EffectsList
+    told = Door.count.__doc__
+    assert told.startswith("Count rows, as many as `rows` says.\n\nRaises what")
+    for name in [*signature.parameters][1:]:
+        assert f"\n{name} : " in told
+    assert "rows : Rows to count." in told and "dynreg count" not in told and "Exit status" not in told
+    assert Door.count.verb.help == (
+        "Count rows, as many as --rows says.\n\nExit status 0 whatever their number.\n\nExample: dynreg count monday"
+    )
 
 
 def test_the_answer_is_stored_under_its_kind_about_the_recording(registry_folder, tmp_path):
