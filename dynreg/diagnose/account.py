@@ -7,7 +7,6 @@ import numpy as np
 from dynreg.diagnose.diagnose import Diagnosed, Found
 from dynreg.diagnose.estimate import Estimate, estimates
 from dynreg.diagnose.fit import information, sensitivities
-from dynreg.diagnose.gained import channel_errors, gain
 from dynreg.diagnose.interval import Posterior, posterior
 from dynreg.diagnose.leftover import Leftover
 from dynreg.diagnose.look import Look, look
@@ -16,7 +15,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.rest import rest
 from dynreg.diagnose.where import ErrorRow, split_errors
-from dynreg.replay.judged import Gain
+from dynreg.replay.judged import Gain, channel_errors, gain
 from dynreg.sim.effects import Terms
 
 
@@ -57,10 +56,11 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Account:
     effective = found.problem.effective(residual[0])
     curvature, _ = information(found.problem, found.extended, residual[0], slopes[0], effective)
     covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))  # of the log posterior
-    gained = lambda i, j: gain(problem, states[i], states[j], judged) if made.tested else None  # noqa: E731
+    left = [problem.window_errors(one, judged) for one in states] if made.tested else []
+    gained = lambda i, j: gain(left[i], left[j]) if left else None  # noqa: E731
     return Account(
         states=three,
-        errors=channel_errors(problem, three, judged),
+        errors=channel_errors(problem.windows, three, judged)[:, problem.use],
         where=split_errors(problem.robot, problem.windows.take(judged), three[1]),
         gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
         gain=gained(1, -1) if found.accepted else None,

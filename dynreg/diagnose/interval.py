@@ -76,16 +76,14 @@ class Proposal:
         return np.atleast_1d(multivariate_t.logpdf(z, self.middle, self.spread, FREEDOM))
 
 
-def posterior(
-    problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0, limits: np.ndarray | None = None
-) -> Posterior:
+def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0) -> Posterior:
     """The posterior about its maximum `point`, by the windows `chosen`.
 
     The prior of nominal coordinates is the nameplate; of shapes, a factor of three; of sizes, normal about zero with
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
-    approximation, cut off at the bounds. limits : (D, 2) lowest and highest coordinates; by default those of the point.
+    approximation, cut off at the bounds.
     """
-    engine, limits = _vectorised(problem), bounds(problem, point) if limits is None else limits
+    engine, limits = _vectorised(problem), bounds(problem, point)
     if engine not in (None, problem.running):  # the corrections are of the other engine's time step
         problem = replace(problem, engine=engine, corrections={})
     residual, slopes = sensitivities(problem, [point], chosen)

@@ -197,6 +197,13 @@ class Problem:
         correction = None if own is None else np.array(own)
         return self._in_segments(scaled(states, measured, self.windows.spread[self.use], correction))
 
+    def window_errors(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """(W,) weighted mean absolute error of states (W, T+1, S), in units of the channels' spread."""
+        use, windows = self.use, self.windows
+        measured = windows.measured[chosen][:, 1:, use]
+        each = np.nanmean(np.abs(scaled(states[:, 1:, use], measured, windows.spread[use])), axis=1)
+        return np.nansum(each * windows.weight[use], axis=1)
+
     def simulator(
         self, point: Point, chosen: np.ndarray, *, seed: int = 0
     ) -> tuple[np.ndarray, Terms | None]:

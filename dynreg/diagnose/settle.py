@@ -36,16 +36,16 @@ def revise(
     for number in range(len(rounds) - 1):
         current = rounds[-1].chosen
         at = current.point.hypothesis.given + number
-        others = _exchanges(problem.robot, current.point, rounds[number], at)
+        others = _equivalents_in_place(problem.robot, current.point, rounds[number], at)
         if not others:
             continue
         fitted, _ = fit(problem, [p for _, p in others], fit_on, effective, iterations=6)
         ranking = select(problem, current.point, fitted, fit_on, select_on).ranking
-        rounds = exchanged(rounds, number, others, ranking)
+        rounds = exchange_cause(rounds, number, others, ranking)
     return rounds
 
 
-def exchanged(
+def exchange_cause(
     rounds: list[Naming], number: int, others: list[tuple[Scored, Point]], ranking: list[Scored]
 ) -> list[Naming]:
     """The rounds with the cause of round `number` exchanged for the best equivalent, if any gains enough.
@@ -67,7 +67,7 @@ def exchanged(
         scored = rounds[later].chosen
         point = better[0].point
         if later < len(rounds) - 1:
-            between = _with(scored.point, scored.point.hypothesis.given + number, other.point)
+            between = _put_in_place(scored.point, scored.point.hypothesis.given + number, other.point)
             point = replace(between, nominal=point.nominal)
         out[later] = replace(rounds[later], chosen=replace(scored, point=point))
     return out
@@ -91,7 +91,7 @@ def settle(
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
     if simple:
         return _finely(problem, point, chosen, effective, iterations=4)
-    starts = [point, *_starts(problem, point, stream(seed, "settle", point.hypothesis.key))]
+    starts = [point, *_drawn_anew(problem, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
     best = [rough[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
     effective = problem.effective(problem.residuals(best[:1], chosen)[0])
@@ -110,7 +110,7 @@ def _finely(
     return point
 
 
-def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Point]:
+def _drawn_anew(problem: Problem, point: Point, rng: np.random.Generator) -> list[Point]:
     """Starts of the last fit besides the point itself."""
     limits = bounds(problem, point)
     shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
@@ -123,18 +123,20 @@ def _starts(problem: Problem, point: Point, rng: np.random.Generator) -> list[Po
     return out
 
 
-def _exchanges(robot: Robot, point: Point, naming: Naming, number: int) -> list[tuple[Scored, Point]]:
+def _equivalents_in_place(
+    robot: Robot, point: Point, naming: Naming, number: int
+) -> list[tuple[Scored, Point]]:
     """Starts with term `number` of the point exchanged for each equivalent of its round: (equivalent, start)."""
     terms = point.hypothesis.terms
     out = []
     for other in naming.equivalent:
         if unlike(robot, [other.point.hypothesis.terms[-1]], terms[:number] + terms[number + 1 :]):
-            made = _with(point, number, other.point)
+            made = _put_in_place(point, number, other.point)
             out += [(other, replace(made, nominal=z)) for z in (point.nominal, other.point.nominal)]
     return out
 
 
-def _with(point: Point, number: int, other: Point) -> Point:
+def _put_in_place(point: Point, number: int, other: Point) -> Point:
     """The point with term `number` exchanged for the last of `other`, at the sizes that it has there."""
     hypothesis, last = point.hypothesis, other.hypothesis.terms[-1]
     terms, own = hypothesis.terms, hypothesis.columns(number)

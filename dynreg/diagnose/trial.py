@@ -11,7 +11,6 @@ from dynreg.diagnose.diagnose import Found, search
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.evidence import Evidence, Verdict, verdict_of
 from dynreg.diagnose.fit import fit
-from dynreg.diagnose.gained import window_errors
 from dynreg.diagnose.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import posterior
 from dynreg.diagnose.options import DiagnosisOptions
@@ -158,7 +157,7 @@ def attainable_share(problem: Problem, split: Parts, hidden: Hidden, found: Foun
     (refitted,), _ = fit(problem, [true], split.chosen, pooled, iterations=2)
     test = np.flatnonzero(split.test)
     base, extended, best = (
-        window_errors(problem, s, test).mean()
+        problem.window_errors(s, test).mean()
         for s in problem.states([found.base, found.extended, refitted], test)
     )
     return float((base - extended) / (base - best)) if base - best > 0.02 * base else None

@@ -1,19 +1,8 @@
-"""Judge the answer of a query: how far it is off, channel by channel, and beside what separates the family."""
+"""Judge the answer of a query: how far it is off beside what separates the family."""
 
 import numpy as np
 
-from dynreg.replay.windows import Windows
-
 TOO_FAR = 3.0  # times the error that the neighbours' own simulators leave
-
-
-def channel_errors(windows: Windows, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """(n, S) mean absolute error of simulators' states (n, W, T+1, S); NaN for channels that were not measured."""
-    difference = np.abs(states[..., 1:, :] - windows.measured[chosen][:, 1:])
-    out = np.full((len(states), states.shape[-1]), np.nan)
-    for s in np.flatnonzero(np.isfinite(difference).any(axis=(0, 1, 2))):
-        out[:, s] = np.nanmean(difference[..., s], axis=(1, 2))
-    return out
 
 
 def misfit(residuals: np.ndarray, error: float) -> float:

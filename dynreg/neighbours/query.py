@@ -10,11 +10,12 @@ from dynreg.distance.population import Population
 from dynreg.distance.query import DistanceQuery
 from dynreg.errors import UsageError
 from dynreg.index import Graph
-from dynreg.neighbours.judge import channel_errors, misfit
+from dynreg.neighbours.judge import misfit
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.synthesise import Interval, Replays, estimates, refine, replays_of
 from dynreg.replay.data import Data, data
 from dynreg.replay.jitter import CANDIDATES, jitter
+from dynreg.replay.judged import channel_errors
 from dynreg.replay.parts import seen
 from dynreg.replay.samples import samples_in_all
 from dynreg.replay.timed import on_grid

@@ -1,4 +1,4 @@
-"""What replays of a held-out part say: the gain of one simulator over another, and the traces that a page draws."""
+"""What replays of a held-out part say: the gain of a simulator over another, its errors, the traces that are drawn."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,6 +49,19 @@ def gain(before: np.ndarray, after: np.ndarray) -> Gain | None:
     gains = 1.0 - after[draws].mean(axis=1) / before[draws].mean(axis=1)
     low, high = np.quantile(gains, [0.05, 0.95])
     return Gain(value=float(value), low=float(low), high=float(high))
+
+
+def channel_errors(windows: Windows, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(n, S) mean absolute error of simulators' states (n, W, T+1, S) in each channel, in its unit.
+
+    Of what was measured in the windows `chosen`; NaN for channels that were not.
+    """
+    miss = np.abs(states[..., 1:, :] - windows.measured[chosen][:, 1:])
+    miss[~np.isfinite(miss)] = np.nan
+    out = np.full((len(states), states.shape[-1]), np.nan)
+    for s in np.flatnonzero(np.isfinite(miss).any(axis=(0, 1, 2))):
+        out[:, s] = np.nanmean(miss[..., s], axis=(1, 2))
+    return out
 
 
 def traced(

@@ -86,9 +86,10 @@ def test_neighbours_on_several_joints_are_not_the_effect_itself_nor_of_the_group
 
 def test_a_posterior_in_a_corner_of_its_bounds_is_still_told(servo):
     problem, chosen, point, _ = servo
-    cut = np.stack([point.z, point.z + 3.0], axis=1)  # one draw in 2^8 lies inside
-    draws = posterior(problem, point, chosen, limits=cut)
-    assert np.isfinite(draws.z).all() and (draws.z >= cut[:, 0]).all()
+    limits = bounds(problem, point)
+    draws = posterior(problem, point.moved(limits[:, 0]), chosen)  # one draw in 2^8 lies inside
+    assert np.isfinite(draws.z).all() and np.isfinite(draws.weights).all()
+    assert (draws.z >= limits[:, 0]).all() and (draws.z <= limits[:, 1]).all()
 
 
 @pytest.mark.parametrize("key", ["speed_limit", "command_delay"])

@@ -14,7 +14,7 @@ from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.threshold import key_of, null_robot
+from dynreg.diagnose.threshold import USUAL, key_of, null_robot, null_score
 from dynreg.diagnose.truth import hide, log_of, protocol
 from dynreg.replay.parts import Parts
 from dynreg.sim.config import SimConfig
@@ -147,3 +147,8 @@ def test_effects_beyond_what_a_fit_reaches_are_simulated_as_far_as_it_does(robot
     problem = posed(robot, recording, started(robot, size=1e4)).problem
     most = problem.coordinates.effect_values(problem.start.hypothesis, problem.start.effect[None])[0][0]
     assert null_robot(problem, 0).values[0] == pytest.approx(most) and most[0] < 1e4
+
+
+def test_an_effect_of_the_start_is_no_cause_that_a_simulated_robot_lacks(robot, recording):
+    case = posed(robot, recording, started(robot, size=0.07))
+    assert null_score(case.problem, [term("cogging")], case.split, 3) < USUAL
