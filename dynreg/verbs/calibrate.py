@@ -39,7 +39,7 @@ def calibrate(
     from dynreg.results.result import Cost
     from dynreg.sim.config import SimConfig
 
-    began, robot, space = time.perf_counter(), asked.robot, asked.robot.space
+    began, robot = time.perf_counter(), asked.robot
     cut = data(robot, asked.recording, settings.hold_out)
     found = calibrate(
         cut,
@@ -51,25 +51,20 @@ def calibrate(
     )
     seconds = time.perf_counter() - began
     values = cut.values_of(found.unit)
+    edge = robot.space.at_bound(found.unit)
+    parameters = {
+        p.name: Fitted(value=v, unit=p.unit, nominal=p.nominal, at_bound=bool(at), limits=(p.low, p.high))
+        for p, v, at in zip(robot.space.parameters, values.tolist(), edge, strict=True)
+    }
     config = SimConfig.of(robot, values).as_dict()
     lineage = {"made_by": f"calibrate {settings.method}", "recording": asked.recording.id}
-    edge = space.at_bound(found.unit)
     tested = (None, None) if not found.test_rollouts else found.test
     return Calibration(
         robot=robot.name,
         recording=asked.recording.id,
         method=settings.method,
         simulator=asked.registry.put_simulator(config | {"lineage": lineage}),
-        parameters={
-            p.name: Fitted(
-                value=float(values[i]),
-                unit=p.unit,
-                nominal=p.nominal,
-                at_bound=bool(edge[i]),
-                limits=(p.low, p.high),
-            )
-            for i, p in enumerate(space.parameters)
-        },
+        parameters=parameters,
         train_error=found.train[1],
         test_error=tested[1],
         nominal_train_error=found.train[0],
