@@ -1,7 +1,7 @@
 """The Python door to a registry: `dynreg.open(path)` and what can be asked of it."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
 from dynreg.verbs.trial import TrialSettings, trial
-from dynreg.verbs.verb import Verb, about_recording, about_robot
+from dynreg.verbs.verb import Progress, Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from dynreg.sim.robot import Robot
 
 DEFAULT = "dynreg-registry"
-Progress = Callable[[str, int, int], None]
 
 
 def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
@@ -119,7 +118,7 @@ class Session:
 
     query = about_recording(query, QuerySettings, ingest=True)
 
-    calibrate = about_recording(calibrate, CalibrateSettings, ingest=True)
+    calibrate = about_recording(calibrate, CalibrateSettings)
 
     diagnose = about_recording(diagnose, DiagnoseSettings)
 

@@ -12,6 +12,7 @@ import typer
 
 from dynreg.cli.told import parameters, told
 from dynreg.errors import UsageError
+from dynreg.session import DEFAULT
 from dynreg.verbs.settings import Settings
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 _PANEL = "Global options"
 RegistryOption = Annotated[
     Path | None,
-    typer.Option(help="Registry directory [DYNREG_REGISTRY; ./dynreg-registry].", rich_help_panel=_PANEL),
+    typer.Option(help=f"Registry directory [DYNREG_REGISTRY; ./{DEFAULT}].", rich_help_panel=_PANEL),
 ]
 SettingsOption = Annotated[
     Path | None, typer.Option("--settings", help="TOML settings [./dynreg.toml].", rich_help_panel=_PANEL)
@@ -70,9 +71,7 @@ class Call:
     @property
     def registry(self) -> Path:
         """The registry directory that the flags and settings name."""
-        from dynreg.cli.settings import DEFAULT_REGISTRY
-
-        return self.shared.registry or self.settings.registry or DEFAULT_REGISTRY
+        return self.shared.registry or self.settings.registry or Path(DEFAULT)
 
     @property
     def quiet(self) -> bool:
@@ -84,6 +83,14 @@ class Call:
         from dynreg import session
 
         return session.open(self.registry, create=create)
+
+    def open_for(self, robot: str | Path | None, *recordings: str | None) -> "Session":
+        """The session that is asked about recordings; made where all of these are logs of a robot that is named.
+
+        Logs may be the first things in a registry; RegistryError where there is none, and nothing to put there.
+        """
+        logs = (one is not None and Path(one).exists() for one in recordings)
+        return self.open(create=robot is not None and all(logs))
 
     def progress(self):
         """Context manager around a progress function; see `output.progress_bars`."""

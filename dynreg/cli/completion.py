@@ -4,6 +4,8 @@ import os
 from collections.abc import Callable, Collection
 from pathlib import Path
 
+from dynreg.session import DEFAULT
+
 KINDS = ("population", "recording", "simulator", "result", "robot")
 
 
@@ -40,7 +42,7 @@ def _names(kind: str, incomplete: str) -> list[str]:
     import sqlite3
 
     table = {"recording": "recording_names", "population": "populations"}[kind]
-    catalog = Path(os.environ.get("DYNREG_REGISTRY", "dynreg-registry")) / "catalog.sqlite"
+    catalog = Path(os.environ.get("DYNREG_REGISTRY") or DEFAULT) / "catalog.sqlite"
     try:
         connection = sqlite3.connect(f"{catalog.absolute().as_uri()}?mode=ro", uri=True, timeout=0.2)
         try:

@@ -42,11 +42,7 @@ def drift(
     """
     can_write(report)
     can_write(out)
-    # both logs may be the first things in a registry
-    fresh_logs = (
-        robot is not None and against is not None and Path(recording).exists() and Path(against).exists()
-    )
-    with call.open(create=fresh_logs) as session, call.progress() as progress:
+    with call.open_for(robot, recording, against) as session, call.progress() as progress:
         result = session.drift(
             recording,
             against,

@@ -29,7 +29,7 @@ def gait(
 ) -> None:
     """Seek a gait, and draw it where a film is asked for."""
     _can_film(film)
-    with call.open(create=robot is not None) as session:
+    with call.open_for(robot, recording) as session:
         with call.progress() as progress:
             found = session.gait(recording, **vars(settings), robot=robot, log_map=log_map, progress=progress)
         call.emit(found, hint="dynreg export @last --as python --to gait.py")

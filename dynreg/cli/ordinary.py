@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -32,9 +33,9 @@ def _about_recording(name: str, row: Verb) -> Callable[..., None]:
         report: Page = None,
     ) -> None:
         can_write(report)
-        # a log may be the first thing in a registry, where it is registered with the answer: a failure leaves none
-        first = not row.ingest and robot is not None and Path(recording).exists()
-        with call.open(create=first) as session, call.progress() as progress:
+        # a log that is registered before the verb begins would stay where that fails: none is the first of a registry
+        opened = call.open() if row.ingest else call.open_for(robot, recording)
+        with opened as session, call.progress() as progress:
             result = getattr(session, name)(
                 recording, **vars(settings), robot=robot, log_map=log_map, progress=progress
             )
@@ -45,15 +46,22 @@ def _about_recording(name: str, row: Verb) -> Callable[..., None]:
 
 def _about_robot(name: str, row: Verb) -> Callable[..., None]:
     def command(call: Call, robot: RobotFolder, settings: row.settings, report: Page = None) -> None:
-        from dynreg.sim.robot import load_robot
-
-        can_write(report)
-        loaded = load_robot(robot)  # a mistake here makes no registry
-        with call.open(create=True) as session, call.progress() as progress:
-            result = getattr(session, name)(loaded, **vars(settings), progress=progress)
-        call.emit_and_write(result, report)
+        ask_about_robot(call, name, robot, vars(settings), report)
 
     return command
+
+
+def ask_about_robot(
+    call: Call, name: str, robot: str, settings: Mapping[str, Any], report: Path | None
+) -> None:
+    """Ask a verb about a robot, in a registry that is made if need be; print the answer, and write its page."""
+    from dynreg.sim.robot import load_robot
+
+    can_write(report)
+    loaded = load_robot(robot)  # a mistake here makes no registry
+    with call.open(create=True) as session, call.progress() as progress:
+        result = getattr(session, name)(loaded, **settings, progress=progress)
+    call.emit_and_write(result, report)
 
 
 _ABOUT = {"recording": _about_recording, "robot": _about_robot}

@@ -1,11 +1,12 @@
 """What goes to stdout (one result) and to stderr (progress, errors)."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
+from dynreg.verbs.verb import Progress
+
 WIDTH = 100
-Progress = Callable[[str, int, int], None]
 
 
 def console(stream=None):

@@ -14,7 +14,6 @@ from dynreg.verbs.settings import options
 
 FILE = Path("dynreg.toml")
 PREFIX = "DYNREG_"
-DEFAULT_REGISTRY = Path("dynreg-registry")
 
 
 class _Global(BaseModel):

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from dynreg.cli.call import Call, can_write
+from dynreg.cli.call import Call
 from dynreg.cli.completion import effect_names
 from dynreg.cli.options import Page, RobotFolder
+from dynreg.cli.ordinary import ask_about_robot
 from dynreg.errors import UsageError
 from dynreg.verbs.trial import TrialSettings
 
@@ -29,15 +30,9 @@ def trial(
     report: Page = None,
 ) -> None:
     """Hide what the flags say, and diagnose."""
-    from dynreg.sim.robot import load_robot
-
-    can_write(report)
     hidden = tuple(part.strip() for part in effect.split("+")) if effect else ()
     settings = replace(settings, hide=_hide(effect, nothing, every), effects=hidden)
-    loaded = load_robot(robot)  # a mistake here makes no registry
-    with call.open(create=True) as session, call.progress() as progress:
-        result = session.trial(loaded, **vars(settings), progress=progress)
-    call.emit_and_write(result, report)
+    ask_about_robot(call, "trial", robot, vars(settings), report)
 
 
 def _hide(effect: str | None, nothing: bool, every: bool) -> str:

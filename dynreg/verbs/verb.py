@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dynreg.results.stored import RecordingSummary
     from dynreg.sim.robot import Robot
 
-Progress = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]  # is called with (stage, done, total)
 Answer = TypeVar("Answer")
 _COMMANDS = ("Example:", "Exit status")  # how paragraphs begin that a command alone shows
 _TAKEN = {

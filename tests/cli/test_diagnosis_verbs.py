@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import made_up_diagnosis
+import made_up_gait
 import pytest
 
 from dynreg.cli.schemas import model_of
@@ -85,11 +86,15 @@ def test_a_finished_diagnosis_is_done_whatever_its_verdict(verdict: str, dynreg,
     assert " ".join(session.answers["diagnose"].sentence.split()) in " ".join(ended.out.split())
 
 
-def test_a_log_given_by_path_may_be_the_first_thing_in_a_registry(dynreg, session) -> None:
-    dynreg("diagnose", "run.csv", "--robot", "servo_pendulum")
-    assert session.created
-    dynreg("diagnose", "gone.csv", "--robot", "servo_pendulum")
+@pytest.mark.parametrize("verb", ["calibrate", "diagnose", "compare", "gait"])
+def test_a_log_given_by_path_may_be_the_first_thing_in_a_registry(verb: str, dynreg, session) -> None:
+    session.answers["gait"] = made_up_gait.gait()
+    dynreg(verb, "run.csv", "--robot", "servo_pendulum")
+    assert session.asked[-1][0] == verb and session.created
+    dynreg(verb, "gone.csv", "--robot", "servo_pendulum")
     assert not session.created, "no registry is made for a log that is not there"
+    dynreg(verb, "run.csv")
+    assert not session.created, "nor for a log of no robot"
 
 
 @pytest.mark.parametrize("line", [VERBS["diagnose"], VERBS["trial"]], ids=["diagnose", "trial"])
