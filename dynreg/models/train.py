@@ -27,7 +27,7 @@ class Passes:
     seed: int = 0
 
 
-PASSES = Passes()  # of an entry, warm-started from the base
+PASSES = Passes()  # where nobody says; populations and comparisons have their own
 
 
 @dataclass(frozen=True)
