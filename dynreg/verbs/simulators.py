@@ -104,16 +104,6 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
     return _told(registry, record, RECOMMENDED[record.kind], robot, recording)
 
 
-def nearest(registry: "Registry", robot: "Robot", recording: str, k: int) -> tuple[Simulator, ...]:
-    """The k nearest of the newest query about a recording (its id), nearest first; fewer where it found fewer.
-
-    Raises NoMatchError where nothing was asked about the recording yet.
-    """
-    record = _newest(registry, "nearest", recording)
-    ids = [neighbour["entry"] for neighbour in record.document["neighbours"][:k]]
-    return tuple(replace(stored(registry, "entry", i, robot), source=record.id) for i in ids)
-
-
 def own(found: Simulator, robot: "Robot") -> Simulator:
     """The simulator again; UsageError where it is of another robot."""
     if found.config.robot != robot.hash:

@@ -224,3 +224,10 @@ def test_a_track_spans_its_limits_and_holds_everything() -> None:
     assert beyond.nominal == 0 and beyond.left + beyond.width == pytest.approx(100)
     exact = track(1.0, 1.0, 1.0, 1.0, [])
     assert 0 < exact.value < 100 and exact.width > 0
+
+
+def test_an_interval_is_drawn_only_where_there_is_one():
+    """A search by calibration gives none: neither a bar at its values, nor a word of it in the legend."""
+    without, given = page(RESULTS["calibration"]), page(RESULTS["one neighbour"])
+    assert 'class="span"' not in without and "90 % interval" not in without
+    assert 'class="span"' in given and "90 % interval</span>" in given

@@ -9,7 +9,7 @@ from dynreg import session
 from dynreg.errors import NoMatchError, OldWord, UsageError
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.simulators import NAMES, OLD, nearest, own, simulator
+from dynreg.verbs.simulators import NAMES, OLD, own, simulator
 
 EFFECT = {"coulomb_friction[arm]": {"torque": 0.02}}
 
@@ -53,12 +53,6 @@ def test_words_say_what_results_told(asked):
     assert by_word["@answer"].id == found.answer
     assert by_word["calibrated"].id == fitted.simulator
     assert all(one.robot is robot for one in by_word.values())
-
-
-def test_the_k_nearest_stand_in_their_order(asked):
-    registry, robot, found, _ = asked
-    ids = [one.id for one in nearest(registry, robot, found.recording, 2)]
-    assert ids == [n.entry for n in found.neighbours[:2]]
 
 
 def test_a_result_that_is_named_tells_the_simulator_that_it_recommends(asked):
