@@ -12,7 +12,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,9 +30,9 @@ from dynreg.diagnose.truth import hide
 from dynreg.errors import LogError
 from dynreg.results import Diagnosis
 from dynreg.rng import stream, stream_seed
-from dynreg.sim.effects import Term, Terms, term
+from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, Disturbance, finer
+from dynreg.sim.real import DISTURBANCE, disturbance, finer
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -87,17 +87,17 @@ def copies(robot: Robot, run: Run, seeds: range) -> list[Copy]:
         finer(robot),
         float(np.mean(Coordinates(robot, np.full(len(robot.space), np.nan)).scales["torque"])),
     )
-    noise = np.stack([stream(seed, "copy disturbance").standard_normal((run.steps, 1)) for seed in seeds])
-    substeps = round(run.period / truth.file.robot.timestep)
+    draws = np.stack([stream(seed, "copy disturbance").standard_normal((1, run.steps, 1)) for seed in seeds])
     terms = Terms(
-        (*(term(key) for key in EFFECTS), Term(Disturbance(noise, substeps))),
+        (*(term(key) for key in EFFECTS), disturbance(truth)),
         (
             *(np.array([[d[key]] for d in drawn]) for key in EFFECTS),
             np.full((len(drawn), 1), DISTURBANCE * limit),
         ),
     )
     parameters = np.array([d["parameters"] for d in drawn])
-    states = rollout(truth, parameters, run, engine="mujoco", threads=1, terms=terms).states[:, 0]
+    own = replace(run, draws=draws)
+    states = rollout(truth, parameters, own, engine="mujoco", threads=1, terms=terms).states[:, 0]
     return [
         Copy(_logged(robot, run, _sensed(robot, s, seed)), d["payload"], d["besides"])
         for s, d, seed in zip(states, drawn, seeds, strict=True)

@@ -28,7 +28,7 @@ from dynreg.results import Drift
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, finer, noise_term, sensed
+from dynreg.sim.real import DISTURBANCE, disturbance, finer, sensed
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.timed.drift import shifts
@@ -111,15 +111,11 @@ def recordings(robot: Robot, some: list[Case]) -> list[tuple[Recording, Recordin
     longest = max(int(steps.max()) for _, steps in drawn)
     actions = np.stack([a[:, :longest] for a, _ in drawn])
     rest = np.zeros((EPISODES, len(robot.channels)))
-    run = Run(actions, period=PERIOD, initial=rest)
+    draws = stream(some[0].seed, "unsteady wheels").standard_normal(actions.shape)
+    run = Run(actions, period=PERIOD, initial=rest, draws=draws)
     truth = finer(robot)
-    noise = stream(some[0].seed, "unsteady wheels").standard_normal(
-        (len(values) * EPISODES, *actions.shape[2:])
-    )
     unsteady = DISTURBANCE * Coordinates(robot, np.full(len(robot.space), np.nan)).drive_limit
-    active = Terms(
-        (*terms.terms, noise_term(truth, run, noise)), (*terms.values, np.full((len(values), 1), unsteady))
-    )
+    active = Terms((*terms.terms, disturbance(truth)), (*terms.values, np.full((len(values), 1), unsteady)))
     states = rollout(truth, values, run, engine="unicycle", terms=active, threads=1).states
     logs = [
         _logged(robot, s, a, steps, stream(some[i // 2].seed, "sensors", i % 2))

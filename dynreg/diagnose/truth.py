@@ -16,7 +16,7 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.real import DISTURBANCE, disturbance, finer, sensed
+from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, sensed
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -162,13 +162,14 @@ def measured_states(
     """(E, T+1, S) what the hidden robot's sensors say in the episodes of `run`: noise and quantisation included."""
     truth = finer(robot)
     active = Terms(
-        (*hidden.terms, disturbance(truth, run, stream(hidden.seed, "disturbance", robot.name))),
+        (*hidden.terms, disturbance(truth)),
         (
             *(v[None] for v in hidden.values),
             np.array([[DISTURBANCE * Coordinates(robot, nominal_known(robot)).drive_limit]]),
         ),
     )
     whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
+    whole = disturbed(truth, whole, stream(hidden.seed, "disturbance", robot.name))
     states = rollout(
         truth, hidden.parameters[None], whole, engine=engine, terms=active, threads=threads
     ).states[0]

@@ -17,7 +17,7 @@ from dynreg.replay.samples import effective_samples
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms, stacked
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, noise_term
+from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, disturbance
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -82,9 +82,9 @@ class Pair:
         if disturbed:
             draw = stream(self.seed, "excite", self.robot.name, "disturbance")
             noise = draw.standard_normal((run.steps, len(self.robot.actions)))
-            term = noise_term(self.robot, run, np.broadcast_to(noise, (run.episodes, *noise.shape)))
+            run = replace(run, draws=np.broadcast_to(noise, (run.episodes, *noise.shape)))
             size = np.full((len(rows), 1), DISTURBANCE * c.drive_limit)
-            parts.append((np.arange(len(rows)), Terms((term,), (size,))))
+            parts.append((np.arange(len(rows)), Terms((disturbance(self.robot),), (size,))))
         nominal = c.values(np.array([at[:free] for _, at in rows]))
         acting = stacked(len(rows), parts)
         return rollout(self.robot, nominal, run, engine=self.engine, threads=self.threads, terms=acting)

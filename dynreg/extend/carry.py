@@ -61,7 +61,7 @@ class Fields:
 
     def apply(self, terms: Terms) -> None:
         """Let the effects of one simulator write what they write before anything moves."""
-        configure_terms(self.robot, acting(self.robot, terms, 1, 1), self.ports, self.expand)
+        configure_terms(self.robot, acting(self.robot, terms), self.ports, self.expand)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """{"mj.<field>", "port.<port>.<key>" or "control.<key>": copy of its values, without the simulators' axis}."""

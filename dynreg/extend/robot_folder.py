@@ -53,7 +53,7 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
             do="name another one",
         )
     terms, values = terms_of(config), robot.space.from_dict(dict(config.values))
-    acting(robot, terms, 1, 1)  # refuses what cannot act on this robot
+    acting(robot, terms)  # refuses what cannot act on this robot
     half_done = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", dir=destination.absolute().parent))
     try:
         written = _write(robot, config, values, terms, half_done)

@@ -13,13 +13,12 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms, stacked
 from dynreg.sim.engine import engines_with
+from dynreg.sim.engines import Arena
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk, motor_noise
 
 if TYPE_CHECKING:
     from mujoco import MjModel
-
-    from dynreg.sim.engines.arena import Arena
 
 LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which a sine is none
 
@@ -145,9 +144,7 @@ class Trials:
             actions, period=1.0 / self.rate, noise=np.broadcast_to(noise, (len(noise), *actions.shape))
         )
 
-    def _arena(self, run: Run) -> "Arena":
-        from dynreg.sim.engines.arena import Arena
-
+    def _arena(self, run: Run) -> Arena:
         return Arena(
             self.robot,
             self.simulators.values,

@@ -9,7 +9,7 @@ from types import MappingProxyType
 class Engine:
     """One engine that robot.toml may name.
 
-    module : has the `rollout` that `dynreg.sim.engines.rollout` calls.
+    module : has the `simulate` that `dynreg.sim.engines.rollouts` calls.
     planar : moves a base on a plane; it has neither forces nor contacts.
     contacts : bodies touch the ground and each other; robots walk, stand and fall.
     vectorised : advances all simulators in numpy at once; a thousand draws take a second.

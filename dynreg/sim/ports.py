@@ -60,7 +60,7 @@ class Ports:
         array[:, at] = combine(assignment.op, array[:, at], values)
 
     def repeat(self, times: int) -> "Ports":
-        """Each simulator `times` times in a row, for its episodes."""
+        """Each simulator `times` times in a row."""
         spread = lambda group: {k: np.repeat(v, times, axis=0) for k, v in group.items()}  # noqa: E731
         groups = ("drive", "friction", "sensor", "control", "base")
         return replace(self, **{group: spread(getattr(self, group)) for group in groups})
@@ -104,12 +104,12 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
 
 
 def assigned(robot: Robot, values: np.ndarray, run: Run) -> list[tuple[Assignment, np.ndarray]]:
-    """What parameters (B, P) and the settings of E episodes set, in order, each to (B E,) values."""
-    n, episodes, settings = len(values), run.episodes, run.settings
+    """What parameters (n, P) and the settings of as many episodes set, in order, each to (n,) values."""
+    settings = run.settings
     if settings is None:
-        settings = np.tile([s.nominal for s in robot.file.settings], (episodes, 1))
-    out = [(a, np.repeat(values[:, i], episodes)) for i, s in enumerate(robot.setters) for a in s]
-    out += [(a, np.tile(settings[:, i], n)) for i, s in enumerate(robot.setting_setters) for a in s]
+        settings = np.tile([s.nominal for s in robot.file.settings], (len(values), 1))
+    out = [(a, values[:, i].copy()) for i, s in enumerate(robot.setters) for a in s]
+    out += [(a, settings[:, i].copy()) for i, s in enumerate(robot.setting_setters) for a in s]
     return out
 
 

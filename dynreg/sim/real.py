@@ -4,7 +4,7 @@
 time step, a torque disturbance, sensor noise and quantisation.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +13,8 @@ from dynreg.data.names import quantity_of
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import BudgetError, UsageError
 from dynreg.rng import stream
-from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms, Values
+from dynreg.sim.effects import EffectParameter, Moment, OfAnyDrive, Term, Terms, Values
+from dynreg.sim.engines import Arena
 from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk
@@ -66,51 +67,37 @@ class RealRobot(Protocol):
         """Play commands (T, A), `rate` a second; BudgetError, before anything moves, where they cost too much."""
 
 
-class _Noise(Effect):
-    """Noise of a hidden robot: held for one command, drawn before the run; its parameter is 1 sigma."""
-
-    def __init__(self, noise: np.ndarray, substeps: int):
-        self.noise, self.substeps = noise, substeps  # (rows, steps, joints)
-
-    def why_not(self, robot: Robot) -> str | None:
-        return None
-
-    def now(self, x: Moment) -> np.ndarray:
-        """(rows, joints) of this time step."""
-        count = x.memory.get("count", 0)
-        x.memory["count"] = count + 1
-        return self.noise[:, min(count // self.substeps, self.noise.shape[1] - 1)]
-
-
-class Disturbance(_Noise):
-    """Torque noise of a hidden robot."""
+class Disturbance(OfAnyDrive):
+    """Torque noise of a hidden robot, held for one command: 1 sigma of the run's draws."""
 
     id, acts_on, title = "disturbance", "drive", "torque noise"
     parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return torque + p["torque"] * self.now(x)
+        return torque + p["torque"] * x.draw
 
 
-class Unsteadiness(_Noise):
-    """Noise on the speeds that the drives of a hidden planar base are told."""
+class Unsteadiness(OfAnyDrive):
+    """Noise on the speeds that the drives of a hidden planar base are told, as `Disturbance`."""
 
     id, acts_on, title = "unsteadiness", "command", "noise on speeds"
     parameters = (EffectParameter("speed", "rad/s", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="command"),)
 
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return u + p["speed"] * self.now(x)
+        return u + p["speed"] * x.draw
 
 
-def disturbance(robot: Robot, run: Run, rng: np.random.Generator) -> Term:
-    """The noise of the drives in the episodes of `run`, which has a period."""
-    return noise_term(robot, run, rng.standard_normal((run.episodes, run.steps, len(robot.actions))))
+_DISTURBANCE, _UNSTEADINESS = Term(Disturbance()), Term(Unsteadiness())
 
 
-def noise_term(robot: Robot, run: Run, noise: np.ndarray) -> Term:
-    """Noise (E, T, A), in standard deviations, on what the robot's drives give: torques, of a planar base speeds."""
-    kind = Unsteadiness if robot.planar else Disturbance
-    return Term(kind(noise, int(robot.substeps(run.period))))
+def disturbance(robot: Robot) -> Term:
+    """Noise, by `Run.draws`, on what the robot's drives give: torques, of a planar base speeds."""
+    return _UNSTEADINESS if robot.planar else _DISTURBANCE
+
+
+def disturbed(robot: Robot, run: Run, rng: np.random.Generator) -> Run:
+    """The run with draws of its own for every episode."""
+    return replace(run, draws=rng.standard_normal((run.episodes, run.steps, len(robot.actions))))
 
 
 def finer(robot: Robot) -> Robot:
@@ -160,18 +147,16 @@ class SimulatedRobot:
         Raises BudgetError before anything moves where the budget is spent or would be, UsageError for commands
         that are not the robot's.
         """
-        from dynreg.sim.engines.arena import Arena
-
         self._check(actions, rate)
         self._afford(len(actions) / rate)
         number = self.spent.trials
         truth = finer(self.robot)
         rng = stream(self.seed, "real robot", self.robot.name, number)
         noise = rng.standard_normal((1, 1, *actions.shape))
-        run = Run(actions[None], period=1.0 / rate, noise=noise)
+        run = disturbed(truth, Run(actions[None], period=1.0 / rate, noise=noise), rng)
         limit = nominal_ports(self.robot, 1).drive["torque_limit"].mean()
         active = Terms(
-            (*self.terms, disturbance(truth, run, rng)),
+            (*self.terms, disturbance(truth)),
             (*(v[None] for v in self.values), np.array([[DISTURBANCE * limit]])),
         )
         arena = Arena(truth, self.parameters[None], run, terms=active, threads=self.threads, slope=self.slope)

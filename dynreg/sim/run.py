@@ -10,7 +10,7 @@ from dynreg.rng import stream
 
 @dataclass(frozen=True)
 class Run:
-    """Episodes of commands that each of B simulators executes.
+    """Episodes of commands that each of B simulators executes; an engine has one simulator for each episode.
 
     Attributes
     ----------
@@ -23,7 +23,8 @@ class Run:
     before : (E, L, A) commands of the rows before the first, from standstill; planar bases start with the velocity that
         their own lags make of them. None for none.
     period : seconds between commands; None takes each simulator's own command rate.
-    noise : (B, E, T, A) standard normal draws for the motor noise; None runs without it.
+    noise : (E, T, A), or (B, E, T, A) as the actions: standard normal draws for the motor noise; None runs without it.
+    draws : in the same shapes, what effects read as `Moment.draw`: what disturbs hidden robots; None for 0.
     begin : (E,) seconds from the start of the log to that of each episode (what warms up or wears goes on);
         None starts them all at once.
     joints : the driven joints that are looked at; None for all. An engine in which joints move alone leaves the
@@ -40,6 +41,7 @@ class Run:
     joints: tuple[str, ...] | None = None
     velocity: np.ndarray | None = None
     before: np.ndarray | None = None
+    draws: np.ndarray | None = None
 
     def __post_init__(self):
         if self.actions.ndim not in (3, 4):
@@ -57,23 +59,31 @@ class Run:
     def steps(self) -> int:
         return self.actions.shape[-2]
 
-    def of_all(self, n: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """(n, T, A) commands and motor noise (None without) of n simulations: every simulator's episodes in a row."""
-        steps, count = self.actions.shape[-2:]
-        actions = self.actions.reshape(int(np.prod(self.actions.shape[:-2])), steps, count)
-        actions = np.tile(actions, (n // len(actions), 1, 1)) if len(actions) < n else actions
-        return actions, None if self.noise is None else self.noise.reshape(n, steps, count)
-
     def take(self, episodes: np.ndarray) -> "Run":
         """Only these episodes (indexes)."""
-        pick = lambda a: None if a is None else a[episodes]  # noqa: E731
-        own = ("inputs", "settings", "initial", "begin", "velocity", "before")
-        return replace(
-            self,
-            actions=self.actions[..., episodes, :, :],
-            noise=None if self.noise is None else self.noise[:, episodes],
-            **{name: pick(getattr(self, name)) for name in own},
-        )
+        given = {name: getattr(self, name) for name in (*OF_EPISODES, *OF_STEPS)}
+        own = {
+            name: a[episodes] if name in OF_EPISODES else a[..., episodes, :, :]
+            for name, a in given.items()
+            if a is not None
+        }
+        return replace(self, **own)
+
+
+OF_EPISODES = ("inputs", "settings", "initial", "begin", "velocity", "before")  # fields of Run, each (E, ...)
+OF_STEPS = ("actions", "noise", "draws")  # each (E, T, A), or (B, E, T, A)
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What an engine gives back of N independent simulations: states (N, T+1, S) at the command times.
+
+    fell : (N,) the first step at which the robot had fallen, T+1 where it had not. taken : (N,) time steps.
+    """
+
+    states: np.ndarray
+    fell: np.ndarray
+    taken: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ import pytest
 from dynreg.errors import SimulationError
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms
-from dynreg.sim.engines import rollout
-from dynreg.sim.engines.arena import Arena
+from dynreg.sim.engines import Arena, rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import load_robot
 from dynreg.sim.run import Run, motor_noise

@@ -60,7 +60,7 @@ class Moment:
     torque : what the drives give [N m]; friction sees it less the drives' damping (a motor's back-EMF).
     limit, stiffness, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state, kept
     between time steps.
-    past : command `delay` (rows, 1) [s] ago, averaged over the time step.
+    past : command `delay` (rows, 1) [s] ago, averaged over the time step. draw : of `Run.draws`, for this command.
     Drives of a planar base give speeds, which are its q and v here, and `speeds` is true; it has neither torques nor
     inertia. For `roll` v and q are the speeds [m/s] of the wheels as the time step begins and ends.
     """
@@ -76,12 +76,17 @@ class Moment:
     damping: Any = None
     past: Callable[[np.ndarray], np.ndarray] | None = None
     now: Callable[[], np.ndarray] | None = None
+    drawn: Callable[[], np.ndarray] | None = None
     speeds: bool = False
     memory: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def time(self) -> np.ndarray:
         return self.now()
+
+    @property
+    def draw(self) -> np.ndarray:
+        return self.drawn()
 
 
 @dataclass(frozen=True)
@@ -220,27 +225,28 @@ class Terms:
         """Those of the same B simulators, so many times one after the other."""
         return Terms(self.terms, tuple(np.tile(v, (times, 1)) for v in self.values))
 
-    def rows(self, number: int, repeat: int) -> Any:
-        """Simulations that have term `number` when each simulator runs `repeat` episodes: a slice where possible."""
-        has = np.repeat(np.isfinite(self.values[number]).all(axis=1), repeat)
-        return slice_of(np.flatnonzero(has))
+    def take(self, simulators: Any) -> "Terms":
+        """Only these simulators (numbers or a slice)."""
+        return Terms(self.terms, tuple(v[simulators] for v in self.values))
 
-    def at(self, number: int, repeat: int) -> Values:
+    def rows(self, number: int) -> Any:
+        """Simulators that have term `number`: a slice where possible."""
+        return slice_of(np.flatnonzero(np.isfinite(self.values[number]).all(axis=1)))
+
+    def at(self, number: int) -> Values:
         """{name: (rows, 1)} values of term `number` in its rows."""
-        values = np.repeat(self.values[number], repeat, axis=0)[self.rows(number, repeat)]
+        values = self.values[number][self.rows(number)]
         names = [p.name for p in self.terms[number].effect.parameters]
         return MappingProxyType({name: values[:, i, None].copy() for i, name in enumerate(names)})
 
 
 def stacked(count: int, groups: Iterable[tuple[Sequence[int], Terms]]) -> Terms | None:
     """The effects of so many simulators, from those of groups of them: (their numbers, theirs); None without any."""
-    table: dict[str, tuple[Term, np.ndarray]] = {}
+    table: dict[Term, np.ndarray] = {}
     for members, own in groups:
         for term, values in zip(own.terms, own.values, strict=True):
-            if term.key not in table:
-                table[term.key] = (term, np.full((count, values.shape[1]), np.nan))
-            table[term.key][1][members] = values
-    return Terms(*zip(*table.values(), strict=True)) if table else None
+            table.setdefault(term, np.full((count, values.shape[1]), np.nan))[members] = values
+    return Terms(tuple(table), tuple(table.values())) if table else None
 
 
 def drives(robot: Robot, *types: str) -> bool:

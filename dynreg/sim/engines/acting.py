@@ -50,8 +50,8 @@ class Acting:
         return answer
 
 
-def acting(robot: Robot, terms: Terms | None, episodes: int, n: int) -> list[Acting]:
-    """The terms that any of n simulations has, in the order of the table of effects.
+def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
+    """The terms that any of n simulations has, (n, K) values of each, in the order of the table of effects.
 
     Raises UsageError where a term names a joint that no action drives, or cannot act on this robot.
     """
@@ -69,14 +69,15 @@ def acting(robot: Robot, terms: Terms | None, episodes: int, n: int) -> list[Act
                 else f"joints out of {sorted(robot.driven)}",
                 do="see `dynreg effects`",
             )
-        rows = terms.rows(number, episodes)
+        rows = terms.rows(number)
         if not isinstance(rows, slice) and not len(rows):
             continue
         joints = np.array(robot.drives_of(term.joints), dtype=int)
         where = _where(rows, joints, len(robot.joints))
-        out.append(Acting(term.effect, rows, joints, where, terms.at(number, episodes)))
+        out.append(Acting(term.effect, rows, joints, where, terms.at(number)))
     order = {name: i for i, name in enumerate(effects())}
-    return sorted(out, key=lambda a: order.get(a.effect.id, len(order)))
+    # of one effect on several joints by joints: whatever else is in the batch, a simulation adds them up alike
+    return sorted(out, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints)))
 
 
 def configure_terms(
@@ -118,7 +119,8 @@ def on(active: list[Acting], port: str) -> list[Acting]:
 class Clock:
     """Where a rollout is: command step, substep, and the commands so far; for delays and drifts.
 
-    commands : (n, T, A). period, h : (n,) [s]. begin : (n,) [s] from the log's start to the episode's.
+    commands : (n, T, A), draws : as many, None for 0. period, h : (n,) [s]. begin : (n,) [s] from the log's start to
+    the episode's.
     substeps : (n,) time steps of each simulation in one command.
     """
 
@@ -126,6 +128,7 @@ class Clock:
     period: np.ndarray
     h: np.ndarray
     begin: np.ndarray
+    draws: np.ndarray | None = None
     step: int = 0
     substep: int = 0
 
@@ -148,11 +151,16 @@ class Clock:
         for a in active:
             a.moment.h = self.h[a.rows, None]
             a.moment.now, a.moment.past = partial(self.now, a), partial(self.past, a)
+            a.moment.drawn = partial(self.drawn, a)
 
     def now(self, a: Acting) -> np.ndarray:
         """What `Moment.time` answers for one term."""
         passed = self.step * self.period[a.rows] + self.substep * self.h[a.rows]
         return (self.begin[a.rows] + passed)[:, None]
+
+    def drawn(self, a: Acting) -> np.ndarray:
+        """What `Moment.draw` answers for one term."""
+        return np.zeros((1, 1)) if self.draws is None else self.draws[:, self.step][a.where]
 
     def past(self, a: Acting, delay: np.ndarray) -> np.ndarray:
         """What `Moment.past` answers for one term."""
@@ -169,11 +177,10 @@ class Clock:
         return share * now + (1.0 - share) * self.commands[rows[:, None], early[:, None], a.joints]
 
 
-def clock_of(n: int, ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
+def clock_of(ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Of n simulations (n,): the period between commands [s], and when each episode of the log began [s]."""
-    period = 1.0 / ports.control["rate"] if run.period is None else np.full(n, run.period)
-    begin = np.zeros(run.episodes) if run.begin is None else run.begin
-    return period * ports.control["clock"], np.tile(begin, n // run.episodes)
+    period = 1.0 / ports.control["rate"] if run.period is None else run.period
+    return period * ports.control["clock"], np.zeros(run.episodes) if run.begin is None else run.begin
 
 
 def commanded(

@@ -16,17 +16,17 @@ from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_sim
 from dynreg.sim.layout import Layout, base_motion, observe
 from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run, Walk
+from dynreg.sim.run import Run, Simulated, Walk
 
 DIVERGED = 1e4  # rad/s or m/s
 TOUCHING = 1e-3  # m above the ground
 _KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
 
 
-class Arena:
-    """B simulators, each for E episodes, set up and settled once; every run starts there, with other commands.
+class Simulations:
+    """N simulations, set up and settled once; every run starts there, with other commands.
 
-    `run` gives the number of episodes and all but the commands: settings, inputs, initial states, period, noise.
+    `run` has an episode for each; it gives all but the commands: settings, inputs, initial states, period, noise.
     slope : angle [rad] of the ground, rising ahead of the robot: gravity is turned.
     """
 
@@ -41,33 +41,34 @@ class Arena:
         slope: float = 0.0,
     ):
         model, self.layout = compiled(robot)
-        n, episodes = len(values), run.episodes
-        self.robot, self._shape = robot, (n, episodes)
-        self._batch = batch = Batch(model, n * episodes, nthread=threads)
+        self.robot = robot
+        self._batch = batch = Batch(model, len(values), nthread=threads)
         self._ports = ports = configure(robot, batch, model, values, run)
-        self._active = acting(robot, terms, episodes, batch.nsim)
+        self._active = acting(robot, terms)
         configure_terms(robot, self._active, ports, batch.expand)
         if slope:
             gravity = batch.expand("opt.gravity")
             ahead, up = gravity[:, 0].copy(), gravity[:, 2].copy()  # a tilted base has some ahead already
             gravity[:, 0] = np.cos(slope) * ahead + np.sin(slope) * up
             gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * ahead
-        self._inputs = episode_inputs(robot, n, run)
+        self._inputs = episode_inputs(robot, run)
         self._drives = Drives(batch, self.layout, ports)
         self._drives.apply(servo_law(ports, self._inputs[:, 0]))
         batch.set_const()
-        self._period, self._begin = clock_of(batch.nsim, ports, run)
+        self._period, self._begin = clock_of(ports, run)
         self._h = self._period / robot.substeps(self._period)  # each divides its own period between commands
         batch.expand("opt.timestep")[:] = self._h.reshape(batch.expand("opt.timestep").shape)
         self._busy = busy_simulations(self._active, batch.nsim)
         batch.reset(keyframe=robot.keyframe)
         self._inertia = joint_inertia(batch, model, self.layout) if len(self._busy) else None
-        reset(robot, batch, model, self.layout, run, ports)
+        told = [values, self._inputs[:, 0], *(terms.values if terms else ())]
+        told += [] if run.settings is None else [run.settings]
+        reset(robot, batch, model, self.layout, run, ports, told)
         self._start = {name: batch.bind(name).copy() for name in _KEPT}
         self._memory = [copy.deepcopy(a.moment.memory) for a in self._active]
         self._used = False
 
-    def rollout(self, run: Run) -> Rollout:
+    def play(self, run: Run) -> Simulated:
         """The whole episodes under the commands and motor noise of `run`, as the log would hold them."""
         steps = self._steps(run)
         trace_q, trace_v = self._trace(steps)
@@ -76,27 +77,26 @@ class Arena:
         )
         states = observed(self.robot, self._active, states, self._ports, steps.clock.period)
         states[_diverged(trace_v)] = np.nan
-        taken = int(steps.clock.substeps.sum()) * run.steps
         down = np.zeros(trace_q.shape[:2], dtype=bool)
         if self.layout.base_qpos >= 0:
             down = _down(self.robot, trace_q[..., self.layout.base_qpos :])
         fell = np.where(down.any(axis=0), down.argmax(axis=0), run.steps + 1)
-        return Rollout(states.reshape(*self._shape, run.steps + 1, -1), fell.reshape(self._shape), taken)
+        return Simulated(states, fell, steps.clock.substeps * run.steps)
 
     @quiet()
     def poses(self, run: Run) -> np.ndarray:
-        """(B, E, T+1, nq) where all joints of the model are at the command times, for drawing.
+        """(N, T+1, nq) where all joints of the model are at the command times, for drawing.
 
         Falls go on to the end; a simulation that diverges holds NaN from then on.
         """
         trace_q, trace_v = self._trace(self._steps(run))
         poses = np.swapaxes(trace_q, 0, 1)
         poses[_diverged(trace_v)] = np.nan
-        return poses.reshape(*self._shape, run.steps + 1, -1)
+        return poses
 
-    def model(self, simulator: int) -> mujoco.MjModel:
-        """A copy of the MuJoCo model of a simulator (its number), with its parameters and effects in the fields."""
-        return self._batch.get_model(simulator * self._shape[1])
+    def model(self, simulation: int) -> mujoco.MjModel:
+        """A copy of the MuJoCo model of a simulation (its number), with its parameters and effects in the fields."""
+        return self._batch.get_model(simulation)
 
     @quiet()
     def walk(self, run: Run, *, feet: bool = False) -> Walk:
@@ -118,13 +118,7 @@ class Arena:
         base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights)
         touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
         names = [model.geom(int(g)).name for g in spheres]
-        shape = (*self._shape, run.steps + 1)
-        return Walk(
-            base.reshape(*shape, -1),
-            fell.reshape(self._shape),
-            taken,
-            {name: touching[:, i].reshape(shape) for i, name in enumerate(names)},
-        )
+        return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)})
 
     def _trace(self, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
         """(T+1, n, nq), (T+1, n, nv) of whole episodes."""
@@ -154,7 +148,7 @@ class Arena:
         self._used = True
         q = batch.bind("qpos")[:, self.layout.action_qpos]
         commands = told(self.layout, compiled(self.robot)[0], batch, self._ports, run, q)
-        clock = Clock(commands, self._period, self._h, self._begin)
+        clock = Clock(commands, self._period, self._h, self._begin, run.draws)
         if not len(self._busy):
             return Steps(batch, self.layout, self._drives, clock, self._busy)
         effects = (self._active, self._ports, self._inertia)

@@ -33,7 +33,7 @@ from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs,
 from dynreg.sim.layout import Layout, observe, place
 from dynreg.sim.ports import Ports, ServoLaw, law_changes, servo_law
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run
+from dynreg.sim.run import Run, Simulated
 
 
 @dataclass(frozen=True)
@@ -65,28 +65,28 @@ class Plant:
         return self.amplitude * np.sin(q + self.phase) + self.constant
 
 
-def rollout(
+def simulate(
     robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
-) -> Rollout:
-    """Simulate B configurations (B, P) through the E episodes of `run`, every joint alone."""
+) -> Simulated:
+    """N simulations, each of parameters (N, P) and an episode of `run` of its own, every joint alone."""
     model, layout = compiled(robot)
     _check(robot, layout)
-    n, episodes = len(values), run.episodes
-    batch = Batch(model, n * episodes, nthread=threads)
+    batch = Batch(model, len(values), nthread=threads)
     ports = configure(robot, batch, model, values, run)
-    active = acting(robot, terms, episodes, batch.nsim)
+    active = acting(robot, terms)
     configure_terms(robot, active, ports, batch.expand)
     batch.set_const()
-    inputs = episode_inputs(robot, n, run)
+    inputs = episode_inputs(robot, run)
     q, v = _start(robot, layout, batch, run, ports)
     plant = _plant(batch, model, layout, ports)
-    period, begin = clock_of(batch.nsim, ports, run)
+    period, begin = clock_of(ports, run)
     # each simulator divides its own period, whatever others are in the batch
     substeps = robot.substeps(period)
     commands = told(layout, model, batch, ports, run, q)
     clock = Clock(commands, period, period / substeps, begin)
     drives = np.array(robot.drives_of(run.joints), dtype=int)
     clock.commands = np.ascontiguousarray(commands[..., drives])
+    clock.draws = None if run.draws is None else run.draws[..., drives]
     motion = _Motion(ports.take(drives), plant.take(drives), inputs, on_drives(active, drives), clock)
     positions, velocities = motion.integrate(q[:, drives], v[:, drives], substeps)
     # whole poses, of which the joints that are left out are not known
@@ -95,9 +95,7 @@ def rollout(
     qvel[..., layout.action_dof[drives]] = np.swapaxes(velocities, 0, 1)
     states = observe(layout, qpos, qvel, len(robot.channels))
     states = observed(robot, active, states, ports, period)
-    shape = (n, episodes)
-    fell = np.full(shape, run.steps + 1)
-    return Rollout(states.reshape(*shape, run.steps + 1, -1), fell, int(substeps.sum()) * run.steps)
+    return Simulated(states, np.full(len(values), run.steps + 1), substeps * run.steps)
 
 
 class _Motion:
@@ -206,8 +204,7 @@ def _start(
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     qvel[:] = 0.0
     if run.initial is not None:
-        known = np.tile(run.initial, (batch.nsim // run.episodes, 1))
-        place(layout, true_states(robot, known, ports), qpos, qvel)
+        place(layout, true_states(robot, run.initial, ports), qpos, qvel)
     return qpos[:, layout.action_qpos].copy(), qvel[:, layout.action_dof].copy()
 
 

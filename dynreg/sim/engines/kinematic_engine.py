@@ -10,15 +10,15 @@ import numpy as np
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines.planar_base import Law, planar_rollout
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run
+from dynreg.sim.run import Run, Simulated
 
 LEAST = 1e-12  # s: a lag without any
 
 
-def rollout(
+def simulate(
     robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
-) -> Rollout:
-    """Simulate B configurations (B, P) through the E episodes of `run`; `threads` changes nothing here.
+) -> Simulated:
+    """N simulations, each of parameters (N, P) and an episode of `run` of its own; `threads` changes nothing here.
 
     Couplings of speed and yaw rate are the unicycle engine's. Raises as `planar_rollout`.
     """

@@ -3,19 +3,19 @@
 import numpy as np
 
 from dynreg.sim.effects import Terms
-from dynreg.sim.engines.arena import Arena
+from dynreg.sim.engines.arena import Simulations
 from dynreg.sim.engines.mujoco_model import quiet
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run
+from dynreg.sim.run import Run, Simulated
 
 
 @quiet()
-def rollout(
+def simulate(
     robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
-) -> Rollout:
-    """Simulate B configurations (B, P) through the E episodes of `run`, with the effects in `terms`.
+) -> Simulated:
+    """N simulations, each of parameters (N, P), an episode of `run` and the effects in `terms` of its own.
 
     Simulations are independent of each other and of the number of threads, bit for bit. A simulation that
     diverges holds NaN from then on.
     """
-    return Arena(robot, values, run, threads=threads, terms=terms).rollout(run)
+    return Simulations(robot, values, run, threads=threads, terms=terms).play(run)

@@ -18,8 +18,8 @@ from dynreg.sim.run import Run
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
-    """Write parameters and settings into the batch's fields and the returned ports, (B E) simulations."""
-    ports = nominal_ports(robot, len(values)).repeat(run.episodes)
+    """Write parameters (n, P) and the episodes' settings into the batch's fields and the returned ports."""
+    ports = nominal_ports(robot, len(values))
     for assignment, column in assigned(robot, values, run):
         if assignment.root == "mj":
             set_field(batch, model, assignment, column)
@@ -49,13 +49,12 @@ def compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
     return model, layout
 
 
-def episode_inputs(robot: Robot, n: int, run: Run) -> np.ndarray:
-    """(B E, T, I) inputs, defaults where the run has none or NaN."""
+def episode_inputs(robot: Robot, run: Run) -> np.ndarray:
+    """(n, T, I) inputs, defaults where the run has none or NaN."""
     defaults = robot.input_defaults
     if run.inputs is None:
-        return np.broadcast_to(defaults, (n * run.episodes, run.steps, len(defaults)))
-    filled = np.where(np.isnan(run.inputs), defaults, run.inputs)
-    return np.tile(filled, (n, 1, 1))
+        return np.broadcast_to(defaults, (run.episodes, run.steps, len(defaults)))
+    return np.where(np.isnan(run.inputs), defaults, run.inputs)
 
 
 def joint_inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.ndarray:
@@ -82,8 +81,7 @@ def told(
         ranges = np.tile(model.jnt_range, (n, 1, 1)) if ranges is None else ranges
         low[:, limited] = np.maximum(low[:, limited], ranges[:, joints[limited], 0])
         high[:, limited] = np.minimum(high[:, limited], ranges[:, joints[limited], 1])
-    actions, noise = run.of_all(n)
-    return shaped_commands(actions, np.where(positions, q, 0.0), low, high, ports, noise)
+    return shaped_commands(run.actions, np.where(positions, q, 0.0), low, high, ports, run.noise)
 
 
 @contextmanager

@@ -11,30 +11,47 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
 
-def reset(robot: Robot, batch: Batch, model: mujoco.MjModel, layout: Layout, run: Run, ports: Ports) -> None:
-    """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states."""
+def reset(
+    robot: Robot,
+    batch: Batch,
+    model: mujoco.MjModel,
+    layout: Layout,
+    run: Run,
+    ports: Ports,
+    told: list[np.ndarray],
+) -> None:
+    """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states.
+
+    told : (n, ...) numbers that the simulations were made of. Those made of the same settle alike, and one for all.
+    """
     batch.reset(keyframe=robot.keyframe)
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    same = 1 if robot.settings or robot.inputs else run.episodes  # episodes that settle alike
-    first = np.arange(0, batch.nsim, same)
     pose = qpos[:, layout.action_qpos].copy()
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos + 2] -= _clearance(batch, model)
     if robot.file.reset.settle > 0:
         ctrl[:, layout.action_actuator] = np.where(takes_positions(ports), pose, 0.0)
         steps = np.ceil(robot.file.reset.settle / batch.expand("opt.timestep").reshape(-1)).astype(int)
+        first, alike = _alike(told)
         for count in np.unique(steps[first]):
-            batch.step(ids=first[steps[first] == count], nstep=int(count))
-        qpos[:], qvel[:] = qpos[np.repeat(first, same)], qvel[np.repeat(first, same)]
+            batch.step(ids=np.sort(first[steps[first] == count]), nstep=int(count))
+        qpos[:], qvel[:] = qpos[first[alike]], qvel[first[alike]]
         batch.bind("qacc_warmstart")[:] = 0.0  # of the episode that settled: it would start unlike the others
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
     if run.initial is not None:
-        known = np.tile(run.initial, (batch.nsim // run.episodes, 1))
-        place(layout, true_states(robot, known, ports), qpos, qvel)
+        place(layout, true_states(robot, run.initial, ports), qpos, qvel)
     rail = _rail(model, layout)
     if rail >= 0:
         qpos[:, rail] += np.maximum(-_clearance(batch, model), 0.0)
+
+
+def _alike(told: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The first simulation of each kind, and the number (n,) of every simulation's kind, from tables (n, ...)."""
+    table = np.ascontiguousarray(np.concatenate([t.reshape(len(t), -1) for t in told], axis=1), dtype=float)
+    rows = table.view(f"V{table.itemsize * table.shape[1]}")[:, 0]  # bytes: those without an effect are NaN
+    _, first, alike = np.unique(rows, return_index=True, return_inverse=True)
+    return first, alike
 
 
 def _rail(model: mujoco.MjModel, layout: Layout) -> int:

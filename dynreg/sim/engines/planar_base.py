@@ -26,7 +26,7 @@ from dynreg.sim.engines.acting import (
 from dynreg.sim.engines.planar_names import ON_WHEELS, QUANTITIES, Base, planar_base
 from dynreg.sim.ports import Ports, assigned, nominal_ports
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run
+from dynreg.sim.run import Run, Simulated
 
 
 @dataclass(frozen=True)
@@ -64,33 +64,30 @@ def planar_rollout(
     run: Run,
     terms: Terms | None,
     integrator: Integrator,
-) -> Rollout:
-    """Simulate B configurations (B, P) through the E episodes of `run`.
+) -> Simulated:
+    """N simulations, each of parameters (N, P) and an episode of `run` of its own.
 
     Effects may change ports, commands, the contact of wheels and what the log holds. Raises RobotError or
     SimulationError where the robot has channels, actions, drives, `sets` or effects that a planar base does not have.
     """
     base = planar_base(robot)
-    n = len(values) * run.episodes
-    active = acting(robot, terms, run.episodes, n)
+    active = acting(robot, terms)
     ports = _configured(robot, values, run, active)
-    period, begin = clock_of(n, ports, run)
+    period, begin = clock_of(ports, run)
     law = _law(base, ports)
     # each simulator divides its own period, whatever others are in the batch
     substeps = robot.substeps(period)
     h = period / substeps
     substeps = substeps * np.ceil(h / integrator.longest(law, h) - 1e-9).astype(int)
     state = _start(robot, base, run, ports, law, period)
-    clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin)
+    clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin, run.draws)
     motion = _Motion(base, ports, law, clock, active, integrator)
     trace = np.empty((run.steps + 1, *state.shape))
     trace[0] = state
     for t in range(run.steps):
         state = trace[t + 1] = motion.hold(state, t)
-    shape = (len(values), run.episodes)
-    states = _channels(base, ports, trace)
-    states = observed(robot, active, states, ports, period).reshape(*shape, run.steps + 1, -1)
-    return Rollout(states, np.full(shape, run.steps + 1), int(substeps.sum()) * run.steps)
+    states = observed(robot, active, _channels(base, ports, trace), ports, period)
+    return Simulated(states, np.full(len(values), run.steps + 1), substeps * run.steps)
 
 
 class _Motion:
@@ -161,11 +158,11 @@ class _Motion:
 
 
 def _configured(robot: Robot, values: np.ndarray, run: Run, active: list[Acting]) -> Ports:
-    """Ports of the B E simulations after parameters, settings and terms.
+    """Ports of the simulations after parameters, settings and terms.
 
     SimulationError where one of them needs masses, or moments in between.
     """
-    ports = nominal_ports(robot, len(values)).repeat(run.episodes)
+    ports = nominal_ports(robot, len(values))
     for assignment, column in assigned(robot, values, run):
         if assignment.root not in ("port", "control"):
             raise SimulationError(
@@ -213,17 +210,16 @@ def _start(robot: Robot, base: Base, run: Run, ports: Ports, law: Law, period: n
     state = np.zeros((len(QUANTITIES) + 2, n))
     if run.initial is None:
         return state
-    many = n // run.episodes
     full = np.full((len(QUANTITIES) + len(ON_WHEELS), n), np.nan)
-    full[base.channels] = true_states(robot, np.tile(run.initial, (many, 1)), ports).T
+    full[base.channels] = true_states(robot, run.initial, ports).T
     speeds = len(QUANTITIES) + 2 + np.arange(2)
     if base.wheels and np.isin(speeds, base.channels).all() and not np.isin((0, 1), base.channels).any():
         radius = ports.base["wheel_radius"]
         full[:2] = _base_velocities(*(radius * full[speeds]), ports.base["track"])
     if run.velocity is not None:
-        full[:2] = np.where(np.isnan(full[:2]), np.tile(run.velocity.T, many), full[:2])
+        full[:2] = np.where(np.isnan(full[:2]), run.velocity.T, full[:2])
     if run.before is not None:
-        came = _velocities_after(base, ports, law, np.tile(run.before, (many, 1, 1)), period)
+        came = _velocities_after(base, ports, law, run.before, period)
         full[:2] = np.where(np.isnan(full[:2]), came, full[:2])
     return np.nan_to_num(full[: len(state)])
 
@@ -247,10 +243,9 @@ def _velocities_after(
 def _commands(base: Base, ports: Ports, run: Run, state: np.ndarray) -> np.ndarray:
     """(n, T, A) commands within their ranges and largest steps."""
     n = state.shape[1]
-    actions, noise = run.of_all(n)
     low, high = (np.tile(base.ranges[:, i], (n, 1)) for i in (0, 1))
     moving = _wheel_speeds(ports, *state[:2]) if base.wheels else state[:2]
-    return shaped_commands(actions, moving[base.commands].T, low, high, ports, noise)
+    return shaped_commands(run.actions, moving[base.commands].T, low, high, ports, run.noise)
 
 
 def _asked(base: Base, ports: Ports, commands: np.ndarray) -> np.ndarray:

@@ -11,15 +11,15 @@ from dynreg.errors import SimulationError
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines.planar_base import Law, planar_rollout
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Rollout, Run
+from dynreg.sim.run import Run, Simulated
 
 SHORTEST = 1e-3  # s: a shorter lag is the kinematic engine's
 
 
-def rollout(
+def simulate(
     robot: Robot, values: np.ndarray, run: Run, *, threads: int = 0, terms: Terms | None = None
-) -> Rollout:
-    """Simulate B configurations (B, P) through the E episodes of `run`; `threads` changes nothing here.
+) -> Simulated:
+    """N simulations, each of parameters (N, P) and an episode of `run` of its own; `threads` changes nothing here.
 
     Raises as `planar_rollout`, and SimulationError where speed or yaw rate follow (nearly) without a lag.
     """

@@ -106,9 +106,7 @@ def test_delayed_commands_are_blended_within_a_time_step():
     """At 10 ms a command and 2 ms a time step: 3 ms late is the last command, then half of both, then the new."""
     commands = np.array([[[0.0], [1.0], [5.0]]])
     clock = Clock(commands, np.array([0.01]), np.array([0.002]), np.array([0.0]))
-    late = acting(
-        load_robot("servo_pendulum"), Terms((term("command_delay"),), (np.array([[0.003]]),)), 1, 1
-    )[0]
+    late = acting(load_robot("servo_pendulum"), Terms((term("command_delay"),), (np.array([[0.003]]),)))[0]
     clock.step, seen = 1, []
     for clock.substep in range(5):
         seen.append(float(clock.past(late, np.array([[0.003]]))[0, 0]))

@@ -1,4 +1,4 @@
-"""Every engine of the table is a `rollout` of one signature, and traits say what a robot can do."""
+"""Every engine of the table is a `simulate` of one signature, and traits say what a robot can do."""
 
 from importlib import import_module
 from inspect import signature
@@ -12,7 +12,7 @@ from dynreg.sim.robot import load_robot, packaged_robots
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_engines_are_called_alike(name: str):
-    mine = signature(import_module(ENGINES[name].module).rollout)
+    mine = signature(import_module(ENGINES[name].module).simulate)
     assert list(mine.parameters) == ["robot", "values", "run", "threads", "terms"]
 
 
