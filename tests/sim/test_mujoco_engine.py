@@ -253,6 +253,14 @@ def test_a_fall_is_the_first_step_that_tilts_or_sinks_too_far(quadruped: Robot):
     assert still.fell[0, 0] == 41
 
 
+def test_no_time_step_reads_the_clock(quadruped: Robot):
+    """It costs a quarter of a small robot's rollout."""
+    rollout(quadruped, quadruped.space.nominal[None], Run(np.zeros((1, 1, 12))))
+    data = mujoco.MjData(quadruped.model)
+    mujoco.mj_step(quadruped.model, data, nstep=10)
+    assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration == 0.0
+
+
 def test_a_robot_that_lacks_the_engine_says_so(quadruped: Robot):
     with pytest.raises(SimulationError, match="no engine 'joint'.*mujoco"):
         rollout(quadruped, quadruped.space.nominal[None], Run(np.zeros((1, 1, 12))), engine="joint")
