@@ -22,11 +22,11 @@ from scipy.stats import norm
 
 import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.truth import hide
+from dynreg.evidence.truth import hide
 from dynreg.errors import LogError
 from dynreg.results import Diagnosis
 from dynreg.rng import stream, stream_seed

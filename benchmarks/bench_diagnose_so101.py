@@ -17,7 +17,7 @@ import numpy as np
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem

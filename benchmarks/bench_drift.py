@@ -20,8 +20,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.hypothesis import Coordinates
-from dynreg.diagnose.truth import hide
+from dynreg.evidence.hypothesis import Coordinates
+from dynreg.evidence.truth import hide
 from dynreg.drift.compared import Held, Plan, compared
 from dynreg.drift.drift import drift
 from dynreg.results import Drift

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynreg.diagnose.truth import hide
+from dynreg.evidence.truth import hide
 from dynreg.gait.seek import SearchSettings, Sought, seek
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials

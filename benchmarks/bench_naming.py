@@ -22,8 +22,8 @@ from naming import (
     write,
 )
 
-from dynreg.diagnose.hypothesis import single_terms
-from dynreg.diagnose.truth import protocol
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.truth import protocol
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot, load_robot

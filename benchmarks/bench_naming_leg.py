@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from naming import RESULTS, TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, write
 
-from dynreg.diagnose.hypothesis import single_terms
-from dynreg.diagnose.truth import Protocol, protocol
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.truth import Protocol, protocol
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.robot import Robot, load_robot
 

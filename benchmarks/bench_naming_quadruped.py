@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, write
 
-from dynreg.diagnose.truth import Protocol
+from dynreg.evidence.truth import Protocol
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.excitation import KINDS, reset_pose
 from dynreg.sim.robot import Robot, load_robot

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, write
 
-from dynreg.diagnose.truth import protocol
+from dynreg.evidence.truth import protocol
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import load_robot
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import dynreg
-from dynreg.diagnose.truth import Protocol, hide, log_of
+from dynreg.evidence.truth import Protocol, hide, log_of
 from dynreg.results import Comparison
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import term

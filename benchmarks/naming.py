@@ -16,7 +16,7 @@ from journal import Journal
 
 from dynreg.diagnose.threshold import SEARCH, USUAL, level
 from dynreg.diagnose.trial import Trials, null_scores
-from dynreg.diagnose.truth import Protocol
+from dynreg.evidence.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import SIZES, term

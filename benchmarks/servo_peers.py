@@ -13,7 +13,7 @@ from io import StringIO
 import numpy as np
 
 from dynreg.diagnose.fit import bounds
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem, Spent
 from dynreg.sim.effects import term
 

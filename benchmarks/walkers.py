@@ -15,7 +15,7 @@ from bench_naming_quadruped import KNOWN, measured, plan_of
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.evidence import Evidence, verdict_of
-from dynreg.diagnose.hypothesis import single_terms
+from dynreg.evidence.hypothesis import single_terms
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.gait.tasks import Task, fitness, kinds, task_of

@@ -7,7 +7,7 @@ import made_up_diagnosis
 import pytest
 
 from dynreg import session
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.errors import NoMatchError, RegistryError, UsageError
 from dynreg.session import Session
 from dynreg.sim.effects import term

@@ -4,19 +4,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.diagnose.diagnose import Diagnosed, Found
-from dynreg.diagnose.estimate import Estimate, estimates
-from dynreg.diagnose.fit import information, sensitivities
-from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.data.recording import Recording
+from dynreg.diagnose.diagnose import Diagnosed, Progress, diagnose
 from dynreg.diagnose.leftover import Leftover
 from dynreg.diagnose.look import Look, look
 from dynreg.diagnose.loose import Loose, loose_ends
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.problem import Point
+from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.rest import rest
+from dynreg.diagnose.threshold import Cache
 from dynreg.diagnose.where import ErrorRow, split_errors
+from dynreg.evidence.data import Data
+from dynreg.evidence.estimate import Estimate, estimates
+from dynreg.evidence.interval import Posterior, posterior
+from dynreg.evidence.likelihood import information
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.evidence.slopes import sensitivities
+from dynreg.replay.jitter import jitter
 from dynreg.replay.judged import Gain, channel_errors, gain
+from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Terms
+from dynreg.sim.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -44,37 +54,67 @@ class Account:
     simulated: int
 
 
-def account(made: Diagnosed, options: DiagnosisOptions) -> Account:
+def diagnosed(
+    robot: Robot,
+    recording: Recording,
+    options: DiagnosisOptions,
+    start: SimConfig | None = None,
+    *,
+    cache: Cache | None = None,
+    progress: Progress | None = None,
+) -> Search[tuple[Diagnosed, Account]]:
+    """A diagnosis and its account; as `diagnose`."""
+    made = yield from diagnose(robot, recording, options, start, cache=cache, progress=progress)
+    return made, (yield from account(made, options))
+
+
+def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     """Simulate the windows that the diagnosis is judged by, once, and say what follows."""
-    problem, found, chosen, judged = made.problem, made.found, made.split.chosen, made.judged
-    given = found.extended.hypothesis.given
-    states = problem.states([problem.start, found.base, *_stages(found)], judged)
+    found, problem, judged, seed = made.found, made.problem, made.judged, options.seed
+    model, data, posed = found.model, found.data, problem.data
+    given, chosen = found.current.hypothesis.given, posed.parts.chosen
+    points = [problem.model.start, found.base, *_stages(found)]
+    states = yield from problem.model.states(points, posed.windows.run.take(judged))
     three = np.stack([states[0], states[1], states[-1]])
-    draws = posterior(found.problem, found.extended, chosen, seed=options.seed)
-    kinds = {"calibrated": found.base} | ({"extended": found.extended} if found.accepted else {})
-    residual, slopes = sensitivities(found.problem, [found.extended], chosen)
-    effective = found.problem.effective(residual[0])
-    curvature, _ = information(found.problem, found.extended, residual[0], slopes[0], effective)
+    sample = data.sample(chosen)
+    draws = yield from posterior(model, found.current, sample, seed=seed)
+    (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)
+    curvature, _ = information(found.current, residual, slope, sample.left(residual))
     covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))  # of the log posterior
-    left = [problem.window_errors(one, judged) for one in states] if made.tested else []
+    left = [posed.window_errors(one, judged) for one in states] if made.tested else []
     gained = lambda i, j: gain(left[i], left[j]) if left else None  # noqa: E731
+    kinds = {"calibrated": found.base} | ({"extended": found.current} if found.accepted else {})
     return Account(
         states=three,
-        errors=channel_errors(problem.windows, three, judged)[:, problem.use],
-        where=split_errors(problem.robot, problem.windows.take(judged), three[1]),
+        errors=channel_errors(posed.windows, three, judged)[:, posed.use],
+        where=split_errors(model.robot, posed.windows.take(judged), three[1]),
         gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
         gain=gained(1, -1) if found.accepted else None,
-        causes=tuple(estimates(problem, found.extended, given + i, draws) for i in range(found.accepted)),
+        causes=tuple(estimates(model, found.current, given + i, draws) for i in range(found.accepted)),
         draws=draws,
-        simulators={kind: problem.simulator(one, chosen, seed=options.seed) for kind, one in kinds.items()},
-        loose=loose_ends(problem.coordinates, covariance),
-        look=look(found.problem, found, draws, chosen, options),
-        rest=rest(found.problem, found.extended, chosen, made.verdict, options.seed),
+        simulators={kind: simulator(model, posed, one, options) for kind, one in kinds.items()},
+        loose=loose_ends(model.coordinates, covariance),
+        look=(yield from look(found, draws, sample, options)),
+        rest=(yield from rest(found, made.verdict, seed)),
         simulated=len(states),
     )
 
 
-def _stages(found: Found) -> list[Point]:
+def simulator(
+    model: Model, data: Data, point: Point, options: DiagnosisOptions
+) -> tuple[np.ndarray, Terms | None]:
+    """Parameters (P,) of the point's simulator, and its effects (of one row; None without).
+
+    It has the motor noise that the windows to fit and to select by tell: no fit sees that; see `replay.jitter`.
+    """
+    values, own = model.coordinates.values(point.nominal), point.hypothesis.terms
+    told = model.coordinates.effect_values(point.hypothesis, point.effect[None])
+    terms = Terms(own, tuple(told)) if own else None
+    where = {"engine": model.engine, "threads": options.threads, "seed": options.seed}
+    return jitter(model.robot, data.windows, values, terms, data.parts.chosen, **where), terms
+
+
+def _stages(found: State) -> list[Point]:
     """The point after each accepted cause; the last is the extended simulator, refitted on fit and select."""
     after = [naming.chosen.point for naming in found.rounds[: found.accepted]]
-    return [*after[:-1], found.extended] if after else [found.extended]
+    return [*after[:-1], found.current] if after else [found.current]

@@ -10,9 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit, information, sensitivities
-from dynreg.diagnose.interval import Posterior, posterior
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.evidence.data import Sample
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.interval import Posterior, posterior
+from dynreg.evidence.likelihood import information
+from dynreg.evidence.lockstep import Search, together
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
@@ -46,30 +51,27 @@ class Together:
         return min(self.alike, self.growth) >= SHARED
 
 
-def together(
-    problem: Problem,
-    point: Point,
-    alone: Posterior,
-    rivals: Sequence[Term],
-    chosen: np.ndarray,
-    seed: int = 0,
-) -> tuple[Together, ...]:
-    """The last term of `point` (draws: `alone`) with each of the rivals most like it in the windows `chosen`."""
+def beside(
+    model: Model, point: Point, alone: Posterior, rivals: Sequence[Term], sample: Sample, seed: int = 0
+) -> Search[tuple[Together, ...]]:
+    """The last term of `point` (draws: `alone`) with each of the rivals most like it in the windows of the sample."""
     if not rivals:
         return ()
-    effective = problem.effective(problem.residuals([point], chosen)[0])
+    sample = sample.left((yield from model.residuals([point], sample))[0])
     doubled = [with_term(point, rival, 0.0) for rival in rivals]
     at = len(point.z) - _many(point)
-    alike = _collinear(problem, doubled, at, chosen, effective)
-    ends, out = alone.quantiles(alone.z[:, at]), []
-    for i in np.argsort(-alike, kind="stable")[:SAMPLED]:
+    alike = yield from _collinear(model, doubled, at, sample)
+    ends = alone.quantiles(alone.z[:, at])
+
+    def one(i: int) -> Search[Together]:
         signs = (1.0, -1.0) if rivals[i].effect.parameters[0].signed else (1.0,)
         starts = [doubled[i], *(with_term(point, rivals[i], sign * size) for size in SIZES for sign in signs)]
-        points, cost = fit(problem, starts, chosen, effective, iterations=3)
-        best = points[int(cost.argmin())]
-        draws = posterior(problem, best, chosen, seed=seed)
+        best = best_of(*(yield from fit(model, starts, sample, iterations=3)))[0]
+        draws = yield from posterior(model, best, sample, seed=seed)
         growth = float(np.ptp([ends, draws.quantiles(draws.z[:, at])]) / max(np.ptp(ends), 1e-9))
-        out.append(Together(best, draws, float(alike[i]), growth))
+        return Together(best, draws, float(alike[i]), growth)
+
+    out = yield from together([one(i) for i in np.argsort(-alike, kind="stable")[:SAMPLED]])
     return tuple(sorted(out, key=lambda one: -one.growth))
 
 
@@ -99,18 +101,16 @@ def with_term(point: Point, term: Term, size: float) -> Point:
     return Point(point.hypothesis.with_term(term), point.nominal, np.concatenate([point.effect, sizes]))
 
 
-def _collinear(
-    problem: Problem, points: list[Point], at: int, chosen: np.ndarray, effective: np.ndarray
-) -> np.ndarray:
+def _collinear(model: Model, points: list[Point], at: int, sample: Sample) -> Search[np.ndarray]:
     """(n,) how many times less sure the data alone are of coordinate `at` with each point's last term free.
 
     The nominal parameters are held: they may do what a rival does, and would hide it.
     """
-    residual, slopes = sensitivities(problem, points, chosen)
+    residual, slopes = yield from sensitivities(model, points, sample)
     out = []
     for point, r, slope in zip(points, residual, slopes, strict=True):
         own = [at, *range(len(point.z) - _many(point), len(point.z))]
-        curvature, _ = information(problem, point, r, slope, effective)
+        curvature, _ = information(point, r, slope, sample)
         data = (curvature - np.diag(point.prior))[np.ix_(own, own)]
         size = np.sqrt(np.maximum(np.diag(data), 1e-12))
         alike = data / np.outer(size, size) + 1e-9 * np.eye(len(own))

@@ -1,33 +1,49 @@
 """Calibrate: the model without a cause at its maximum a posteriori."""
 
-import numpy as np
+from dataclasses import dataclass
 
-from dynreg.diagnose.effort import FULL
-from dynreg.diagnose.fit import fit, uneven
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.evidence.data import Data, Sample
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 from dynreg.rng import stream
+
+ENOUGH = 0.05  # nats that an iteration must gain for another one
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """The simulator that a search for causes begins with.
+
+    model : with what the time step does to it taken off. point : where it lies. sample : the windows to fit, by the
+    independent samples of its residual.
+    """
+
+    model: Model
+    point: Point
+    sample: Sample
 
 
 def calibrate(
-    problem: Problem, fit_on: np.ndarray, *, iterations: int = 8, draws: int = FULL.draws, seed: int = 0
-) -> tuple[Point, np.ndarray]:
-    """The model that a search begins with, fitted a posteriori, and the independent samples (W, C) of its residual.
+    model: Model, data: Data, *, draws: int, iterations: int = 8, seed: int = 0
+) -> Search[Calibrated]:
+    """Fit the simulator that the model begins with a posteriori, on the windows to fit.
 
     Starts at the nameplate and at `draws` from its tolerances: dry friction makes local optima.
     """
-    start, many = problem.start, len(problem.coordinates)
-    apart = stream(seed, "calibrate").standard_normal((draws, many))
+    start, sample = model.start, data.sample(data.fit)
+    apart = stream(seed, "calibrate").standard_normal((draws, len(model.coordinates)))
     points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
-    problem.rough = problem.rough or (problem.coarse and uneven(problem, points[0], fit_on))
-    effective = np.full((len(fit_on) * problem.segments, len(problem.use)), 20.0 / problem.segments)
-    if problem.rough:  # what the time step does to contacts leads the fit astray from its start
-        problem.refine(points[:1], np.arange(len(problem.windows)))
-    points, cost = fit(problem, points, fit_on, effective, iterations=3)
+    if model.accuracy.fine:  # what the time step does to contacts leads the fit astray from its start
+        model = yield from model.corrected(points[:1], data)
+    points, cost = yield from fit(model, points, sample, iterations=3)
     for rounds, kept in ((3, 2), (iterations, 1)) if draws else ((iterations, 1),):
-        points = [points[i] for i in np.argsort(cost, kind="stable")[:kept]]
-        effective = problem.effective(problem.residuals(points[:1], fit_on)[0])
-        points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
-        if kept == 1 and problem.coarse:
-            problem.refine(points, np.arange(len(problem.windows)))
-            points, cost = fit(problem, points, fit_on, effective, iterations=rounds, tolerance=0.05)
-    return points[0], problem.effective(problem.residuals(points[:1], fit_on)[0])
+        points = best_of(points, cost, kept)
+        sample = sample.left((yield from model.residuals(points[:1], sample))[0])
+        points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH)
+    if model.accuracy.finer > 1:
+        model = yield from model.corrected(points, data)
+        points, cost = yield from fit(model, points, sample, iterations=iterations, tolerance=ENOUGH)
+    (residual,) = yield from model.residuals(points, sample)
+    return Calibrated(model, points[0], sample.left(residual))

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.data.names import joint_of
-from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.errors import UsageError
+from dynreg.evidence.hypothesis import Coordinates
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout

@@ -5,12 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.diagnose import apart
-from dynreg.diagnose.diagnose import Found, offered
-from dynreg.diagnose.fit import fit
-from dynreg.diagnose.interval import Posterior, posterior
+from dynreg.diagnose.diagnose import offered
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.settle import unlike
+from dynreg.evidence.data import Sample
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.interval import Posterior, posterior
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.point import Point
 from dynreg.sim.effects import Term
 
 SIZES = (0.3, 1.0, 2.5, 5.0)  # medium sizes from which a cause that was asked for, and not found, is fitted
@@ -30,41 +33,42 @@ class Look:
         return self.point.hypothesis.terms[-1]
 
 
-def look(
-    problem: Problem, found: Found, extended: Posterior, chosen: np.ndarray, options: DiagnosisOptions
-) -> Look | None:
+def look(found: State, extended: Posterior, sample: Sample, options: DiagnosisOptions) -> Search[Look | None]:
     """At the first cause, or without one at the only effect asked for, or at the best ranked.
 
     extended : draws of the extended simulator. None where nothing was ranked.
     """
+    model = found.model
     if found.accepted:
-        point, draws = _last(found.extended, extended)
+        point, draws = _last(found.current, extended)
     else:
-        point = _subject(problem, found, chosen, options)
+        point = yield from _subject(found, sample, options)
         if point is None:
             return None
-        draws = posterior(problem, point, chosen, seed=options.seed)
+        draws = yield from posterior(model, point, sample, seed=options.seed)
     others = {term.key for term in point.hypothesis.terms}
-    terms = [t for t in offered(problem, replace(options, effects=None)) if t.key not in others]
-    near = apart.neighbours(problem.robot, point.hypothesis.terms[-1], terms)
-    return Look(point, draws, apart.together(problem, point, draws, near, chosen, options.seed))
+    terms = [t for t in offered(model, found.data, replace(options, effects=None)) if t.key not in others]
+    near = apart.neighbours(model.robot, point.hypothesis.terms[-1], terms)
+    return Look(point, draws, (yield from apart.beside(model, point, draws, near, sample, options.seed)))
 
 
-def _subject(problem: Problem, found: Found, chosen: np.ndarray, options: DiagnosisOptions) -> Point | None:
+def _subject(found: State, sample: Sample, options: DiagnosisOptions) -> Search[Point | None]:
     """Where nothing was named: the point whose last term is looked at."""
+    model, base = found.model, found.base
     if options.effects is not None and len(options.effects) == 1:
-        term = next(iter(unlike(problem.robot, offered(problem, options), found.base.hypothesis.terms)), None)
+        term = next(
+            iter(unlike(model.robot, offered(model, found.data, options), base.hypothesis.terms)), None
+        )
     elif found.rounds and found.rounds[-1].ranking:
         term = found.rounds[-1].ranking[0].point.hypothesis.terms[-1]
     else:
         term = None
     if term is None:
         return None
-    starts = [apart.with_term(found.base, term, size) for size in SIZES]
+    starts = [apart.with_term(base, term, size) for size in SIZES]
     starts += [Point(s.hypothesis, np.zeros(len(s.nominal)), s.effect) for s in starts]
-    effective = problem.effective(problem.residuals([found.base], chosen)[0])
-    points, cost = fit(problem, starts, chosen, effective)
-    return points[int(cost.argmin())]
+    sample = sample.left((yield from model.residuals([base], sample))[0])
+    return best_of(*(yield from fit(model, starts, sample)))[0]
 
 
 def _last(point: Point, draws: Posterior) -> tuple[Point, Posterior]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.diagnose.hypothesis import Coordinates
+from dynreg.evidence.hypothesis import Coordinates
 
 ALONE = 0.9  # of its prior's standard deviation that a parameter keeps where the recording does not tell it
 TOGETHER = 0.6  # of the prior's, along a direction of several parameters

@@ -6,11 +6,13 @@ import numpy as np
 
 from dynreg.data.names import quantity_of
 from dynreg.data.recording import Recording
-from dynreg.diagnose.hypothesis import Coordinates
 from dynreg.diagnose.joints import fixed_unseen, only_joints
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.problem import Problem
 from dynreg.errors import LogError, UsageError
+from dynreg.evidence.accuracy import usual
+from dynreg.evidence.data import Data
+from dynreg.evidence.hypothesis import Coordinates
+from dynreg.evidence.model import Model
 from dynreg.replay.cut import windows
 from dynreg.replay.holes import hit, holes, sentence
 from dynreg.replay.known import known_values
@@ -28,8 +30,8 @@ STILL = 3.0  # standard deviations of its noise that a channel must move to say 
 
 def pose(
     robot: Robot, recording: Recording, options: DiagnosisOptions, start: SimConfig | None = None
-) -> tuple[Problem, Parts]:
-    """The recording cut into windows, its parts, and the coordinates that begin at the simulator `start`.
+) -> tuple[Model, Data]:
+    """The model that begins at the simulator `start`, and the recording in windows and parts.
 
     start : by default the nominal one; its effects act from the beginning. Windows with holes, where a command, an
     input or a weighted channel holds no number for long, are left out.
@@ -59,7 +61,9 @@ def pose(
     if options.joints:
         known = fixed_unseen(coordinates, cut.take(split.chosen), options.engine, begun)
         coordinates = Coordinates(robot, known, centre, options.tolerance)
-    return Problem(robot, cut, coordinates, options.engine, options.threads, begun=begun), split
+    accuracy = usual(robot, options.engine)
+    model = Model(robot, coordinates, options.engine, begun, accuracy)
+    return model, Data.of(robot, cut, split, accuracy.segment)
 
 
 def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple[Windows, str]:
@@ -103,7 +107,7 @@ def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
 
     Joints put where their noise has them would lift feet off the ground, and the robot would turn as it lands.
     """
-    if robot.file.reset.settle <= 0 or not (robot.model.jnt_type == 0).any():  # 0: a free joint
+    if robot.file.reset.settle <= 0 or not robot.floating:
         return cut
     run = cut.run
     inputs = None if run.inputs is None else run.inputs[:, :1]

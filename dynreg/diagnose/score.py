@@ -1,11 +1,16 @@
 """Score: by how much each hypothesis beats the model without its last term, and which are as good as the best."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.diagnose.hypothesis import worth_naming
-from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
+from dynreg.evidence.data import Data
+from dynreg.evidence.hypothesis import worth_naming
+from dynreg.evidence.likelihood import log_likelihood, mean_squares
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 
 PER_PARAMETER = 2.0  # nats that a parameter of an effect must pay for itself
 NEAR = 0.05  # share of the best score, but at least
@@ -26,47 +31,52 @@ class Scored:
         return self.point.hypothesis.key
 
 
-@dataclass
+@dataclass(frozen=True)
 class Naming:
-    """One round: the calibrated model that it started from, the ranking, and what was chosen.
-
-    improved : whether the start turned out better than the calibration that the round began with.
-    """
+    """One round: the calibrated model that it started from, the ranking, and what was chosen."""
 
     start: Scored
     ranking: list[Scored]
     chosen: Scored | None = None
     equivalent: list[Scored] = field(default_factory=list)
-    improved: bool = False
 
 
-def select(
-    problem: Problem,
-    base: Point,
-    fitted: list[Point],
-    fit_on: np.ndarray,
-    select_on: np.ndarray,
-    *,
-    together: bool = False,
-) -> Naming:
-    """Score on all windows, drop what is below half its weak size, prefer fewer parameters among equals.
+def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
+    """(n,) log-likelihood that each gains on the first, by residuals (n, W, T, C) of fit and select.
 
     What a term gains where it was fitted counts only as far as the windows to select by confirm it.
-    together : all were fitted on all windows, and nothing confirms anything: the threshold alone tells chance.
     """
-    windows = np.concatenate([fit_on, select_on])
-    everything = problem.residuals([base, *fitted], windows)
-    squares = mean_squares(everything, problem.floor)
-    if together:
-        likelihood = by_either(problem, everything, squares)
-    else:
-        rough = np.array([np.nansum(np.log(s)) for s in squares])
-        effective = problem.effective(everything[int(rough.argmin())])
-        many = len(fit_on) * problem.segments
-        gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
-        on_fit, on_select = (g - g[0] for g in gained)
-        likelihood = np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
-    start = Scored(base, 0.0)
+    squares = mean_squares(residuals, data.floor)
+    rough = np.array([np.nansum(np.log(s)) for s in squares])
+    effective = data.effective(residuals[int(rough.argmin())])
+    many = len(data.fit) * data.segments
+    gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
+    on_fit, on_select = (g - g[0] for g in gained)
+    return np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
+
+
+def by_either(data: Data, residuals: np.ndarray) -> np.ndarray:
+    """(n,) what each gains on the first, by the independent samples of its own residual or of the first's.
+
+    All were fitted on all windows, and nothing confirms anything: the threshold alone tells chance. The less of both:
+    where every window slips on its own, which of them count for more makes up gains of 100 nats.
+    """
+    squares = mean_squares(residuals, data.floor)
+    samples = [data.effective(r) for r in residuals]
+    gains = []
+    for square, own in zip(squares, samples, strict=True):
+        pair = np.stack([squares[0], square])
+        gains.append(min(float(np.diff(log_likelihood(pair, e))[0]) for e in (samples[0], own)))
+    return np.array(gains)
+
+
+def score(model: Model, data: Data, base: Point, fitted: Sequence[Point], gained=confirmed) -> Search[Naming]:
+    """Score on fit and select, drop what is below half its weak size, prefer fewer parameters among equals.
+
+    gained : how the log-likelihood that each gains is counted, `confirmed` or `by_either`.
+    """
+    residuals = yield from model.residuals([base, *fitted], data.sample(data.both))
+    likelihood = gained(data, residuals)
     best: dict[str, Scored] = {}
     for i, point in enumerate(fitted, start=1):
         more = len(point.effect) - len(base.effect)
@@ -76,25 +86,15 @@ def select(
         scored = Scored(point, float(nats))
         if scored.key not in best or best[scored.key].nats < scored.nats:
             best[scored.key] = scored
-    ranking = sorted(best.values(), key=lambda s: -s.nats)
-    naming = Naming(start, ranking)
-    if ranking and ranking[0].nats > 0:
-        top = ranking[0].nats
-        near = [s for s in ranking if s.nats >= top - max(NEAR * top, FEW)]
-        naming.chosen = min(near, key=lambda s: (len(s.point.effect), -s.nats))
-        within = max(NEAR * top, NATS)
-        naming.equivalent = [s for s in ranking if s.nats >= top - within and s is not naming.chosen]
-    return naming
+    return chosen(Scored(base, 0.0), sorted(best.values(), key=lambda s: -s.nats))
 
 
-def by_either(problem: Problem, residuals: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """(n,) what each gains on the first, by the independent samples of its own residual or of the first's.
-
-    The less of both: where every window slips on its own, which of them count for more makes up gains of 100 nats.
-    """
-    samples = [problem.effective(r) for r in residuals]
-    gains = []
-    for square, own in zip(squares, samples, strict=True):
-        pair = np.stack([squares[0], square])
-        gains.append(min(float(np.diff(log_likelihood(pair, e))[0]) for e in (samples[0], own)))
-    return np.array(gains)
+def chosen(start: Scored, ranking: list[Scored]) -> Naming:
+    """Of a ranking the best, or what explains about as much with fewer parameters; and what is as good as it."""
+    if not ranking or ranking[0].nats <= 0:
+        return Naming(start, ranking)
+    top = ranking[0].nats
+    near = [s for s in ranking if s.nats >= top - max(NEAR * top, FEW)]
+    best = min(near, key=lambda s: (len(s.point.effect), -s.nats))
+    within = max(NEAR * top, NATS)
+    return Naming(start, ranking, best, [s for s in ranking if s.nats >= top - within and s is not best])

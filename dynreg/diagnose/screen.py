@@ -1,10 +1,16 @@
 """Screen: every term at several sizes, and what the nominal parameters can make up for, to first order."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from dynreg.diagnose.fit import bounds, information, sensitivities
-from dynreg.diagnose.hypothesis import Hypothesis, effect_bounds
-from dynreg.diagnose.problem import Point, Problem, log_likelihood, mean_squares
+from dynreg.evidence.data import Sample
+from dynreg.evidence.hypothesis import Hypothesis, effect_bounds
+from dynreg.evidence.likelihood import information, log_likelihood, mean_squares
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point, clipped
+from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
 SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
@@ -13,15 +19,14 @@ KEPT = 2  # starts of each hypothesis that are refitted by one iteration
 
 
 def screen(
-    problem: Problem, base: Point, terms: list[Term], fit_on: np.ndarray, effective: np.ndarray
-) -> tuple[list[Point], np.ndarray]:
+    model: Model, base: Point, terms: Sequence[Term], sample: Sample
+) -> Search[tuple[list[Point], np.ndarray]]:
     """For every term the most promising starts: sizes and signs tried, nominal coordinates moved along to first order.
 
     Returns them with the derivatives (D, W, T, C) at `base`. A term's change of the rollouts counts after what the
     nominal parameters can do as well is taken off.
     """
-    residual, slopes = sensitivities(problem, [base], fit_on)
-    curvature, _ = information(problem, base, residual[0], slopes[0], effective)
+    residual, (slope,) = yield from sensitivities(model, [base], sample)
     sizes = [_starts(term) for term in terms]
     of = np.repeat(np.arange(len(terms)), [len(own) for own in sizes])  # the number of each one's term
     tried = [
@@ -29,31 +34,40 @@ def screen(
         for term, own in zip(terms, sizes, strict=True)
         for z in own
     ]
-    made = problem.residuals(tried, fit_on)
-    squares = mean_squares(residual, problem.floor)[0]
-    weight = np.nan_to_num(effective / squares) / max(residual.shape[2], 1)
-    inverse = np.linalg.pinv(curvature)  # coordinates at a bound may do nothing
-    flat = np.nan_to_num(slopes[0]).reshape(len(slopes[0]), -1)
-    weights = np.broadcast_to(weight[:, None], residual.shape[1:]).reshape(-1)
-    gains, moves = np.empty(len(tried)), []
-    for i in range(len(tried)):
-        new = np.nan_to_num(made[i]).reshape(-1)
-        pull = -(flat * weights) @ new - base.prior * base.z
-        move = inverse @ pull
-        after = new + flat.T @ move
-        # the size of the residual is unknown: gains count by the logarithm, as in the objective
-        price = 0.5 * base.prior @ (base.z + move) ** 2
-        squares = mean_squares(after.reshape(1, *residual.shape[1:]), problem.floor)
-        gains[i] = float(log_likelihood(squares, effective)[0]) - price
-        moves.append(move)
+    made = yield from model.residuals(tried, sample)
+    gains, moves = _with_moves(base, residual, slope, made, sample)
     out = []
     for number in range(len(terms)):
         own = np.flatnonzero(of == number)
         for i in own[np.argsort(-gains[own])[:KEPT]]:
             z = tried[i].z.copy()
             z[: len(moves[i])] += np.clip(moves[i], -FAR, FAR)
-            out.append(tried[i].moved(np.clip(z, *bounds(problem, tried[i]).T)))
-    return out, slopes[0]
+            out.append(clipped(model.coordinates, tried[i], z))
+    return out, slope
+
+
+def _with_moves(
+    base: Point, residual: np.ndarray, slope: np.ndarray, made: np.ndarray, sample: Sample
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Log-likelihood (n,) of residuals `made` (n, W, T, C) after the best move (D,) of the base's coordinates."""
+    floor = sample.data.floor
+    curvature, _ = information(base, residual[0], slope, sample)
+    weight = np.nan_to_num(sample.effective / mean_squares(residual, floor)[0]) / max(residual.shape[2], 1)
+    inverse = np.linalg.pinv(curvature)  # coordinates at a bound may do nothing
+    flat = np.nan_to_num(slope).reshape(len(slope), -1)
+    weights = np.broadcast_to(weight[:, None], residual.shape[1:]).reshape(-1)
+    gains, moves = np.empty(len(made)), []
+    for i in range(len(made)):
+        new = np.nan_to_num(made[i]).reshape(-1)
+        pull = -(flat * weights) @ new - base.prior * base.z
+        move = inverse @ pull
+        after = new + flat.T @ move
+        # the size of the residual is unknown: gains count by the logarithm, as in the objective
+        price = 0.5 * base.prior @ (base.z + move) ** 2
+        squares = mean_squares(after.reshape(1, *residual.shape[1:]), floor)
+        gains[i] = float(log_likelihood(squares, sample.effective)[0]) - price
+        moves.append(move)
+    return gains, moves
 
 
 def _starts(term: Term) -> list[np.ndarray]:

@@ -1,12 +1,16 @@
 """What a search ends with: earlier causes chosen again beside the later ones, and a last fit from several starts."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from dynreg.diagnose.fit import bounds, fit
-from dynreg.diagnose.problem import Point, Problem
-from dynreg.diagnose.score import NEAR, Naming, Scored, select
+from dynreg.diagnose.score import NEAR, Naming, Scored, score
+from dynreg.evidence.data import Sample
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point, clipped
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
@@ -15,6 +19,7 @@ SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
 STARTS = 10  # of the last fit, the point that the search ended with among them
 KEPT = 3  # of them that are fitted to the end,
 ROUGHLY, FULLY = 3, 12  # after so many iterations, by so many
+AGAIN = 6  # iterations of an equivalent in the place of a cause
 
 
 def unlike(robot: Robot, terms: list[Term], accepted: tuple[Term, ...]) -> list[Term]:
@@ -22,26 +27,23 @@ def unlike(robot: Robot, terms: list[Term], accepted: tuple[Term, ...]) -> list[
     return [t for t in terms if not any(t.key == a.key or one_group(robot, t, a) for a in accepted)]
 
 
-def revise(
-    problem: Problem, rounds: list[Naming], fit_on: np.ndarray, select_on: np.ndarray, effective: np.ndarray
-) -> list[Naming]:
+def revise(model: Model, rounds: Sequence[Naming], sample: Sample) -> Search[list[Naming]]:
     """The rounds with every earlier cause exchanged for an equivalent that does better beside the later causes.
 
     What one cause alone leaves open (Stribeck's or plain load friction), the next may decide. An equivalent must
     beat the model by `NEAR` of its whole evidence, as in every choice, and once more for each parameter that it has
-    more: on real logs every shape gains something by what no library has.
-    effective : (W, C) independent samples of the fit windows.
+    more: on real logs every shape gains something by what no library has. sample : the windows to fit.
     """
     rounds = list(rounds)
     for number in range(len(rounds) - 1):
         current = rounds[-1].chosen
         at = current.point.hypothesis.given + number
-        others = _equivalents_in_place(problem.robot, current.point, rounds[number], at)
+        others = _equivalents_in_place(model.robot, current.point, rounds[number], at)
         if not others:
             continue
-        fitted, _ = fit(problem, [p for _, p in others], fit_on, effective, iterations=6)
-        ranking = select(problem, current.point, fitted, fit_on, select_on).ranking
-        rounds = exchange_cause(rounds, number, others, ranking)
+        fitted, _ = yield from fit(model, [p for _, p in others], sample, iterations=AGAIN)
+        naming = yield from score(model, sample.data, current.point, fitted)
+        rounds = exchange_cause(rounds, number, others, naming.ranking)
     return rounds
 
 
@@ -73,53 +75,42 @@ def exchange_cause(
     return out
 
 
-def settle(
-    problem: Problem,
-    point: Point,
-    chosen: np.ndarray,
-    effective: np.ndarray,
-    *,
-    seed: int = 0,
-) -> Point:
-    """The point refitted on the windows `chosen` from several starts: shapes of effects have local optima.
+def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Search[tuple[Model, Point]]:
+    """The point refitted on a sample from several starts: shapes of effects have local optima. The corrected model.
 
     The search went from one cause to the next, and what the first made up for alone may hold it fast: the other
     starts are drawn anew, the nominal parameters and shapes from their priors, with the effects smaller. One cause
     without a shape needs none of them.
-    effective : (W, C) independent samples of those windows, to begin with; then those of the best fit.
     """
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
     if simple:
-        return _finely(problem, point, chosen, effective, iterations=4)
-    starts = [point, *_drawn_anew(problem, point, stream(seed, "settle", point.hypothesis.key))]
-    rough, cost = fit(problem, starts, chosen, effective, iterations=ROUGHLY)
-    best = [rough[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
-    effective = problem.effective(problem.residuals(best[:1], chosen)[0])
-    fitted, cost = fit(problem, best, chosen, effective, iterations=FULLY, tolerance=0.05)
-    return _finely(problem, fitted[int(cost.argmin())], chosen, effective, iterations=2)
+        return (yield from _finely(model, point, sample, iterations=4))
+    starts = [point, *_drawn_anew(model, point, stream(seed, "settle", point.hypothesis.key))]
+    rough, cost = yield from fit(model, starts, sample, iterations=ROUGHLY)
+    best = best_of(rough, cost, KEPT)
+    sample = sample.left((yield from model.residuals(best[:1], sample))[0])
+    fitted, cost = yield from fit(model, best, sample, iterations=FULLY, tolerance=0.05)
+    return (yield from _finely(model, best_of(fitted, cost)[0], sample, iterations=2))
 
 
-def _finely(
-    problem: Problem, point: Point, chosen: np.ndarray, effective: np.ndarray, iterations: int
-) -> Point:
+def _finely(model: Model, point: Point, sample: Sample, iterations: int) -> Search[tuple[Model, Point]]:
     """The point refitted, then once more with what the time step does to it there taken off."""
     for _ in range(2):
-        (point,), _ = fit(problem, [point], chosen, effective, iterations=iterations)
-        problem.refine([point], np.arange(len(problem.windows)))
-    (point,), _ = fit(problem, [point], chosen, effective, iterations=iterations)
-    return point
+        (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
+        model = yield from model.corrected([point], sample.data)
+    (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
+    return model, point
 
 
-def _drawn_anew(problem: Problem, point: Point, rng: np.random.Generator) -> list[Point]:
+def _drawn_anew(model: Model, point: Point, rng: np.random.Generator) -> list[Point]:
     """Starts of the last fit besides the point itself."""
-    limits = bounds(problem, point)
     shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
     out = []
     for _ in range(STARTS - 1):
         nominal = rng.standard_normal(len(point.nominal))
         smaller = point.effect * rng.uniform(*SMALLER, len(point.effect))
         effect = np.where(shapes, 0.5 * rng.standard_normal(len(point.effect)), smaller)
-        out.append(point.moved(np.clip(np.concatenate([nominal, effect]), *limits.T)))
+        out.append(clipped(model.coordinates, point, np.concatenate([nominal, effect])))
     return out
 
 

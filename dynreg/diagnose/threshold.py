@@ -7,22 +7,27 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from dynreg.data.recording import Recording
 from dynreg.diagnose.calibrate import calibrate
-from dynreg.diagnose.effort import FULL, Effort
-from dynreg.diagnose.name import name_one
+from dynreg.diagnose.noise import noisier, own_noise
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.truth import Hidden, hide, measured_states
+from dynreg.diagnose.settle import unlike
+from dynreg.evidence.data import Data
+from dynreg.evidence.lockstep import Search, together
+from dynreg.evidence.model import Model
+from dynreg.evidence.truth import Hidden, hide, measured_states
 from dynreg.replay.parts import Parts
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
-from dynreg.sim.effects import Term
 
 LEAST = 5.0  # nats: no simulation lowers the threshold below this,
 USUAL = 20.0  # and this is it where nothing was simulated
 ALARMS = 0.01  # of robots without an effect that may score more
 TAIL = 5  # of the largest scores, and at least a tenth of all: what the exponential tail is fitted to
 KIND = "threshold"
-SEARCH = 9  # goes up when scores change: thresholds found before no longer serve
+SEARCH = 10  # goes up when scores change: thresholds found before no longer serve
+ALIKE = 0.02  # of an action's own spread, by which commands of a window may differ and still be the same
 Progress = Callable[[str, int, int], None]
 
 
@@ -48,35 +53,42 @@ class Threshold:
 
 
 def threshold(
-    cache: Cache | None,
     problem: Problem,
-    terms: list[Term],
-    split: Parts,
-    *,
-    runs: int,
-    seed: int = 0,
-    effort: Effort = FULL,
+    recording: Recording,
+    options: DiagnosisOptions,
+    cache: Cache | None = None,
     progress: Progress | None = None,
-) -> Threshold:
+) -> Search[Threshold]:
     """The evidence above which a cause is named: simulated robots of the nameplate, without effects, diagnosed alike.
 
-    Kept in the cache under `key_of`.
+    Kept in the cache by `key_of`, for commands that are alike: a second recording of them pays nothing.
     """
+    runs = options.threshold_runs
     if runs == 0:
         return Threshold(USUAL, ())
-    key = key_of(problem, terms, split, runs=runs, seed=seed, effort=effort)
-    known = None if cache is None else cache.cached(KIND, key)
-    if known is not None:
-        return Threshold(known["nats"], tuple(known["scores"]), cached=True)
-    scores = []
-    for i in range(runs):
-        scores.append(null_score(problem, terms, split, null_seed(seed, i), effort))
-        if progress:
-            progress("threshold", i + 1, runs)
+    if progress:
+        progress("threshold", 0, runs)
+    noise = own_noise(problem.model.robot, recording)
+    key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
+    kept = [] if cache is None else list((cache.cached(KIND, key) or {"found": []})["found"])
+    for one in kept:
+        if same(told, np.array(one["commands"])):
+            return Threshold(one["nats"], tuple(one["scores"]), cached=True)
+    seeds = [null_seed(options.seed, i) for i in range(runs)]
+    scores = yield from together([null_score(problem, seed, noise) for seed in seeds])
+    if progress:
+        progress("threshold", runs, runs)
     found = Threshold(level(scores), tuple(scores))
     if cache is not None:
-        cache.cache(KIND, key, {"nats": found.nats, "scores": scores})
+        row = {"commands": told.tolist(), "nats": found.nats, "scores": scores}
+        cache.cache(KIND, key, {"found": [*kept, row]})
     return found
+
+
+def known(nats: float) -> Search[Threshold]:
+    """A threshold that is known already."""
+    return Threshold(nats, ())
+    yield  # a search that asks nothing
 
 
 def level(scores: Sequence[float]) -> float:
@@ -103,86 +115,94 @@ def exceeded(scores: Sequence[float]) -> float:
     return float(largest[tail]) + excess * np.log(tail / len(largest) / ALARMS)
 
 
-def null_score(
-    problem: Problem,
-    terms: list[Term],
-    split: Parts,
-    seed: int,
-    effort: Effort = FULL,
-) -> float:
-    """[nats] of the cause chosen for one simulated robot that lacks none, under the commands of the problem."""
-    fit_on, select_on = _windows(split)
-    chosen = np.concatenate([fit_on, select_on])
-    windows = problem.windows.take(chosen)
-    where = {"engine": problem.engine, "threads": problem.threads}
-    measured = measured_states(problem.robot, null_robot(problem, seed), windows.run, **where)
+def null_score(problem: Problem, seed: int, noise: Mapping[str, float]) -> Search[float]:
+    """[nats] of the cause chosen for one simulated robot that lacks none, under the commands of the problem.
+
+    noise : {channel: 1 sigma} of channels that are noisier than robot.toml says.
+    """
+    model, plan = problem.model, problem.plan
+    data = null_data(problem, seed, noise)
+    found = yield from calibrate(model, data, draws=plan.draws)
+    left = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
+    naming, _ = yield from plan.name(found.model, found.point, left, found.sample)
+    return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats)
+
+
+def null_data(problem: Problem, seed: int, noise: Mapping[str, float]) -> Data:
+    """What a robot that lacks nothing is measured as under the commands of the problem, in its own units."""
+    model, posed = problem.model, problem.data
+    robot = noisier(model.robot, noise)
+    windows = posed.windows.take(posed.both)
+    measured = measured_states(robot, null_robot(model, seed), windows.run, engine=model.engine)
     measured = np.where(np.isnan(windows.measured), np.nan, measured)
-    begun = starts(problem.robot, windows.run.actions, measured, windows.run.before)
+    begun = starts(robot, windows.run.actions, measured, windows.run.before)
     initial = np.where(np.isnan(windows.run.initial), np.nan, begun)
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
-    same = Problem(
-        problem.robot, windows, problem.coordinates, problem.engine, problem.threads, begun=problem.begun
-    )
-    fits, selects = np.arange(len(fit_on)), np.arange(len(fit_on), len(chosen))
-    base, effective = calibrate(same, fits, draws=0 if len(terms) > effort.long else effort.draws)
-    chosen = name_one(same, base, terms, fits, selects, effective, effort=effort).chosen
-    return 0.0 if chosen is None else max(0.0, chosen.nats)
+    fit = np.arange(len(windows)) < len(posed.fit)
+    parts = Parts(fit, ~fit, np.zeros_like(fit))
+    every = np.arange(len(windows))
+    return replace(posed, windows=windows.scaled_by(model.robot, every), parts=parts)
 
 
-def null_robot(problem: Problem, seed: int) -> Hidden:
+def null_robot(model: Model, seed: int) -> Hidden:
     """A robot that the simulator a search begins with lacks nothing of: drawn about it, with its effects.
 
     Just what the search's prior takes for likely, and effects as far as a fit reaches.
     """
-    start, c = problem.start, problem.coordinates
-    drawn = hide(problem.robot, (), None, seed, centre=c.centre, tolerance=c.tolerance)
+    start, c = model.start, model.coordinates
+    drawn = hide(model.robot, (), None, seed, centre=c.centre, tolerance=c.tolerance)
     values = c.effect_values(start.hypothesis, start.effect[None])
     return replace(drawn, terms=start.hypothesis.terms, values=tuple(row[0] for row in values))
 
 
-def _windows(split: Parts) -> tuple[np.ndarray, np.ndarray]:
-    """The windows to fit and to select by."""
-    return np.flatnonzero(split.fit), np.flatnonzero(split.select)
+def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -> dict[str, Any]:
+    """What the scores depend on besides the commands, as plain JSON: robot, settings, plan, and the noise.
 
-
-def key_of(
-    problem: Problem, terms: list[Term], split: Parts, *, runs: int, seed: int, effort: Effort
-) -> dict[str, Any]:
-    """All that the scores depend on, but for what was measured: plain JSON."""
-    fit_on, select_on = _windows(split)
-    cut = problem.windows.take(np.concatenate([fit_on, select_on]))
-    run = cut.run
-    says: dict[str, Any] = {
-        "robot": problem.robot.hash,
-        "engine": problem.running,
-        "terms": [t.key for t in terms],
-        "runs": runs,
-        "seed": seed,
-        "parts": [len(fit_on), len(select_on)],
-        "tolerance": problem.coordinates.tolerance,
-        "free": problem.coordinates.free.tolist(),
-        "joints": run.joints,
-        "effort": asdict(effort),
-        "search": SEARCH,
-    }
+    Nothing that the measurement alone changes is in it: neither values of channels and measured inputs, nor their
+    spread, nor the starts.
+    """
+    model, data = problem.model, problem.data
+    windows = data.windows.take(data.both)
+    run = windows.run
     digest = hashlib.sha256()
-    inputs = None if run.inputs is None else np.nan_to_num(run.inputs)
-    unknown = None if run.initial is None else np.isnan(run.initial)
-    for array in (
-        run.actions,
-        run.settings,
-        inputs,
-        np.isnan(cut.measured),
-        unknown,
-        run.velocity,
-        run.before,
-        cut.spread,
-        cut.weight,
-        problem.coordinates.centre,
-    ):
+    told = (
+        None if run.inputs is None else run.inputs[..., len(model.robot.file.inputs) :]
+    )  # drives switched off
+    for array in (told, run.settings, data.windows.weight, model.coordinates.centre):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
-    if problem.begun:
-        effects = zip(problem.begun.terms, problem.begun.values, strict=True)
+    says: dict[str, Any] = {
+        "robot": model.robot.hash,
+        "engine": model.running,
+        "accuracy": asdict(model.accuracy),
+        "plan": {"kind": type(problem.plan).__name__} | asdict(problem.plan),
+        "terms": [t.key for t in problem.terms],
+        "runs": runs,
+        "seed": seed,
+        "parts": [len(data.fit), len(data.select)],
+        "tolerance": model.coordinates.tolerance,
+        "free": model.coordinates.free.tolist(),
+        "joints": run.joints,
+        "noise": dict(noise),
+        "search": SEARCH,
+        "arrays": digest.hexdigest(),
+    }
+    if model.begun:
+        effects = zip(model.begun.terms, model.begun.values, strict=True)
         says["begun"] = {term.key: values.tolist() for term, values in effects}
-    return says | {"arrays": digest.hexdigest()}
+    return says
+
+
+def commands(data: Data) -> np.ndarray:
+    """(W, 3 A) mean, standard deviation and mean change of every action in each window to fit and to select by."""
+    actions = data.windows.run.actions[data.both]
+    change = np.abs(np.diff(actions, axis=1)).mean(axis=1)
+    return np.concatenate([actions.mean(axis=1), actions.std(axis=1), change], axis=1)
+
+
+def same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two recordings were told the same: a logger's clock shifts a command by a row here and there."""
+    if one.shape != other.shape:
+        return False
+    spread = np.tile(np.split(one, 3, axis=1)[1].mean(axis=0), 3)
+    return bool((np.abs(one - other) <= ALIKE * np.maximum(spread, 1e-9)).all())

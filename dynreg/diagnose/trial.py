@@ -1,24 +1,24 @@
 """Trials: hide an effect in a simulated robot, diagnose its log blind, and hold the answer against the truth."""
 
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynreg.diagnose.calibrate import calibrate
-from dynreg.diagnose.diagnose import Found, search
-from dynreg.diagnose.estimate import estimates
-from dynreg.diagnose.evidence import Evidence, Verdict, verdict_of
-from dynreg.diagnose.fit import fit
-from dynreg.diagnose.hypothesis import Hypothesis, single_terms
-from dynreg.diagnose.interval import posterior
+from dynreg.data.recording import Recording
+from dynreg.diagnose.diagnose import Diagnosed, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point, Problem
-from dynreg.diagnose.threshold import USUAL, Cache, null_score, null_seed, threshold
-from dynreg.diagnose.truth import Hidden, Protocol, hide, log_of
-from dynreg.replay.parts import Parts
+from dynreg.diagnose.problem import Problem, planned
+from dynreg.diagnose.threshold import Cache, known, null_score, null_seed, threshold
+from dynreg.evidence.estimate import estimates
+from dynreg.evidence.fit import fit
+from dynreg.evidence.hypothesis import Hypothesis, single_terms
+from dynreg.evidence.interval import posterior
+from dynreg.evidence.lockstep import Search, run, together
+from dynreg.evidence.point import Point
+from dynreg.evidence.truth import Hidden, Protocol, hide, log_of
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
@@ -61,68 +61,91 @@ class Trials:
 
 
 @dataclass(frozen=True)
+class Trial:
+    """What one trial hides, and what its diagnosis is told: `terms` at `size` in the robot of `seed`.
+
+    without : effects that the diagnosis lacks. max_causes : where it stops.
+    """
+
+    terms: tuple[Term, ...]
+    size: str | None
+    seed: int
+    without: tuple[str, ...] = ()
+    max_causes: int = 1
+
+
+@dataclass(frozen=True)
 class Tried:
     """One hidden robot, and what a diagnosis said of it. seconds, core_seconds : that it took, those of all cores."""
 
     hidden: Hidden
-    problem: Problem
-    split: Parts
-    found: Found
-    verdict: Verdict
+    made: Diagnosed
     seconds: float
     core_seconds: float
 
     @property
     def first(self) -> Term | None:
         """The first cause that was stated."""
-        found = self.found
+        found = self.made.found
         return found.rounds[0].chosen.point.hypothesis.terms[-1] if found.accepted else None
 
 
 def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progress | None = None) -> float:
     """[nats] that a cause needs under the protocol's commands."""
-    if trials.threshold_runs == 0:
-        return USUAL
-    posed, seed = _without_effect(trials)
-    return threshold(cache, *posed, runs=trials.threshold_runs, seed=seed, progress=progress).nats
+    recording = _without_effect(trials)
+    options = replace(trials.options(), seed=_threshold_seed(trials))
+
+    def found() -> Search[float]:
+        problem = yield from _posed(trials, recording, options)
+        return (yield from threshold(problem, recording, options, cache, progress)).nats
+
+    return run(found(), threads=trials.threads)
 
 
 def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
     """[nats] of the robots without an effect of these numbers, which `trial_threshold` finds its threshold by."""
-    posed, seed = _without_effect(trials)
-    return [null_score(*posed, null_seed(seed, i)) for i in numbers]
+    seed = _threshold_seed(trials)
+
+    def found() -> Search[list[float]]:
+        problem = yield from _posed(trials, _without_effect(trials), trials.options())
+        return (yield from together([null_score(problem, null_seed(seed, i), {}) for i in numbers]))
+
+    return run(found(), threads=trials.threads)
 
 
-def _without_effect(trials: Trials) -> tuple[tuple[Problem, list[Term], Parts], int]:
-    """(problem, terms, parts of the windows) of a robot without an effect under the plan, and its seed."""
-    robot, seed = trials.robot, stream_seed(trials.seed, "threshold") % 2**31
-    recording = log_of(robot, hide(robot, (), None, seed), trials.plan, engine=trials.truth_engine)
-    problem, split = pose(robot, recording, trials.options())
-    return (problem, single_terms(robot), split), seed
+def _threshold_seed(trials: Trials) -> int:
+    return stream_seed(trials.seed, "threshold") % 2**31
 
 
-def tried(
-    trials: Trials,
-    terms: tuple[Term, ...],
-    size: str | None,
-    seed: int,
-    needed: float,
-    *,
-    without: tuple[str, ...] = (),
-    max_causes: int = 1,
-) -> Tried:
-    """Hide `terms` at `size` in the robot of `seed` and diagnose its log; a cause needs `needed` nats."""
-    robot = trials.robot
-    hidden = hide(robot, terms, size, seed)
-    recording = log_of(robot, hidden, trials.plan, engine=trials.truth_engine)
+def _without_effect(trials: Trials) -> Recording:
+    """The log of a robot without an effect under the plan."""
+    hidden = hide(trials.robot, (), None, _threshold_seed(trials))
+    return log_of(trials.robot, hidden, trials.plan, engine=trials.truth_engine)
+
+
+def _posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:
+    model, data = pose(trials.robot, recording, options)
+    return (yield from planned(model, data, single_terms(trials.robot, (), options.without)))
+
+
+def tried(trials: Trials, todo: Sequence[Trial], needed: float) -> list[Tried]:
+    """Hide effects in robots and diagnose their logs, all in lockstep; a cause needs `needed` nats.
+
+    The time that all took is shared out evenly.
+    """
+    hidden = [hide(trials.robot, one.terms, one.size, one.seed) for one in todo]
+    logs = [log_of(trials.robot, one, trials.plan, engine=trials.truth_engine) for one in hidden]
     began, busy = time.perf_counter(), time.process_time()
-    options = trials.options(without, max_causes)
-    problem, split = pose(robot, recording, options)
-    found = search(problem, single_terms(robot, (), without), split, options, needed=needed)
-    evidence = Evidence.of(found.problem, recording, found.extended, split.chosen)
-    verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
-    spent = time.perf_counter() - began, time.process_time() - busy
-    return Tried(hidden, problem, split, found, verdict, *spent)
+
+    def diagnosed(one: Trial, recording: Recording) -> Search[Diagnosed]:
+        options = trials.options(one.without, one.max_causes)
+        problem = yield from _posed(trials, recording, options)
+        return (yield from search(problem, recording, known(needed), options))
+
+    searches = [diagnosed(*one) for one in zip(todo, logs, strict=True)]
+    made = run(together(searches), threads=trials.threads)
+    spent = (time.perf_counter() - began) / len(todo), (time.process_time() - busy) / len(todo)
+    return [Tried(*one, *spent) for one in zip(hidden, made, strict=True)]
 
 
 def same_cause(robot: Robot, hidden: Term) -> set[str]:
@@ -143,36 +166,41 @@ def joint_right(robot: Robot, hidden: Hidden, first: Term | None) -> bool | None
     )
 
 
-def attainable_share(problem: Problem, split: Parts, hidden: Hidden, found: Found) -> float | None:
+def attainable_share(trials: Trials, one: Tried) -> float | None:
     """(calibrated - extended) / (calibrated - true structure refitted) on test; None where nothing can be won."""
-    if not split.test.any():
+    problem, found, hidden = one.made.problem, one.made.found, one.hidden
+    model, data = problem.model, problem.data
+    if not data.parts.test.any():
         return None
-    c = problem.coordinates
+    c = model.coordinates
     effect = np.concatenate(
         [c.effect_coordinates(t, v) for t, v in zip(hidden.terms, hidden.values, strict=True)]
     )
     true = Point(Hypothesis(hidden.terms), c.from_values(hidden.parameters), effect)
-    _, effective = calibrate(problem, split.chosen[:2], iterations=1)
-    pooled = np.tile(effective.mean(axis=0), (len(split.chosen) * problem.segments, 1))
-    (refitted,), _ = fit(problem, [true], split.chosen, pooled, iterations=2)
-    test = np.flatnonzero(split.test)
-    base, extended, best = (
-        problem.window_errors(s, test).mean()
-        for s in problem.states([found.base, found.extended, refitted], test)
-    )
-    return float((base - extended) / (base - best)) if base - best > 0.02 * base else None
+    test = np.flatnonzero(data.parts.test)
+
+    def share() -> Search[tuple[float, ...]]:
+        (refitted,), _ = yield from fit(found.model, [true], found.pooled, iterations=2)
+        points = [found.base, found.current, refitted]
+        states = yield from model.states(points, data.windows.run.take(test))
+        return tuple(float(data.window_errors(s, test).mean()) for s in states)
+
+    base, extended, best = run(share(), threads=trials.threads)
+    return (base - extended) / (base - best) if base - best > 0.02 * base else None
 
 
-def covered(one: Tried) -> bool:
+def covered(trials: Trials, one: Tried) -> bool:
     """Whether the 90 % interval of the effect's size holds the hidden one, in the zeros that it was fitted with."""
-    problem, point = one.found.problem, one.found.extended
-    draws = posterior(problem, point, one.split.chosen)
-    size = next(iter(estimates(problem, point, 0, draws).values()))
+    found = one.made.found
+    sample = found.data.sample(found.data.parts.chosen)
+    draws = run(posterior(found.model, found.current, sample), threads=trials.threads)
+    size = next(iter(estimates(found.model, found.current, 0, draws).values()))
     return bool(size.low <= one.hidden.values[0][0] <= size.high)
 
 
 def size_error(one: Tried) -> float:
     """Relative error of the effect's size."""
-    point, true = one.found.extended, one.hidden.values[0][0]
-    size = one.problem.coordinates.effect_values(point.hypothesis, point.effect[None])[0][0][0]
+    found, true = one.made.found, one.hidden.values[0][0]
+    point = found.current
+    size = found.model.coordinates.effect_values(point.hypothesis, point.effect[None])[0][0][0]
     return float(abs(size - true) / abs(true))

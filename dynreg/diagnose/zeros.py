@@ -9,43 +9,69 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynreg.diagnose.problem import Point, Problem, mean_squares
+from dynreg.diagnose.plans.plan import State
+from dynreg.evidence.data import Data, Sample
+from dynreg.evidence.fit import fit
+from dynreg.evidence.likelihood import mean_squares
+from dynreg.evidence.lockstep import Search, together
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 from dynreg.replay.windows import Windows
 
+TURNS = 2  # times that the zeros of episodes and the simulator are fitted in turn after each cause
 ROUNDS = 4  # of Gauss-Newton
 STEP = 0.4  # standard deviations of the zero, to either side, for derivatives
 
 
-def rezeroed(problem: Problem, raw: Windows, point: Point, chosen: np.ndarray) -> Windows:
-    """`raw` with the positions of each episode moved to where `point` explains its windows `chosen` best.
+def zeroed(state: State, posed: Data) -> Search[State]:
+    """The search's current point refitted in turn with the zeros of the episodes, on the windows that have these.
+
+    posed : the recording with the zeros that it was logged with.
+    """
+    for _ in range(TURNS):
+        windows = yield from rezeroed(state.model, posed, state.current, posed.both)
+        if windows is posed.windows:  # nothing is set to zero anew
+            return state
+        state = state.on(replace(state.data, windows=windows))
+        model = yield from state.model.corrected([state.current], state.data)
+        (residual,) = yield from model.residuals([state.current], state.sample)
+        (current,), _ = yield from fit(model, [state.current], state.sample.left(residual), iterations=3)
+        state = replace(state, model=model, current=current)
+    return state
+
+
+def rezeroed(model: Model, posed: Data, point: Point, chosen: np.ndarray) -> Search[Windows]:
+    """Windows with the positions of each episode moved to where `point` explains those `chosen` best.
 
     Maximum a posteriori with the standard deviation that robot.toml states as the channel's `zero`; windows as they
     are where it states none. Episodes without chosen windows stay as they are.
     """
-    sigma = np.array([c.zero for c in problem.robot.file.channels])
+    raw = posed.windows
+    sigma = np.array([c.zero for c in model.robot.file.channels])
     columns = np.flatnonzero((sigma > 0) & np.isfinite(raw.run.initial[chosen]).all(axis=0))
     if not len(columns):
         return raw
-    problem = replace(problem, whole=True)  # a zero is one of a whole episode
+    whole = posed.whole.sample(chosen)  # a zero is one of a whole episode
     groups = [raw.episode == e for e in np.unique(raw.episode[chosen])]
     off = np.zeros((len(raw), len(columns)))  # in standard deviations
     moved = lambda off: _moved(raw, columns, off * sigma[columns])  # noqa: E731
-    residual, cost = _measure(problem, moved(off), point, chosen, None)
-    effective = problem.effective(residual)
-    _, cost = _measure(problem, moved(off), point, chosen, effective)
+    measure = lambda off: _residual(model, moved(off), point, whole)  # noqa: E731
+    residual = yield from measure(off)
+    whole = whole.left(residual)
+    cost = _cost(residual, whole)
     for _ in range(ROUNDS):
-        slopes = []
-        for k in range(len(columns)):
-            step = STEP * np.eye(len(columns))[k]
-            ends = [_measure(problem, moved(off + s * step), point, chosen, None)[0] for s in (1, -1)]
-            slopes.append((ends[0] - ends[1]) / (2 * STEP))
-        weight = effective / mean_squares(residual[None], problem.floor)[0]
+        step = STEP * np.eye(len(columns))
+        ends = yield from together([measure(off + side * one) for one in step for side in (1, -1)])
+        slope = (np.array(ends[::2]) - np.array(ends[1::2])) / (2 * STEP)
+        weight = whole.effective / mean_squares(residual[None], posed.floor)[0]
         tried = off.copy()
         for group in groups:
             own = group[chosen]
-            step = _step(residual[own], np.array(slopes)[:, own], weight[own], off[group][0])
-            tried[group] += np.clip(step, -1.0, 1.0)
-        made, price = _measure(problem, moved(tried), point, chosen, effective)
+            tried[group] += np.clip(
+                _step(residual[own], slope[:, own], weight[own], off[group][0]), -1.0, 1.0
+            )
+        made = yield from measure(tried)
+        price = _cost(made, whole)
         for group in groups:
             own = group[chosen]
             gain = cost[own].sum() - price[own].sum()
@@ -66,18 +92,16 @@ def _moved(raw: Windows, columns: np.ndarray, by: np.ndarray) -> Windows:
     return replace(raw, measured=measured, run=replace(raw.run, initial=initial))
 
 
-def _measure(
-    problem: Problem, windows: Windows, point: Point, chosen: np.ndarray, effective: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (W, T, C) of `point` in other windows than the problem's, and its cost (W,) in each [nats].
+def _residual(model: Model, windows: Windows, point: Point, sample: Sample) -> Search[np.ndarray]:
+    """(W, T, C) residual of `point` in other windows than the sample's, with the same numbers."""
+    there = replace(sample, data=replace(sample.data, windows=windows))
+    return (yield from model.residuals([point], there))[0]
 
-    The cost is 0 without `effective` (W, C), the independent samples of each channel.
-    """
-    residual = replace(problem, windows=windows).residuals([point], chosen)[0]
-    if effective is None:
-        return residual, np.zeros(len(chosen))
-    squares = mean_squares(residual[None], problem.floor)[0]
-    return residual, 0.5 * np.nansum(effective * np.log(squares), axis=1)
+
+def _cost(residual: np.ndarray, sample: Sample) -> np.ndarray:
+    """(W,) of a residual (W, T, C) in each window [nats]."""
+    squares = mean_squares(residual[None], sample.data.floor)[0]
+    return 0.5 * np.nansum(sample.effective * np.log(squares), axis=1)
 
 
 def _step(residual: np.ndarray, slopes: np.ndarray, weight: np.ndarray, off: np.ndarray) -> np.ndarray:

@@ -126,7 +126,7 @@ def _offsets(
     """(name, (T, A) offsets from the reset pose as shares of the room there) of every candidate."""
     t, count = np.arange(steps)[:, None] / rate, int(moving.sum())
     duration = steps / rate
-    standing = bool((robot.model.jnt_type == 0).any())  # a floating base leaves its pose as little as it can
+    standing = robot.floating  # it leaves its pose as little as it can
     size = robot.file.excitation.amplitude if standing else 1.0
     apart = stream(seed, "excite", robot.name, "phases").uniform(0.0, 1.0, len(moving))
     for name, wave, period, reaches in _waves(rate, duration):

@@ -4,8 +4,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynreg.diagnose.truth import REACH, trial_settings
 from dynreg.errors import UsageError
+from dynreg.evidence.lockstep import run as answered
+from dynreg.evidence.truth import REACH, trial_settings
 from dynreg.excite.candidates import Limits, Pool, both, pool
 from dynreg.excite.rivals import first_starts, strongest
 from dynreg.excite.separate import Judge, Pair
@@ -65,7 +66,7 @@ class Search:
         for number, truth in enumerate(pair.truths):
             starts = judge.nearest(number, np.array(chosen))[:NEAREST]
             starts += [] if self.rated else first_starts(pair, 1 - truth[0])
-            nats, rival = strongest(pair, run, truth, starts)
+            nats, rival = answered(strongest(pair, run, truth, starts), threads=pair.threads)
             judge.add(1 - truth[0], rival)
             out.append(nats)
         self.rated[chosen] = np.minimum(out, self.rated.get(chosen, np.inf))

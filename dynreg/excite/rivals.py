@@ -4,9 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynreg.diagnose.fit import fit
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.evidence.accuracy import usual
+from dynreg.evidence.data import Data
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 from dynreg.excite.separate import Pair
+from dynreg.replay.parts import Parts
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 from dynreg.sim.real import LEAST_NOISE
@@ -19,23 +24,23 @@ KEPT = 2
 
 def strongest(
     pair: Pair, run: Run, truth: tuple[int, np.ndarray], starts: list[np.ndarray]
-) -> tuple[float, np.ndarray]:
+) -> Search[tuple[float, np.ndarray]]:
     """(nats, coordinates (D,)) of the other hypothesis at its best, where `truth` (hypothesis, coordinates) holds.
 
     nats : by how much the truth, fitted too, is the more likely; not below zero. starts : coordinates (D,) to fit from.
     """
     which, z = truth
     free = len(pair.coordinates)
-    problem, every = _problem(pair, run, truth), np.arange(run.episodes)
+    model = Model(pair.robot, pair.coordinates, pair.engine, accuracy=usual(pair.robot, pair.engine))
+    sample = _measured(pair, run, truth).sample(np.arange(run.episodes))
     here, there = (
         [Point(pair.hypotheses[number], at[:free], at[free:]) for at in some]
         for number, some in ((which, [z]), (1 - which, starts))
     )
-    effective = problem.effective(problem.residuals(here, every)[0])
+    sample = sample.left((yield from model.residuals(here, sample))[0])
     if len(there) > KEPT:
-        points, cost = fit(problem, there, every, effective, iterations=ROUGHLY)
-        there = [points[i] for i in np.argsort(cost, kind="stable")[:KEPT]]
-    points, cost = fit(problem, [*here, *there], every, effective, iterations=WHOLLY)
+        there = best_of(*(yield from fit(model, there, sample, iterations=ROUGHLY)), KEPT)
+    points, cost = yield from fit(model, [*here, *there], sample, iterations=WHOLLY)
     best = 1 + int(cost[1:].argmin())
     return max(float(cost[best] - cost[0]), 0.0), points[best].z
 
@@ -46,8 +51,8 @@ def first_starts(pair: Pair, number: int) -> list[np.ndarray]:
     return [np.clip(size * z, *limits.T) for z in pair.medium(number) for size in SIZES]
 
 
-def _problem(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Problem:
-    """What the truth, disturbed, is measured as in `run`, ready to be fitted."""
+def _measured(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Data:
+    """What the truth, disturbed, is measured as in `run`: whole rollouts, as `separate.Judge` weighs them."""
     robot = pair.robot
     states = pair.simulate([truth], run, disturbed=True).states[0]
     stated = robot.sensor_noise
@@ -65,5 +70,5 @@ def _problem(pair: Pair, run: Run, truth: tuple[int, np.ndarray]) -> Problem:
         np.tile([0, run.steps + 1], (count, 1)),
         run.period,
     )
-    # whole rollouts, as `separate.Judge` weighs them
-    return Problem(robot, windows, pair.coordinates, pair.engine, pair.threads, whole=True)
+    every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    return Data.of(robot, windows, Parts(every, none, none))

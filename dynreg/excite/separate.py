@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, effect_bounds
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.excite.candidates import Pool, joint_range
 from dynreg.replay.known import nominal_known
 from dynreg.replay.samples import effective_samples

@@ -138,6 +138,11 @@ class Robot:
         return replace(self, file=self.file.model_copy(update={"robot": table}))
 
     @property
+    def floating(self) -> bool:
+        """Whether its base is held by no joint: it stands on its feet, or falls."""
+        return not self.planar and bool((self.model.jnt_type == 0).any())  # 0: a free joint
+
+    @property
     def sensor_noise(self) -> np.ndarray:
         """(S,) standard deviation of each channel by its stated noise and quantum; 0 where none is stated."""
         return np.array([np.sqrt(c.noise**2 + c.quantum**2 / 12) for c in self.file.channels])

@@ -118,8 +118,9 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
     """
-    from dynreg.diagnose.account import account
-    from dynreg.diagnose.diagnose import diagnose as find
+    from dynreg.diagnose.account import diagnosed
+    from dynreg.evidence.lockstep import counted, run
+    from dynreg.results.result import Cost
     from dynreg.verbs.diagnosis import document
 
     began = time.perf_counter()
@@ -127,11 +128,12 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     start = None
     if settings.start != NOMINAL:
         start = own(simulator(registry, settings.start, robot, recording.id), robot).config
-    made = find(robot, recording, options, start, cache=registry, progress=progress)
-    seen = account(made, options)
+    search = diagnosed(robot, recording, options, start, cache=registry, progress=progress)
+    (made, seen), rollouts = run(counted(search), threads=options.threads)
     ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
-    found = document(asked, settings.start, options, made, seen, ids)
-    cost = found.cost.model_copy(update={"seconds": time.perf_counter() - began})
+    cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
+    found = document(asked, settings.start, options, made, seen, ids, cost)
+    cost = cost.model_copy(update={"seconds": time.perf_counter() - began})
     return found.model_copy(update={"cost": cost})
 
 

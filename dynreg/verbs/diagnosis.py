@@ -4,10 +4,11 @@ import numpy as np
 
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
-from dynreg.diagnose.evidence import rivals
-from dynreg.diagnose.interval import Posterior
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.verdict import rivals
+from dynreg.evidence.interval import Posterior
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 from dynreg.replay.judged import Gain as Gained
 from dynreg.replay.judged import traced
 from dynreg.replay.parts import names
@@ -46,17 +47,15 @@ def document(
     made: Diagnosed,
     seen: Account,
     ids: dict[str, str | None],
+    cost: Cost,
 ) -> Diagnosis:
-    """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind.
-
-    Its cost has no seconds yet.
-    """
-    problem, found, errors = made.problem, made.found, _errors(made, seen)
-    of_robot = parameters(problem, found.extended, seen.draws, list(seen.simulators.values())[-1][0])
-    limit, spent, spread = found.threshold, problem.spent.candidates, problem.windows.spread[problem.use]
+    """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind."""
+    model, found, errors = made.problem.model, made.found, _errors(made, seen)
+    of_robot = parameters(model, found.current, seen.draws, list(seen.simulators.values())[-1][0])
+    limit, spread = made.threshold, made.problem.data.spread
     worst = (seen.errors[1] / np.maximum(spread, 1e-12)).argmax()  # channel of the calibrated simulator
     told = Diagnosis(
-        robot=problem.robot.name,
+        robot=model.robot.name,
         recording=asked.recording.id,
         recording_name=asked.name or asked.recording.id[:12],
         start=start,
@@ -67,7 +66,7 @@ def document(
         gain=_gain(seen.gain),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
-        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(found)),
+        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
         parameters=of_robot,
         moved=_moved(made) if found.accepted else (),
         error=errors[int(worst)],
@@ -81,13 +80,13 @@ def document(
         experiments=experiments(made),
         parts=_parts(asked, made),
         traces=_traces(asked, made, seen),
-        inputs=inputs(problem, asked.recording),
+        inputs=inputs(made.problem, asked.recording),
         notes=notes(made, seen, asked.recording, of_robot, options),
         calibrated_simulator=ids["calibrated"],
         extended_simulator=ids.get("extended"),
-        engine=problem.running,
+        engine=model.running,
         seed=options.seed,
-        cost=Cost(evaluations=0, rollouts=spent, test_rollouts=seen.simulated, seconds=0.0),
+        cost=cost,
     )
     return told.model_copy(update={"sentence": diagnosis_sentence(told)})
 
@@ -97,7 +96,7 @@ def _gain(own: Gained | None) -> Gain | None:
 
 
 def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
-    robot, found, out = made.problem.robot, made.found, []
+    robot, found, out = made.problem.model.robot, made.found, []
     for number, naming in enumerate(found.rounds[: found.accepted]):
         term = naming.chosen.point.hypothesis.terms[-1]
         others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
@@ -123,7 +122,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
 
 def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
     """Of every weighted channel."""
-    robot = made.problem.robot
+    robot = made.problem.model.robot
     return tuple(
         RolloutError(
             channel=robot.channels[column],
@@ -132,18 +131,18 @@ def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
             repeatability=made.evidence.repeats[robot.channels[column]].spread,
             part="test" if made.tested else "select",
         )
-        for column, errors in zip(made.problem.use, seen.errors.T, strict=True)
+        for column, errors in zip(made.problem.data.use, seen.errors.T, strict=True)
     )
 
 
-def parameters(problem: Problem, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
+def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
     """Of the point; what no fit sees is as the simulator (P,) that comes of it has it."""
-    c = problem.coordinates
+    c = model.coordinates
     limits = c.nominal_bounds
     value = c.values(np.clip(point.nominal, *limits.T))
     low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
     out = {}
-    for i, p in enumerate(problem.robot.space.parameters):
+    for i, p in enumerate(model.robot.space.parameters):
         free = np.flatnonzero(c.free == i)
         pull = float(point.nominal[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
         at_bound = bool(len(free)) and bool(
@@ -168,10 +167,10 @@ def parameters(problem: Problem, point: Point, draws: Posterior, simulator: np.n
 
 def _moved(made: Diagnosed) -> tuple[Moved, ...]:
     """Parameters that took another value when the causes were added."""
-    c, base, extended = made.problem.coordinates, made.found.base, made.found.extended
+    c, base, extended = made.problem.model.coordinates, made.found.base, made.found.current
     before, after = c.values(base.nominal), c.values(extended.nominal)
     moved = c.free[np.abs(base.nominal - extended.nominal) > MOVED]
-    parameters = made.problem.robot.space.parameters
+    parameters = made.problem.model.robot.space.parameters
     return tuple(
         Moved(
             name=parameters[i].name, before=float(before[i]), after=float(after[i]), unit=parameters[i].unit
@@ -212,8 +211,9 @@ def _left(seen: Account) -> dict[str, tuple[Rest | ResidualShare, ...]]:
 
 
 def _parts(asked: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
-    each = {"fit": made.split.fit, "select": made.split.select, "test": made.split.test}
-    return {part: names(asked.recording, made.problem.windows, mask) for part, mask in each.items()}
+    parts, windows = made.problem.data.parts, made.problem.data.windows
+    each = {"fit": parts.fit, "select": parts.select, "test": parts.test}
+    return {part: names(asked.recording, windows, mask) for part, mask in each.items()}
 
 
 def _where(seen: Account) -> tuple[Where, ...]:
@@ -225,9 +225,9 @@ def _where(seen: Account) -> tuple[Where, ...]:
 
 def _traces(asked: Recorded, made: Diagnosed, seen: Account) -> tuple[DiagnosisTrace, ...]:
     """The channels with the largest calibrated error in some windows, thinned."""
-    problem = made.problem
+    model, data = made.problem.model, made.problem.data
     each = traced(
-        problem.robot, asked.recording, problem.windows, seen.states, made.judged, worst=1, channels=CHANNELS
+        model.robot, asked.recording, data.windows, seen.states, made.judged, worst=1, channels=CHANNELS
     )
     return tuple(
         DiagnosisTrace(

@@ -2,12 +2,12 @@
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
-from dynreg.diagnose.diagnose import Diagnosed, Found
-from dynreg.diagnose.evidence import rivals
+from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.loose import Loose
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.shown import shown
+from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.replay.holes import holes, sentence
 from dynreg.results.diagnosis import Pulled
@@ -55,7 +55,7 @@ def finding(rows: tuple[ErrorRow, ...]) -> str:
 def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
     """What of the inputs was measured, and what was assumed."""
     out = []
-    for table in problem.robot.file.inputs:
+    for table in problem.model.robot.file.inputs:
         if table.name in recording.names:
             out.append(
                 f"{table.name} was measured and drives the simulators; where the motion itself changes it, "
@@ -63,7 +63,7 @@ def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
             )
         elif table.optional:
             out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
-    for name, by in shown(problem.robot, problem.windows).items():
+    for name, by in shown(problem.model.robot, problem.data.windows).items():
         out.append(f"{name} is no candidate: what was measured as {by} already holds it")
     return tuple(out)
 
@@ -77,7 +77,7 @@ def notes(
 ) -> tuple[str, ...]:
     """What was left out, what the verdict could not be held against, and which parameters stand at a bound or open."""
     out = []
-    lost = holes(made.problem.robot, recording)
+    lost = holes(made.problem.model.robot, recording)
     if lost:
         out.append(f"{sentence(recording, lost)}: rollouts with such rows are left out")
     given = made.found.base.hypothesis.terms
@@ -99,7 +99,7 @@ def notes(
         out.append(
             f"{', '.join(at_bound)} at the edge of the allowed range: widen it in robot.toml, or look on"
         )
-    return (*out, *loose_words(made.problem.robot, seen.loose))
+    return (*out, *loose_words(made.problem.model.robot, seen.loose))
 
 
 def loose_words(robot: Robot, loose: Loose) -> tuple[str, ...]:
@@ -121,7 +121,7 @@ def experiments(made: Diagnosed) -> tuple[str, ...]:
     if made.verdict in ("ambiguous", "partly_explained") and made.found.accepted:
         first = made.found.rounds[0]
         term = first.chosen.point.hypothesis.terms[-1]
-        apart = rivals(made.problem.robot, first)
+        apart = rivals(made.problem.model.robot, first)
         return (f"To tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}",) if apart else ()
     if made.verdict == "unknown":
         return (
@@ -136,9 +136,9 @@ def excite_command(robot: str, first: str, second: str) -> str:
     return f"dynreg excite {robot} --for {pair} -o next.csv"
 
 
-def threshold_note(found: Found) -> str:
+def threshold_note(made: Diagnosed) -> str:
     """Where the threshold comes from."""
-    scores = found.threshold.scores
+    scores = made.threshold.scores
     if not scores:
         return "a default: this robot was not simulated without effects"
     return (

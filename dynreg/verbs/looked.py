@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
-from dynreg.diagnose.estimate import Estimate, estimates
+from dynreg.evidence.estimate import Estimate, estimates
 from dynreg.results.diagnosis import EffectEstimate, Inseparable, Looked
 from dynreg.sim.effects import Term
 from dynreg.verbs.diagnosis_words import excite_command
@@ -12,12 +12,12 @@ from dynreg.verbs.diagnosis_words import excite_command
 
 def looked(made: Diagnosed, seen: Account) -> Looked | None:
     """The first cause, or without one that asked for, or the best ranked; None where nothing was ranked."""
-    look, problem = seen.look, made.found.problem
+    look, model = seen.look, made.found.model
     if look is None:
         return None
     number = len(look.point.hypothesis.terms) - 1
-    alone = estimates(problem, look.point, number, look.draws, median=True)
-    beside = [estimates(problem, one.point, number, one.draws, median=True) for one in look.beside]
+    alone = estimates(model, look.point, number, look.draws, median=True)
+    beside = [estimates(model, one.point, number, one.draws, median=True) for one in look.beside]
     widest = {}
     for name, own in alone.items():
         every = [own, *(e[name] for e in beside)]
@@ -35,24 +35,24 @@ def inseparable(made: Diagnosed, seen: Account) -> tuple[Inseparable, ...]:
     """The rivals that the recording cannot tell from the cause looked at."""
     if seen.look is None:
         return ()
-    problem, out = made.found.problem, []
+    model, out = made.found.model, []
     first = made.found.rounds[0] if made.found.accepted else None
     for one in seen.look.beside:
         if not one.inseparable:
             continue
         cause, rival = one.pair
         number = len(one.point.hypothesis.terms) - 1
-        inside = estimates(problem, one.point, number - 1, one.draws, median=True)
+        inside = estimates(model, one.point, number - 1, one.draws, median=True)
         # a named cause that explains the data better than the rival alone is there
         proven = first and rival.key not in {s.point.hypothesis.terms[-1].key for s in first.equivalent}
         out.append(
             Inseparable(
                 between=(cause.key, rival.key),
                 cause=_told(inside),
-                rival=_told(estimates(problem, one.point, number, one.draws, median=True)),
+                rival=_told(estimates(model, one.point, number, one.draws, median=True)),
                 growth=one.growth,
                 absent=not proven and _may_be_absent(cause, inside),
-                experiment=excite_command(problem.robot.name, cause.key, rival.key),
+                experiment=excite_command(model.robot.name, cause.key, rival.key),
             )
         )
     return tuple(out)

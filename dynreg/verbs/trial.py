@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dynreg.verbs.verb import Built
 
 HIDES = ("drawn", "chosen", "nothing", "every")
+TOGETHER = 8  # robots that are diagnosed in lockstep: more take memory, and no less time
 SIZES = ("weak", "medium", "strong")  # of `sim.effects`, which takes long to load
 
 
@@ -57,9 +58,9 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
     Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
     """
     from dynreg.diagnose.trial import Trials, trial_threshold
-    from dynreg.diagnose.truth import protocol
+    from dynreg.evidence.truth import protocol
     from dynreg.results.trials import TrialTable
-    from dynreg.verbs.trials import jobs, one_trial
+    from dynreg.verbs.trials import jobs, results_of
 
     report = progress or (lambda *_: None)
     plan = protocol(asked.robot, seed=settings.seed, seconds=settings.seconds)
@@ -68,9 +69,9 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
     trials = Trials(asked.robot, plan, *how)
     needed = trial_threshold(trials, asked.registry, progress)
     results = []
-    for number, (terms, size, own) in enumerate(todo):
+    for number in range(0, len(todo), TOGETHER):
         report("trials", number, len(todo))
-        results.append(one_trial(trials, terms, size, own, needed))
+        results += results_of(trials, todo[number : number + TOGETHER], needed)
     report("trials", len(todo), len(todo))
     notes = [f"threshold {needed:.3g} nats, from {settings.threshold_runs} robots without an effect"]
     return TrialTable.of(asked.robot.name, results, notes)

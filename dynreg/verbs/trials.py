@@ -1,11 +1,10 @@
 """Single trials: which robots hide what, and what was said of each, held against its truth."""
 
-from typing import Any
+from collections.abc import Sequence
 
 from dynreg.data.names import joint_of
-from dynreg.diagnose.evidence import rivals
-from dynreg.diagnose.hypothesis import single_terms
 from dynreg.diagnose.trial import (
+    Trial,
     Trials,
     Tried,
     attainable_share,
@@ -15,55 +14,50 @@ from dynreg.diagnose.trial import (
     size_error,
     tried,
 )
-from dynreg.diagnose.truth import Hidden
+from dynreg.diagnose.verdict import rivals
 from dynreg.errors import UsageError
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.truth import Hidden
 from dynreg.results.trials import TrialResult
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Term, term
 from dynreg.sim.robot import Robot
 
 
-def one_trial(
-    trials: Trials,
-    terms: tuple[Term, ...],
-    size: str | None,
-    seed: int,
-    needed: float,
-    *,
-    share: bool = True,
-    interval: bool = False,
-    **search: Any,
-) -> TrialResult:
-    """Hide `terms` at `size` in the robot of `seed`, diagnose its log, score the first cause.
+def results_of(
+    trials: Trials, todo: Sequence[Trial], needed: float, *, share: bool = True, interval: bool = False
+) -> list[TrialResult]:
+    """Hide effects in robots, diagnose their logs in lockstep, score the first cause of each.
 
     share : whether to find the share of the attainable gain, which takes another fit. interval : whether to look if
-    the 90 % interval of a rightly named effect's size holds the truth. search : as in `trial.tried`.
+    the 90 % interval of a rightly named effect's size holds the truth.
     """
+    return [_result(trials, one, share, interval) for one in tried(trials, todo, needed)]
 
-    one = tried(trials, terms, size, seed, needed, **search)
+
+def _result(trials: Trials, one: Tried, share: bool, interval: bool) -> TrialResult:
     result = _scored(trials.robot, one)
     if interval and result.parameter_error is not None:
-        result = result.model_copy(update={"covered": covered(one)})
-    if not share or not one.hidden.terms or not one.found.accepted:
+        result = result.model_copy(update={"covered": covered(trials, one)})
+    if not share or not one.hidden.terms or not one.made.found.accepted:
         return result
-    of = attainable_share(one.problem, one.split, one.hidden, one.found)
-    return result.model_copy(update={"share_of_attainable_gain": of})
+    return result.model_copy(update={"share_of_attainable_gain": attainable_share(trials, one)})
 
 
 def _scored(robot: Robot, one: Tried) -> TrialResult:
     """What was said of a hidden robot, held against its truth."""
 
-    hidden, found, first = one.hidden, one.found, one.first
+    hidden, found, first, verdict = one.hidden, one.made.found, one.first, one.made.verdict
     first_round = found.rounds[0] if first else None
     stated = (
         {first.key, *(s.point.hypothesis.terms[-1].key for s in first_round.equivalent)} if first else set()
     )
-    causes = tuple(t.key for t in found.extended.hypothesis.terms)
+    causes = tuple(t.key for t in found.current.hypothesis.terms)
     truths = [same_cause(robot, t) for t in hidden.terms]
     right = first is None
     if hidden.terms:
         stated_first = first is not None and any(first.key in truth for truth in truths)
-        right = one.verdict in ("named", "ambiguous") and stated_first and all(t & {*causes} for t in truths)
+        right = verdict in ("named", "ambiguous") and stated_first and all(t & {*causes} for t in truths)
     same = first is not None and len(hidden.terms) == 1 and first.key == hidden.terms[0].key
     return TrialResult(
         robot=robot.name,
@@ -75,7 +69,7 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
         true_parameters=robot.space.as_dict(hidden.parameters),
         named=first.key if first else None,
         causes=causes,
-        verdict=one.verdict,
+        verdict=verdict,
         right=right,
         joint_right=joint_right(robot, hidden, first),
         false_alarm=not hidden.terms and first is not None,
@@ -96,21 +90,19 @@ def _values(hidden: Hidden) -> dict[str, float]:
     }
 
 
-def jobs(
-    robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: int, seed: int
-) -> list[tuple[tuple[Term, ...], str | None, int]]:
-    """(terms, size, seed) of every robot; the arguments are those of `TrialSettings`."""
+def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: int, seed: int) -> list[Trial]:
+    """What every robot hides; the arguments are those of `TrialSettings`."""
     shared = [t for t in single_terms(robot) if not t.joints]
     seeds = [stream_seed(seed, "trial", i) % 2**31 for i in range(count)]
     if hide == "nothing":
-        return [((), None, s) for s in seeds]
+        return [Trial((), None, s) for s in seeds]
     if hide == "every":
-        return [((t,), size, stream_seed(s, t.key) % 2**31) for t in shared for s in seeds]
+        return [Trial((t,), size, stream_seed(s, t.key) % 2**31) for t in shared for s in seeds]
     if hide == "drawn":
         draw = stream(seed, "hidden effects").integers(0, len(shared), count)
-        return [((shared[d],), size, s) for d, s in zip(draw, seeds, strict=True)]
+        return [Trial((shared[d],), size, s) for d, s in zip(draw, seeds, strict=True)]
     chosen = _chosen(robot, effects)
-    return [(chosen, size, s) for s in seeds]
+    return [Trial(chosen, size, s) for s in seeds]
 
 
 def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:

@@ -5,7 +5,7 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.errors import LogError
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot

@@ -10,7 +10,7 @@ from dynreg.diagnose.repeatability import repeatability
 from dynreg.diagnose.signals import joint_signals, joints_of_actions
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.trial import Trials
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.cut import windows
 from dynreg.replay.windows import STILL, standing, starts
 from dynreg.sim.effects import term

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Hypothesis, single_terms, worth_naming
+from dynreg.evidence.hypothesis import Hypothesis, single_terms, worth_naming
 from dynreg.sim.effects import one_group, term
 from dynreg.sim.robot import load_robot
 

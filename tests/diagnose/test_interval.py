@@ -10,12 +10,12 @@ from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.estimate import estimates
 from dynreg.diagnose.fit import bounds, fit
-from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.interval import Posterior, Proposal, posterior
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 

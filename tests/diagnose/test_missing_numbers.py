@@ -10,7 +10,7 @@ import dynreg
 from dynreg.data.recording import Episode, Recording
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.errors import LogError
 from dynreg.replay.timed import held
 from dynreg.sim.robot import Robot, load_robot

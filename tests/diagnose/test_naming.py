@@ -5,7 +5,7 @@ from functools import lru_cache
 
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.trial import Trials
-from dynreg.diagnose.truth import protocol
+from dynreg.evidence.truth import protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 from dynreg.verbs.trials import one_trial

@@ -7,12 +7,12 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
-from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
+from dynreg.evidence.truth import Hidden, hide, log_of, protocol
 from dynreg.report.diagnosis.words import rest_words
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot

@@ -9,11 +9,11 @@ import pytest
 from dynreg.diagnose.evidence import remaining
 from dynreg.diagnose.finish import POLISHED
 from dynreg.diagnose.fit import objective, polish, uneven
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.sim.robot import load_robot
 
 

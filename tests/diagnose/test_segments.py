@@ -12,13 +12,13 @@ from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.evidence import Evidence
 from dynreg.diagnose.finish import standing
 from dynreg.diagnose.fit import objective
-from dynreg.diagnose.hypothesis import Coordinates, Hypothesis, single_terms
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis, single_terms
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import SEGMENT, Point
 from dynreg.diagnose.score import BEYOND, PER_PARAMETER, select
 from dynreg.diagnose.trial import attainable_share
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.score import NEAR, Naming, Scored
 from dynreg.diagnose.settle import exchange_cause, revise
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 

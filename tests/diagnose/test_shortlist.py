@@ -11,12 +11,12 @@ from dynreg.diagnose import shortlist
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.fit import fit, objective, sensitivities
-from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.shortlist import mirrored, roughly_from, shortlisted
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.results.trials import TrialResult, TrialTable
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Coordinates
+from dynreg.evidence.hypothesis import Coordinates
 from dynreg.diagnose.loose import Loose, loose_ends
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.diagnosis_words import loose_words
 

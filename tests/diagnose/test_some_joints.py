@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.diagnose.hypothesis import Hypothesis, single_terms
+from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.joints import only_joints, terms_at
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.rest import rest
 from dynreg.diagnose.threshold import null_score
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.errors import UsageError
 from dynreg.replay.parts import Parts, thinned
 from dynreg.sim.effects import Terms, term

@@ -11,7 +11,7 @@ from dynreg.diagnose import fit as fitting
 from dynreg.diagnose.effort import Effort
 from dynreg.diagnose.finish import AWAY, standing
 from dynreg.diagnose.fit import ROOM, ROUGH, SIDES, fit
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem, mean_squares
 from dynreg.diagnose.score import by_either
 from dynreg.diagnose.shortlist import CLEAR, best_of_each, clear, in_turn

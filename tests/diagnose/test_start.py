@@ -12,7 +12,7 @@ from dynreg.diagnose.diagnose import diagnose, offered, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.threshold import USUAL
-from dynreg.diagnose.truth import Hidden, hide, log_of, protocol
+from dynreg.evidence.truth import Hidden, hide, log_of, protocol
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot

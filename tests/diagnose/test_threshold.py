@@ -10,12 +10,12 @@ import pytest
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.effort import FULL, Effort
-from dynreg.diagnose.hypothesis import single_terms
+from dynreg.evidence.hypothesis import single_terms
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.threshold import USUAL, key_of, null_robot, null_score
-from dynreg.diagnose.truth import hide, log_of, protocol
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.parts import Parts
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Term, term

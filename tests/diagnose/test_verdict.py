@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose.evidence import EXPLAINED, Evidence, Noise, rivals, verdict_of
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.score import Naming, Scored
 from dynreg.sim.effects import term

@@ -7,14 +7,14 @@ import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.diagnose import Found
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Point
 from dynreg.diagnose.shortlist import REFINED, _probes
 from dynreg.diagnose.threshold import Threshold
 from dynreg.diagnose.trial import Tried, covered
-from dynreg.diagnose.truth import Hidden
+from dynreg.evidence.truth import Hidden
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.rng import stream
 from dynreg.sim.effects import term

@@ -8,9 +8,9 @@ import pytest
 from dynreg.data.recording import Recording
 from dynreg.data.table import write_csv
 from dynreg.diagnose.fit import fit
-from dynreg.diagnose.hypothesis import Hypothesis
+from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.problem import Point, Problem
-from dynreg.diagnose.truth import REACH, Hidden, measured_states, trial_settings
+from dynreg.evidence.truth import REACH, Hidden, measured_states, trial_settings
 from dynreg.errors import DynregError, UsageError
 from dynreg.excite.excite import excite
 from dynreg.excite.rivals import first_starts

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dynreg.diagnose.hypothesis import Coordinates
+from dynreg.evidence.hypothesis import Coordinates
 from dynreg.errors import UsageError
 from dynreg.extend.carry import carries
 from dynreg.extend.robot_folder import export_robot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose.trial import joint_right, same_cause
-from dynreg.diagnose.truth import Hidden
+from dynreg.evidence.truth import Hidden
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.hypothesis import Coordinates, Hypothesis
 from dynreg.errors import UsageError
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.replay.known import nominal_known
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms

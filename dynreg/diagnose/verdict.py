@@ -1,14 +1,15 @@
 """What is left after the search, against what no simulator could explain; the verdict that follows."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
 from dynreg.diagnose.score import Naming
+from dynreg.evidence.lockstep import Search
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
 from dynreg.sim.effects import one_group
@@ -48,20 +49,21 @@ class Evidence:
     repeats: dict[str, Repeatability]
 
     @classmethod
-    def of(cls, problem: Problem, recording: Recording, extended: Point, chosen: np.ndarray) -> "Evidence":
-        """Measure what `extended` leaves in the windows `chosen`; what repeats is looked for in the whole recording."""
-        robot = problem.robot
+    def of(cls, found: State, recording: Recording) -> Search["Evidence"]:
+        """Measure what the extended simulator leaves on fit and select; what repeats, in the whole recording."""
+        model, data = found.model, found.data
+        robot, chosen = model.robot, data.parts.chosen
         repeats = {r.channel: r for r in repeatability(robot, recording)}
         # of whole rollouts, as what repeats is
-        left = replace(problem.fine, whole=True).residuals([extended], chosen)[0]
-        begun = begin_noise(robot, problem.windows.take(chosen))
+        (left,) = yield from model.fine.residuals([found.current], data.whole.sample(chosen))
+        begun = begin_noise(robot, data.windows.take(chosen))
         rows = []
-        for c, column in enumerate(problem.use):
-            spread = problem.windows.spread[column]
+        for c, column in enumerate(data.use):
+            spread = data.windows.spread[column]
             known = repeats[robot.channels[column]]
             stated = max(float(np.hypot(known.stated, begun[column])), 1e-12)
             floor = known.spread if known.spread else stated
-            size = float(remaining(left[..., c], problem.rough) * spread)
+            size = float(remaining(left[..., c], model.accuracy.fine) * spread)
             chance = whiteness(left[..., c])
             rows.append(
                 Noise(

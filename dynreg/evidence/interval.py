@@ -20,9 +20,13 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp
 from scipy.stats import multivariate_t
 
-from dynreg.diagnose.fit import bounds, information, objective, sensitivities
-from dynreg.diagnose.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point, Problem, mean_squares
+from dynreg.evidence.data import Sample
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.likelihood import information, mean_squares, objective
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import NONE, Model
+from dynreg.evidence.point import Point, bounds
+from dynreg.evidence.slopes import sensitivities
 from dynreg.rng import stream
 from dynreg.sim.engine import ENGINES
 
@@ -76,23 +80,23 @@ class Proposal:
         return np.atleast_1d(multivariate_t.logpdf(z, self.middle, self.spread, FREEDOM))
 
 
-def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int = 0) -> Posterior:
-    """The posterior about its maximum `point`, by the windows `chosen`.
+def posterior(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Search[Posterior]:
+    """The posterior about its maximum `point`, by the windows of a sample.
 
     The prior of nominal coordinates is the nameplate; of shapes, a factor of three; of sizes, normal about zero with
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
     approximation, cut off at the bounds.
     """
-    engine, limits = _vectorised(problem), bounds(problem, point)
-    if engine not in (None, problem.running):  # the corrections are of the other engine's time step
-        problem = replace(problem, engine=engine, corrections={})
-    residual, slopes = sensitivities(problem, [point], chosen)
-    effective = problem.effective(residual[0])
-    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
+    engine, limits = _vectorised(model), bounds(model.coordinates, point.hypothesis)
+    if engine not in (None, model.running):  # the corrections are of the other engine's time step
+        model = replace(model, engine=engine, corrections=NONE)
+    (residual,), (slope,) = yield from sensitivities(model, [point], sample)
+    sample = sample.left(residual)
+    curvature, _ = information(point, residual, slope, sample)
     width = prior_widths(point)
     # what the priors of sizes add: `information` has the other coordinates' already
     curvature += np.diag(np.where(point.prior == 0, 1.0 / width**2, 0.0) + 1e-9)
-    agreed = _agreement(problem, residual[0], slopes[0], effective, curvature)
+    agreed = _agreement(residual, slope, sample, curvature)
     rng = stream(seed, "interval", point.hypothesis.key)
     tempered = agreed * curvature + (1.0 - agreed) * np.diag(1.0 / width**2)
     if engine is None:
@@ -106,7 +110,7 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
         made.append(new)
         inside.append(cut)
         points = [point.moved(one) for one in new]
-        price = objective(problem, points, problem.residuals(points, chosen), effective)
+        price = objective(points, (yield from model.residuals(points, sample)), sample)
         likelihood.append(np.array([p.penalty for p in points]) - price)
         z = np.concatenate(made)
         target = agreed * np.concatenate(likelihood) - 0.5 * np.sum((z / width) ** 2, axis=1)
@@ -121,13 +125,13 @@ def posterior(problem: Problem, point: Point, chosen: np.ndarray, *, seed: int =
         proposals.append(Proposal(weights @ z, WIDER**2 * spread + 1e-8 * np.eye(len(width)), limits))
 
 
-def _vectorised(problem: Problem) -> str | None:
+def _vectorised(model: Model) -> str | None:
     """The vectorised engine that the robot's rollouts can run on: its own, or another of a robot of one joint.
 
     Moved alone, joints of a chain or on the ground are another robot.
     """
-    others = problem.robot.engines if len(problem.robot.actions) == 1 else ()
-    return next((name for name in (problem.running, *others) if ENGINES[name].vectorised), None)
+    others = model.robot.engines if len(model.robot.actions) == 1 else ()
+    return next((name for name in (model.running, *others) if ENGINES[name].vectorised), None)
 
 
 def _approximation(
@@ -149,18 +153,16 @@ def prior_widths(point: Point) -> np.ndarray:
     return np.concatenate([np.ones(len(point.nominal)), np.maximum(strong, 1.0)])
 
 
-def _agreement(
-    problem: Problem, residual: np.ndarray, slope: np.ndarray, effective: np.ndarray, curvature: np.ndarray
-) -> float:
+def _agreement(residual: np.ndarray, slope: np.ndarray, sample: Sample, curvature: np.ndarray) -> float:
     """At most 1: the pulls that rollouts should have on coordinates, over those that they have; mean over directions.
 
     What one part of a rollout pulls, the others pull with it.
     """
-    squares = mean_squares(residual[None], problem.floor)[0]
+    squares = mean_squares(residual[None], sample.data.floor)[0]
     count = np.maximum(np.isfinite(residual).sum(axis=1), 1)
-    weight = np.nan_to_num(effective / squares) / count
+    weight = np.nan_to_num(sample.effective / squares) / count
     pulls = np.einsum("dwtc,wtc,wc->wd", np.nan_to_num(slope), np.nan_to_num(residual), weight)
-    pulls = pulls.reshape(-1, problem.segments, len(curvature)).sum(axis=1)
+    pulls = pulls.reshape(-1, sample.data.segments, len(curvature)).sum(axis=1)
     ratio = np.trace(np.linalg.solve(curvature, pulls.T @ pulls)) / len(curvature)
     return float(1.0 / max(ratio, 1.0))
 

@@ -6,9 +6,9 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from dynreg.diagnose.fit import bounds
-from dynreg.diagnose.interval import NINETY, Posterior
-from dynreg.diagnose.problem import Point, Problem
+from dynreg.evidence.interval import NINETY, Posterior
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point, bounds
 from dynreg.sim.effects import EffectParameter, Term
 from dynreg.sim.robot import Robot
 
@@ -42,15 +42,15 @@ class Estimate:
 
 
 def estimates(
-    problem: Problem, point: Point, number: int, draws: Posterior, *, median: bool = False
+    model: Model, point: Point, number: int, draws: Posterior, *, median: bool = False
 ) -> dict[str, Estimate]:
     """Parameters of the point's term `number` with 90 % intervals; `draws` are of the same hypothesis.
 
     median : give the posterior's, not the point's own values: along a valley the best point says nothing.
     """
-    hypothesis, c, free = point.hypothesis, problem.coordinates, len(point.nominal)
+    hypothesis, c, free = point.hypothesis, model.coordinates, len(point.nominal)
     own = hypothesis.columns(number)
-    limits = bounds(problem, point)[free:]
+    limits = bounds(c, hypothesis)[free:]
     value = c.effect_values(hypothesis, np.clip(point.effect, *limits.T)[None])[number][0]
     low, middle, high = draws.quantiles(
         c.effect_values(hypothesis, draws.z[:, free:])[number], (NINETY[0], 0.5, NINETY[1])
@@ -64,7 +64,7 @@ def estimates(
             value=float(value[k]),
             low=float(min(low[k], value[k])),
             high=float(max(high[k], value[k])),
-            unit=_unit(problem.robot, term, p),
+            unit=_unit(model.robot, term, p),
             at_bound=bool((z <= least + 1e-3 and (p.signed or p.shape)) or z >= most - 1e-3),
             sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
         )

@@ -1,0 +1,78 @@
+"""What every plan does: calibrate, one round of naming, and the last fit."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynreg.diagnose.score import Naming
+from dynreg.evidence.data import Data, Sample
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.sim.effects import Term
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a search for causes stands.
+
+    base : the calibrated simulator. current : that with the causes accepted so far. model, sample : with what was
+    corrected on the way; the windows to fit, with the zeros of their episodes, and the independent samples of the
+    calibrated simulator's residual. rounds : of naming; accepted : how many of them found a cause.
+    """
+
+    model: Model
+    sample: Sample
+    base: Point
+    current: Point
+    rounds: tuple[Naming, ...] = ()
+    accepted: int = 0
+
+    @property
+    def data(self) -> Data:
+        """The recording, its zeros moved to where the causes so far explain it best."""
+        return self.sample.data
+
+    @property
+    def pooled(self) -> Sample:
+        """The windows to fit and to select by together; the latter count as the former do on the average."""
+        data, own = self.data, self.sample.effective
+        more = np.tile(own.mean(axis=0), (len(data.select) * data.segments, 1))
+        return Sample(data, data.both, np.concatenate([own, more]))
+
+    def on(self, data: Data) -> "State":
+        """The same search, held against other windows."""
+        return replace(self, sample=replace(self.sample, data=data))
+
+
+@dataclass(frozen=True)
+class Plan(ABC):
+    """How a diagnosis is searched for.
+
+    draws : starts of the calibration besides the nameplate. iterations : of refits to the end. hopeless : nats behind
+    the best, from which a hypothesis is not fitted to the end.
+    """
+
+    draws: int = 0
+    iterations: int = 5
+    hopeless: float = 60.0
+
+    @abstractmethod
+    def name(
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+    ) -> Search[tuple[Naming, Model]]:
+        """One round: the term that, added to `base`, explains most of what `base` leaves; and the corrected model."""
+
+    @abstractmethod
+    def settle(self, state: State, posed: Data, seed: int) -> Search[State]:
+        """The calibrated and the extended simulator on fit and select together.
+
+        posed : the recording before its zeros were moved: the calibrated one is held against it.
+        """
+
+
+def stripped(base: Point, rivals: Sequence[Point]) -> list[Point]:
+    """The model without its last term where these rivals ended: it gets the same chance."""
+    return [Point(base.hypothesis, p.nominal, p.effect[: len(base.effect)]) for p in rivals]

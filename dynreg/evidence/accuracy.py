@@ -1,0 +1,53 @@
+"""Accuracy: what a model's own time step does to its rollouts, and how derivatives are taken of these."""
+
+from dataclasses import dataclass
+
+from dynreg.sim.engine import ENGINES
+from dynreg.sim.robot import Robot
+
+STEP = 0.07  # half the width of central differences, in fit coordinates
+ROUGH = 1.0  # where feet stick and slip: the rollouts are rough on a smaller scale
+SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance
+STANDING, SLOPING = 4, 2  # times finer steps of a base on its feet, whose slips finer ones tell no better
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Plain, corrected by a finer time step, or fine; chosen once for a problem.
+
+    finer : times finer a time step tells what the model's own gets wrong; 1 where that is nothing (plain).
+    fine : whether what counts in the end is simulated with the finer one (contacts follow no order, and nothing can be
+        extrapolated); else what it changes at a near point is taken off (corrected).
+    slopes : times finer the step of its derivatives then is.
+    width : of the differences that derivatives are taken by, in fit coordinates.
+    sides : to which these are taken in turn: 1 for both at once (central), 2 for one after the other.
+    segment : [s] of a rollout that share a variance; None for all of it.
+    """
+
+    finer: float = 1.0
+    fine: bool = False
+    slopes: float = 1.0
+    width: float = STEP
+    sides: int = 1
+    segment: float | None = None
+
+
+PLAIN = Accuracy()
+
+
+def usual(robot: Robot, engine: str | None = None) -> Accuracy:
+    """The accuracy of a robot's rollouts on an engine, before it is known whether contacts make them rough.
+
+    A floating base stands on its feet: a foot that slips sets it on another course, and what happens after says little
+    of the simulator. It must not drown what happened before: each segment counts with a variance of its own. Slips bend
+    its rollouts more than differences to one side are biased, and these take half the time.
+    """
+    if robot.floating:
+        return Accuracy(STANDING, True, SLOPING, ROUGH, 2, SEGMENT)
+    return Accuracy(ENGINES[robot.running(engine)].finer)
+
+
+def rough(robot: Robot, engine: str | None = None) -> Accuracy:
+    """The accuracy where contacts come and go, so that narrow differences of rollouts tell nothing."""
+    finer = ENGINES[robot.running(engine)].finer
+    return Accuracy(finer, True, finer, ROUGH)

@@ -1,0 +1,131 @@
+"""Data: a recording in windows and parts; a sample: which windows a fit looks at, and for how much each counts."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from dynreg.replay.parts import Parts
+from dynreg.replay.residual import scaled
+from dynreg.replay.samples import effective_samples
+from dynreg.replay.windows import Windows
+from dynreg.sim.robot import Robot
+
+BEFORE = 20.0  # independent samples of a rollout before anything is known of its residual
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """A robot's recording in windows and parts, with its scale: the unit of each channel, and its stated noise.
+
+    windows : errors are in units of their spread. noise : (S,) 1 sigma of every channel, in its unit.
+    segments : into how many stretches of time the residual of each window is cut, each with a variance of its own.
+    apart : whether each window counts by its own correlation time; see `effective_samples`.
+    """
+
+    windows: Windows
+    parts: Parts
+    noise: np.ndarray
+    segments: int = 1
+    apart: bool = False
+
+    @classmethod
+    def of(cls, robot: Robot, windows: Windows, parts: Parts, segment: float | None = None) -> "Data":
+        """Of a robot; segment : [s] of a rollout that share a variance, None for all of it."""
+        rows = windows.measured.shape[1] - 1
+        segments = 1 if segment is None else max(round(rows * windows.period / segment), 1)
+        return cls(windows, parts, robot.sensor_noise, segments, len(robot.actions) > 1)
+
+    @cached_property
+    def use(self) -> np.ndarray:
+        """(C,) columns of the channels that count."""
+        return np.flatnonzero(self.windows.weight > 0)
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """(C,) unit of their errors."""
+        return self.windows.spread[self.use]
+
+    @cached_property
+    def floor(self) -> np.ndarray:
+        """(C,) variance of their stated noise, in units of spread^2."""
+        return (self.noise[self.use] / self.spread) ** 2
+
+    @property
+    def fit(self) -> np.ndarray:
+        """Numbers of the windows to fit."""
+        return np.flatnonzero(self.parts.fit)
+
+    @property
+    def select(self) -> np.ndarray:
+        """Numbers of the windows to select by."""
+        return np.flatnonzero(self.parts.select)
+
+    @property
+    def both(self) -> np.ndarray:
+        """Numbers of the windows to fit, then of those to select by."""
+        return np.concatenate([self.fit, self.select])
+
+    @cached_property
+    def whole(self) -> "Data":
+        """The same with rollouts uncut."""
+        return self if self.segments == 1 else replace(self, segments=1)
+
+    def sample(self, chosen: np.ndarray) -> "Sample":
+        """The windows `chosen` (numbers), before anything is known of what a simulator leaves in them."""
+        shape = len(chosen) * self.segments, len(self.use)
+        return Sample(self, chosen, np.full(shape, BEFORE / self.segments))
+
+    def cut(self, rollouts: np.ndarray) -> np.ndarray:
+        """(n, W, T, C) -> (n, W * segments, T / segments rounded up, C); NaN after the end."""
+        if self.segments == 1:  # of most robots: nothing is copied
+            return rollouts
+        missing = -rollouts.shape[2] % self.segments
+        padded = np.pad(rollouts, ((0, 0), (0, 0), (0, missing), (0, 0)), constant_values=np.nan)
+        many, windows, rows, channels = padded.shape
+        return padded.reshape(many, windows * self.segments, rows // self.segments, channels)
+
+    def effective(self, residuals: np.ndarray) -> np.ndarray:
+        """(W, C) independent samples in residuals (W, T, C); see `effective_samples`.
+
+        Segments are too short to tell how long a residual stays alike: those of a rollout share its samples, each by
+        the rows that were measured in it.
+        """
+        windows, rows, channels = residuals.shape
+        rollouts = residuals.reshape(windows // self.segments, rows * self.segments, channels)
+        samples = effective_samples(rollouts, apart=self.apart)
+        known = np.isfinite(residuals).sum(axis=1).reshape(len(rollouts), self.segments, channels)
+        share = known / np.maximum(known.sum(axis=1, keepdims=True), 1)
+        return (share * samples[:, None]).reshape(windows, channels)
+
+    def window_errors(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """(W,) weighted mean absolute error of states (W, T+1, S) in windows, in units of the channels' spread."""
+        measured = self.windows.measured[chosen][:, 1:, self.use]
+        each = np.nanmean(np.abs(scaled(states[:, 1:, self.use], measured, self.spread)), axis=1)
+        return np.nansum(each * self.windows.weight[self.use], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """What a fit looks at: windows of the data, and how many independent samples each of them holds.
+
+    chosen : numbers of the windows. effective : (W, C); W is `data.segments` times their number, here and wherever
+    residuals, their derivatives or mean squares are spoken of; a window's are in a row.
+    """
+
+    data: Data
+    chosen: np.ndarray
+    effective: np.ndarray = field(repr=False)
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """(W', T, C) of the windows, uncut, after the start."""
+        return self.data.windows.measured[self.chosen][:, 1:, self.data.use]
+
+    def left(self, residual: np.ndarray) -> "Sample":
+        """The same windows with the independent samples of a residual (W, T, C) in them."""
+        return replace(self, effective=self.data.effective(residual))
+
+    def take(self, many: int) -> "Sample":
+        """The first windows alone, so many."""
+        return Sample(self.data, self.chosen[:many], self.effective[: many * self.data.segments])

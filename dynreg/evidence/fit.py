@@ -1,0 +1,98 @@
+"""Fit: regularised Gauss-Newton on rollouts, for all hypotheses and starts at once, derivatives by differences.
+
+Minimises  sum over windows (n_eff / 2) log(mean squared residual)  +  the prior's penalty: the negative logarithm
+of the posterior when the residual's size is unknown. Every iteration simulates all perturbed candidates of all
+rows as one batch.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynreg.evidence.data import Sample
+from dynreg.evidence.likelihood import information, objective
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point, bounds
+from dynreg.evidence.slopes import slopes
+
+DAMPINGS = (1e-5, 1e-2, 1.0)  # relative to the curvature of each coordinate
+PULLS = (30.0,)  # times the prior: steps along valleys that the data hardly sees, back to the nameplate
+REACH = 2.0  # largest change of a coordinate in one iteration
+SHARES = (2.0, 0.4, 0.15)  # of the boldest step, tried too: valleys are long, and bent
+FEWER = (0, 2, 3, 5)  # of all these steps, those tried where derivatives are only roughly known
+
+Fitted = tuple[list[Point], np.ndarray]
+
+
+def fit(
+    model: Model,
+    points: Sequence[Point],
+    sample: Sample,
+    *,
+    iterations: int = 4,
+    tolerance: float = 0.3,
+    leading: np.ndarray | None = None,
+    hopeless: float = np.inf,
+) -> Search[Fitted]:
+    """Improve every point on a sample.
+
+    leading : (L, W, T, C) derivatives of the first L coordinates where they are known well enough: only the others
+    are measured, and fewer steps are tried.
+    Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration (where
+    derivatives are to one side: one to either) gains less than `tolerance`, or when after two of them it is more than
+    `hopeless` [nats] behind the best.
+    """
+    points, sides = list(points), model.accuracy.sides
+    residuals = yield from model.residuals(points, sample)
+    cost = objective(points, residuals, sample)
+    going, idle = np.arange(len(points)), np.zeros(len(points), dtype=int)
+    for iteration in range(iterations):
+        if iteration >= 2:
+            going = going[cost[going] <= cost.min() + hopeless]
+        if not len(going):
+            break
+        now = [points[i] for i in going]
+        slope = yield from slopes(model, now, sample, leading, side=iteration % sides)
+        tries: list[Point] = []
+        for i, own in zip(going, slope, strict=True):
+            ahead = steps(model, points[i], residuals[i], own, sample)
+            tries += ahead if leading is None else [ahead[k] for k in FEWER]
+        made = yield from model.residuals(tries, sample)
+        costs = objective(tries, made, sample).reshape(len(going), -1)
+        best = costs.argmin(axis=1)
+        gained = cost[going] - costs[np.arange(len(going)), best]
+        for row, i in enumerate(going):
+            if gained[row] > 0:
+                at = row * costs.shape[1] + best[row]
+                points[i], residuals[i], cost[i] = tries[at], made[at], costs[row, best[row]]
+        idle[going] = np.where(gained > tolerance, 0, idle[going] + 1)
+        going = going[idle[going] < sides]
+    return points, cost
+
+
+def best_of(points: Sequence[Point], cost: np.ndarray, many: int | None = None) -> list[Point]:
+    """The points by their cost (n,), the lowest first; so many of them."""
+    return [points[i] for i in np.argsort(cost, kind="stable")[:many]]
+
+
+def steps(model: Model, point: Point, residual: np.ndarray, slope: np.ndarray, sample: Sample) -> list[Point]:
+    """Points to try next, one for each damping; coordinates that a bound stops are left out of the step."""
+    curvature, downhill = information(point, residual, slope, sample)
+    prior = point.prior
+    limits = bounds(model.coordinates, point.hypothesis)
+    z = point.z
+    stuck = ((z <= limits[:, 0] + 1e-9) & (downhill < 0)) | ((z >= limits[:, 1] - 1e-9) & (downhill > 0))
+    move = np.flatnonzero(~stuck)
+    out = []
+    for damping, pull in [*((d, 0.0) for d in DAMPINGS), *((DAMPINGS[0], p) for p in PULLS)]:
+        step = np.zeros(len(z))
+        if len(move):
+            matrix = (curvature + pull * np.diag(prior))[np.ix_(move, move)]
+            matrix = matrix + damping * np.diag(np.diag(matrix)) + 1e-9 * np.eye(len(move))
+            towards = (downhill - pull * prior * z)[move]
+            step[move] = np.linalg.lstsq(matrix, towards, rcond=1e-12)[0]
+            step *= min(1.0, REACH / max(np.abs(step).max(), 1e-12))  # shorter, but in the same direction
+        out.append(step)
+    out += [share * out[0] for share in SHARES]
+    return [point.moved(np.clip(z + step, limits[:, 0], limits[:, 1])) for step in out]

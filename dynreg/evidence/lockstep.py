@@ -1,0 +1,97 @@
+"""Searches that ask for rollouts, and many of them answered from one batch.
+
+A search is a generator: it yields the rollouts that it wants and is sent their states. So each algorithm is written
+once, and many searches advance together: a robot's own, those of its simulated robots, those of a table of trials.
+"""
+
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Ask:
+    """Rollouts that are wanted: configurations (B, P) of a robot, with effects, through the episodes of a run.
+
+    engine : one of the robot's; None for its first. The answer is their states (B, E, T+1, S).
+    """
+
+    robot: Robot
+    values: np.ndarray
+    run: Run
+    terms: Terms | None = None
+    engine: str | None = None
+
+
+T = TypeVar("T")
+Search = Generator[list[Ask], list[np.ndarray], T]
+
+
+def ask(one: Ask) -> Search[np.ndarray]:
+    """The search that asks once, and finds what it is told."""
+    (states,) = yield [one]
+    return states
+
+
+def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
+    """The search that advances all of these at once, and finds what each of them finds."""
+    every = list(searches)
+    found: list[T | None] = [None] * len(every)
+    asked: dict[int, list[Ask]] = {}
+
+    def go(number: int, states: list[np.ndarray] | None) -> None:
+        try:
+            asked[number] = every[number].send(states)
+        except StopIteration as stop:
+            asked.pop(number, None)
+            found[number] = stop.value
+
+    for number in range(len(every)):
+        go(number, None)
+    while asked:
+        states = yield [one for own in asked.values() for one in own]
+        at = 0
+        for number, own in list(asked.items()):
+            go(number, states[at : at + len(own)])
+            at += len(own)
+    return found
+
+
+def counted(search: Search[T]) -> Search[tuple[T, int]]:
+    """What a search finds, and how many simulators it asked for."""
+    many, states = 0, None
+    while True:
+        try:
+            asked = search.send(states)
+        except StopIteration as stop:
+            return stop.value, many
+        many += sum(len(one.values) for one in asked)
+        states = yield asked
+
+
+def run(search: Search[T], *, threads: int = 1) -> T:
+    """What a search finds; whatever it asks in one step is simulated as one batch.
+
+    threads : of a batch, 0 for all cores; the numbers do not depend on it, nor on what else is in the batch.
+    """
+    states = None
+    while True:
+        try:
+            asked = search.send(states)
+        except StopIteration as stop:
+            return stop.value
+        states = _answered(asked, threads)
+
+
+def _answered(asked: list[Ask], threads: int) -> list[np.ndarray]:
+    return [
+        rollout(one.robot, one.values, one.run, engine=one.engine, threads=threads, terms=one.terms).states
+        for one in asked
+    ]
