@@ -34,6 +34,8 @@ def own_noise(robot: Robot, recording: Recording) -> dict[str, float]:
 
 def noisier(robot: Robot, noise: Mapping[str, float]) -> Robot:
     """The robot with sensors of this noise {channel: 1 sigma}."""
+    if not noise:
+        return robot
     channels = [
         c.model_copy(update={"noise": noise[c.name]}) if c.name in noise else c for c in robot.file.channels
     ]

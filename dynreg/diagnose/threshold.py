@@ -20,6 +20,7 @@ from dynreg.evidence.truth import Hidden, hide, measured_states
 from dynreg.replay.parts import Parts
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
+from dynreg.sim.robot import Robot
 
 LEAST = 5.0  # nats: no simulation lowers the threshold below this,
 USUAL = 20.0  # and this is it where nothing was simulated
@@ -74,8 +75,9 @@ def threshold(
     for one in kept:
         if same(told, np.array(one["commands"])):
             return Threshold(one["nats"], tuple(one["scores"]), cached=True)
+    robot = noisier(problem.model.robot, noise)
     seeds = [null_seed(options.seed, i) for i in range(runs)]
-    scores = yield from together([null_score(problem, seed, noise) for seed in seeds])
+    scores = yield from together([null_score(problem, robot, seed) for seed in seeds])
     if progress:
         progress("threshold", runs, runs)
     found = Threshold(level(scores), tuple(scores))
@@ -115,25 +117,25 @@ def exceeded(scores: Sequence[float]) -> float:
     return float(largest[tail]) + excess * np.log(tail / len(largest) / ALARMS)
 
 
-def null_score(problem: Problem, seed: int, noise: Mapping[str, float]) -> Search[float]:
+def null_score(problem: Problem, robot: Robot, seed: int) -> Search[float]:
     """[nats] of the cause chosen for one simulated robot that lacks none, under the commands of the problem.
 
-    noise : {channel: 1 sigma} of channels that are noisier than robot.toml says.
+    robot : with the sensors by which it is measured.
     """
     model, plan = problem.model, problem.plan
-    data = null_data(problem, seed, noise)
+    data = yield from null_data(problem, robot, seed)
     found = yield from calibrate(model, data, draws=plan.draws)
     left = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
     naming, _ = yield from plan.name(found.model, found.point, left, found.sample)
     return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats)
 
 
-def null_data(problem: Problem, seed: int, noise: Mapping[str, float]) -> Data:
+def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
     """What a robot that lacks nothing is measured as under the commands of the problem, in its own units."""
     model, posed = problem.model, problem.data
-    robot = noisier(model.robot, noise)
     windows = posed.windows.take(posed.both)
-    measured = measured_states(robot, null_robot(model, seed), windows.run, engine=model.engine)
+    truth = null_robot(model, seed)
+    measured = yield from measured_states(robot, truth, windows.run, engine=model.engine)
     measured = np.where(np.isnan(windows.measured), np.nan, measured)
     begun = starts(robot, windows.run.actions, measured, windows.run.before)
     initial = np.where(np.isnan(windows.run.initial), np.nan, begun)

@@ -108,7 +108,7 @@ def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
 
     def found() -> Search[list[float]]:
         problem = yield from _posed(trials, _without_effect(trials), trials.options())
-        return (yield from together([null_score(problem, null_seed(seed, i), {}) for i in numbers]))
+        return (yield from together([null_score(problem, trials.robot, null_seed(seed, i)) for i in numbers]))
 
     return run(found(), threads=trials.threads)
 

@@ -10,23 +10,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from dynreg.sim.effects import Terms
-from dynreg.sim.engines import rollout
+from dynreg.sim.engines import Case, rollouts
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import Run
 
 
 @dataclass(frozen=True, eq=False)
 class Ask:
-    """Rollouts that are wanted: configurations (B, P) of a robot, with effects, through the episodes of a run.
-
-    engine : one of the robot's; None for its first. The answer is their states (B, E, T+1, S).
-    """
+    """Rollouts of a robot that are wanted, on one of its engines (None for its first): their states (B, E, T+1, S)."""
 
     robot: Robot
-    values: np.ndarray
-    run: Run
-    terms: Terms | None = None
+    case: Case
     engine: str | None = None
 
 
@@ -72,7 +65,7 @@ def counted(search: Search[T]) -> Search[tuple[T, int]]:
             asked = search.send(states)
         except StopIteration as stop:
             return stop.value, many
-        many += sum(len(one.values) for one in asked)
+        many += sum(len(one.case.values) for one in asked)
         states = yield asked
 
 
@@ -91,7 +84,12 @@ def run(search: Search[T], *, threads: int = 1) -> T:
 
 
 def _answered(asked: list[Ask], threads: int) -> list[np.ndarray]:
-    return [
-        rollout(one.robot, one.values, one.run, engine=one.engine, threads=threads, terms=one.terms).states
-        for one in asked
-    ]
+    alike: dict[tuple[Robot, str | None], list[int]] = {}
+    for number, one in enumerate(asked):
+        alike.setdefault((one.robot, one.engine), []).append(number)
+    states: list[np.ndarray] = [np.zeros(0)] * len(asked)
+    for (robot, engine), numbers in alike.items():
+        made = rollouts(robot, [asked[i].case for i in numbers], engine=engine, threads=threads)
+        for i, one in zip(numbers, made, strict=True):
+            states[i] = one.states
+    return states

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +14,7 @@ from dynreg.evidence.lockstep import Ask, Search, ask, together
 from dynreg.evidence.point import Point
 from dynreg.replay.residual import scaled
 from dynreg.sim.effects import Terms, stacked
+from dynreg.sim.engines import Case
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -67,9 +69,9 @@ class Model:
 
     def states(self, points: Sequence[Point], run: Run) -> Search[np.ndarray]:
         """(n, E, T+1, S) rollouts of the points through the episodes of a run."""
-        robot = self.robot if self.finely == 1.0 else self.robot.stepped(self.finely)
+        robot = self.robot if self.finely == 1.0 else _stepped(self.robot, self.finely)
         values = self.coordinates.values(np.array([p.nominal for p in points]))
-        return ask(Ask(robot, values, run, self._terms(points), self.engine))
+        return ask(Ask(robot, Case(values, run, self._terms(points)), self.engine))
 
     def residuals(self, points: Sequence[Point], sample: Sample) -> Search[np.ndarray]:
         """(n, W, T, C) simulated - measured, in units of the channels' spread; NaN where nothing was measured.
@@ -126,3 +128,8 @@ class Model:
             values = self.coordinates.effect_values(points[members[0]].hypothesis, z)
             parts.append((members, Terms(terms, tuple(values))))
         return stacked(len(points), parts)
+
+
+@lru_cache(maxsize=64)  # its model is compiled once for all that ask
+def _stepped(robot: Robot, finer: float) -> Robot:
+    return robot.stepped(finer)

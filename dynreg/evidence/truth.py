@@ -5,16 +5,19 @@ quantisation; where the robot's engines allow, it runs on another engine than th
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
+from dynreg.evidence.lockstep import Ask, Search, ask
+from dynreg.evidence.lockstep import run as answered
 from dynreg.replay.known import nominal_known
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
-from dynreg.sim.engines import rollout
+from dynreg.sim.engines import Case
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, sensed
 from dynreg.sim.robot import Robot
@@ -139,7 +142,7 @@ def hide(
 def log_of(robot: Robot, hidden: Hidden, plan: Protocol, *, engine: str | None = None) -> Recording:
     """What the hidden robot's logger writes under the commands of `plan`."""
     run = plan.run
-    parts = [measured_states(robot, hidden, run, engine=engine)]
+    parts = [answered(measured_states(robot, hidden, run, engine=engine))]
     parts.append(np.concatenate([run.actions, run.actions[:, -1:]], axis=1))
     channels = [Channel(c.name, c.unit) for c in robot.file.channels]
     channels += [Channel(a.name, a.unit) for a in robot.file.actions]
@@ -157,10 +160,10 @@ def log_of(robot: Robot, hidden: Hidden, plan: Protocol, *, engine: str | None =
 
 
 def measured_states(
-    robot: Robot, hidden: Hidden, run: Run, *, engine: str | None = None, threads: int = 1
-) -> np.ndarray:
+    robot: Robot, hidden: Hidden, run: Run, *, engine: str | None = None
+) -> Search[np.ndarray]:
     """(E, T+1, S) what the hidden robot's sensors say in the episodes of `run`: noise and quantisation included."""
-    truth = finer(robot)
+    truth = _finer(robot)
     active = Terms(
         (*hidden.terms, disturbance(truth)),
         (
@@ -170,7 +173,10 @@ def measured_states(
     )
     whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
     whole = disturbed(truth, whole, stream(hidden.seed, "disturbance", robot.name))
-    states = rollout(
-        truth, hidden.parameters[None], whole, engine=engine, terms=active, threads=threads
-    ).states[0]
+    (states,) = yield from ask(Ask(truth, Case(hidden.parameters[None], whole, active), engine))
     return sensed(robot, states, stream(hidden.seed, "sensors", robot.name))
+
+
+@lru_cache(maxsize=64)  # its model is compiled once for all that are hidden
+def _finer(robot: Robot) -> Robot:
+    return finer(robot)
