@@ -49,8 +49,8 @@ def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
     squares = mean_squares(residuals, data.floor)
     rough = np.array([np.nansum(np.log(s)) for s in squares])
     effective = data.effective(residuals[int(rough.argmin())])
-    many = len(data.fit) * data.segments
-    gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, many), slice(many, None))]
+    first = len(data.fit) * data.segments
+    gained = [log_likelihood(squares[:, w], effective[w]) for w in (slice(None, first), slice(first, None))]
     on_fit, on_select = (g - g[0] for g in gained)
     return np.minimum(on_fit, 2.0 * np.maximum(on_select, 0.0) + BEYOND) + on_select
 

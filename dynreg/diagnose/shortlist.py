@@ -143,7 +143,7 @@ class _Linear:
 
     def starts(self, probes: list[Point], changes: np.ndarray) -> tuple[float, list[Point]]:
         """Objective at the best size, and points at `SIZES` times it. changes : (K, W, T, C) of the probes."""
-        many = len(self.base.z)
+        free = len(self.base.z)
         sized = [i for i, p in enumerate(probes[0].hypothesis.terms[-1].effect.parameters) if not p.shape]
         width = np.array([p.effect[len(self.base.effect) + i] for p, i in zip(probes, sized, strict=True)])
         scaled = np.nan_to_num(changes) / width[:, None, None, None]
@@ -152,15 +152,15 @@ class _Linear:
         curvature = j @ j.T + np.diag(prior + 1e-9)
         start = np.concatenate([self.base.z, np.zeros(len(sized))])
         best = np.linalg.lstsq(curvature, -j @ self.rest - prior * start, rcond=1e-12)[0]
-        limits, own = bounds(self.model.coordinates, probes[0].hypothesis), [many + i for i in sized]
+        limits, own = bounds(self.model.coordinates, probes[0].hypothesis), [free + i for i in sized]
         out = []
         for share in SIZES:  # the other coordinates follow the size
-            size = np.clip(share * best[many:], *limits[own].T)
-            pull = -j[:many] @ (self.rest + size @ j[many:]) - self.prior * self.base.z
-            move = np.linalg.lstsq(curvature[:many, :many], pull, rcond=1e-12)[0]
+            size = np.clip(share * best[free:], *limits[own].T)
+            pull = -j[:free] @ (self.rest + size @ j[free:]) - self.prior * self.base.z
+            move = np.linalg.lstsq(curvature[:free, :free], pull, rcond=1e-12)[0]
             move = np.clip(move, -PULL, PULL)
             z = probes[0].z.copy()
-            z[:many] += move
+            z[:free] += move
             z[own] = size
             point = probes[0].moved(np.clip(z, *limits.T))
             after = self.residual + np.tensordot(size, scaled, 1) + np.tensordot(move, self.slopes, 1)

@@ -126,6 +126,6 @@ class Sample:
         """The same windows with the independent samples of a residual (W, T, C) in them."""
         return replace(self, effective=self.data.effective(residual))
 
-    def take(self, many: int) -> "Sample":
-        """The first windows alone, so many."""
-        return Sample(self.data, self.chosen[:many], self.effective[: many * self.data.segments])
+    def take(self, count: int) -> "Sample":
+        """The first windows alone, `count` of them."""
+        return Sample(self.data, self.chosen[:count], self.effective[: count * self.data.segments])

@@ -71,9 +71,9 @@ def fit(
     return points, cost
 
 
-def best_of(points: Sequence[Point], cost: np.ndarray, many: int | None = None) -> list[Point]:
-    """The points by their cost (n,), the lowest first; so many of them."""
-    return [points[i] for i in np.argsort(cost, kind="stable")[:many]]
+def best_of(points: Sequence[Point], cost: np.ndarray, count: int | None = None) -> list[Point]:
+    """The points by their cost (n,), the lowest first; `count` of them, or all."""
+    return [points[i] for i in np.argsort(cost, kind="stable")[:count]]
 
 
 def steps(model: Model, point: Point, residual: np.ndarray, slope: np.ndarray, sample: Sample) -> list[Point]:

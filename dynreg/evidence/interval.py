@@ -67,13 +67,13 @@ class Proposal:
     spread: np.ndarray
     limits: np.ndarray
 
-    def draw(self, rng: np.random.Generator, many: int) -> tuple[np.ndarray, float]:
-        """At most `many` draws (n, D) within the limits, and the logarithm of the share that lay there."""
-        size = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, TRIED * many))
+    def draw(self, rng: np.random.Generator, count: int) -> tuple[np.ndarray, float]:
+        """At most `count` draws (n, D) within the limits, and the logarithm of the share that lay there."""
+        size = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, TRIED * count))
         root = np.linalg.cholesky(self.spread)
         z = self.middle + size[:, None] * (rng.standard_normal((len(size), len(root))) @ root.T)
         inside = ((z >= self.limits[:, 0]) & (z <= self.limits[:, 1])).all(axis=1)
-        return z[inside][:many], float(np.log(max(inside.mean(), 1.0 / len(z))))
+        return z[inside][:count], float(np.log(max(inside.mean(), 1.0 / len(z))))
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
         """(n,) of draws z (n, D), before the cut."""

@@ -109,11 +109,11 @@ def begun(
     """
     points, slope = yield from promising(model, start, terms, sample, turned=True)
     points, cost = yield from fit(model, points[: PROBED // 2], sample, iterations=1, leading=slope)
-    many, iterations = ahead
+    count, iterations = ahead
     if iterations:
         points = best_of(points, cost)
-        further, _ = yield from fit(model, points[:many], sample, iterations=iterations)
-        points = [*further, *points[many:]]
+        further, _ = yield from fit(model, points[:count], sample, iterations=iterations)
+        points = [*further, *points[count:]]
     cost = objective(points, (yield from model.fine.residuals(points, sample)), sample)
     return [(float(c), p) for c, p in zip(cost, points, strict=True) if c <= cost.min() + behind]
 

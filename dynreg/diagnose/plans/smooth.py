@@ -1,0 +1,68 @@
+"""What plans of smooth rollouts share: rounds of naming, and the last fit on fit and select together."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dynreg.diagnose.plans.plan import Plan, State, stripped
+from dynreg.diagnose.score import Naming, score
+from dynreg.evidence.data import Data, Sample
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.sim.effects import Term
+
+
+@dataclass(frozen=True)
+class Smooth(Plan):
+    """Where small differences of a simulator make small differences of its rollouts.
+
+    rivals, again : of the best from where the model without a term is fitted again, and by how many iterations: it gets
+    the same chance. rounds : of naming, where the first found a model without the term that is `better` [nats] on its
+    way. last : iterations of the calibrated simulator's last fit.
+    """
+
+    rivals: int = 3
+    again: int = 5
+    rounds: int = 2
+    better: float = 2.0
+    last: int = 4
+
+    def name(
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+    ) -> Search[tuple[Naming, Model]]:
+        for _ in range(self.rounds):
+            model, fitted = yield from self.refitted(model, base, terms, sample)
+            others = [base, *stripped(base, fitted[: self.rivals])]
+            again, price = yield from fit(model, others, sample, iterations=self.again)
+            base = best_of(again, price)[0]
+            naming = yield from score(model, sample.data, base, fitted)
+            if not naming.ranking or price[0] - price.min() <= self.better:
+                break
+            terms = self.left(terms, naming)
+        return naming, model
+
+    def settle(self, state: State, posed: Data, seed: int) -> Search[State]:
+        pooled = state.pooled
+        before = replace(pooled, data=posed)
+        (base,), _ = yield from fit(state.model, [state.base], before, iterations=self.last)
+        state = replace(state, base=base)
+        if not state.accepted:
+            return replace(state, current=base)
+        model, current = yield from self.ended(state.model, state.current, pooled, seed)
+        return replace(state, model=model, current=current)
+
+    def left(self, terms: Sequence[Term], naming: Naming) -> Sequence[Term]:
+        """The terms of the next round."""
+        return terms
+
+    @abstractmethod
+    def refitted(
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+    ) -> Search[tuple[Model, list[Point]]]:
+        """`base` with one of the terms, fitted to the end, the best first; and the model, corrected there."""
+
+    @abstractmethod
+    def ended(self, model: Model, point: Point, sample: Sample, seed: int) -> Search[tuple[Model, Point]]:
+        """The last fit of the simulator with the causes; and the model, corrected there."""
