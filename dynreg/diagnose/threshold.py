@@ -67,8 +67,8 @@ def threshold(
     runs = options.threshold_runs
     if runs == 0:
         return Threshold(USUAL, ())
-    if progress:
-        progress("threshold", 0, runs)
+    report = progress or (lambda *_: None)
+    report("threshold", 0, runs)
     noise = own_noise(problem.model.robot, recording)
     key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
     kept = [] if cache is None else list((cache.cached(KIND, key) or {"found": []})["found"])
@@ -77,9 +77,9 @@ def threshold(
             return Threshold(one["nats"], tuple(one["scores"]), cached=True)
     robot = noisier(problem.model.robot, noise)
     seeds = [null_seed(options.seed, i) for i in range(runs)]
-    scores = yield from together([null_score(problem, robot, seed) for seed in seeds])
-    if progress:
-        progress("threshold", runs, runs)
+    scores = yield from together(
+        [null_score(problem, robot, seed) for seed in seeds], lambda ended: report("threshold", ended, runs)
+    )
     found = Threshold(level(scores), tuple(scores))
     if cache is not None:
         row = {"commands": told.tolist(), "nats": found.nats, "scores": scores}
@@ -170,7 +170,10 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
     told = (
         None if run.inputs is None else run.inputs[..., len(model.robot.file.inputs) :]
     )  # drives switched off
-    for array in (told, run.settings, data.windows.weight, model.coordinates.centre):
+    c = model.coordinates
+    # the log's own rate of commands is measured, too
+    centre = [v if np.isnan(k) else float(f"{k:.2g}") for v, k in zip(c.centre, c.known, strict=True)]
+    for array in (told, run.settings, data.windows.weight, centre):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
     says: dict[str, Any] = {
@@ -182,8 +185,8 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
         "runs": runs,
         "seed": seed,
         "parts": [len(data.fit), len(data.select)],
-        "tolerance": model.coordinates.tolerance,
-        "free": model.coordinates.free.tolist(),
+        "tolerance": c.tolerance,
+        "free": c.free.tolist(),
         "joints": run.joints,
         "noise": dict(noise),
         "search": SEARCH,

@@ -4,7 +4,7 @@ A search is a generator: it yields the rollouts that it wants and is sent their 
 once, and many searches advance together: a robot's own, those of its simulated robots, those of a table of trials.
 """
 
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -33,8 +33,11 @@ def ask(one: Ask) -> Search[np.ndarray]:
     return states
 
 
-def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
-    """The search that advances all of these at once, and finds what each of them finds."""
+def together(searches: Iterable[Search[T]], done: Callable[[int], None] | None = None) -> Search[list[T]]:
+    """The search that advances all of these at once, and finds what each of them finds.
+
+    done : told how many of them have ended, whenever one does.
+    """
     every = list(searches)
     found: list[T | None] = [None] * len(every)
     asked: dict[int, list[Ask]] = {}
@@ -45,7 +48,11 @@ def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
         except StopIteration as stop:
             asked.pop(number, None)
             found[number] = stop.value
+            if done:
+                done(len(every) - len(asked))
 
+    for number in range(len(every)):
+        asked[number] = []
     for number in range(len(every)):
         go(number, None)
     while asked:
