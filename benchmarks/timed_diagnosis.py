@@ -5,6 +5,7 @@ with any checkout of dynreg that PYTHONPATH names. Process time counts, as other
 is told beside it.
 """
 
+import contextlib
 import json
 import sys
 import tempfile
@@ -19,8 +20,6 @@ from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.run import Run
 
-# loads what is imported and compiled at first use, before a clock runs
-FIRST = {"effects": ("coulomb_friction",), "windows": 2, "max_causes": 1, "threshold_runs": 0}
 LEAST = 0.3  # s that an engine is timed for
 
 
@@ -55,8 +54,17 @@ def diagnoses(job: dict[str, Any]) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         logs = [reg.ingest(read_log(Path(p)), robot, name=f"log_{i}") for i, p in enumerate(job["logs"])]
         told = {"hold_out": job["hold_out"], "tolerance": job["tolerance"], "seed": 0, "threads": 1}
-        reg.diagnose("log_0", **told | FIRST)
+        load(reg, robot, told)
         return [asked(reg, logs[one["log"]].recording, one, told) for one in job["asks"]]
+
+
+def load(reg: dynreg.Session, robot: Any, told: dict[str, Any]) -> None:
+    """Import and compile what is so at first use, before a clock runs: a diagnosis that is refused, and rollouts."""
+    with contextlib.suppress(dynreg.DynregError):
+        reg.diagnose("log_0", **told, effects=("wheel_slip",))  # no robot here is a planar base
+    run = Run(np.zeros((1, 2, len(robot.actions))), period=1.0 / robot.rate)
+    for terms in (None, shared([("coulomb_friction", [0.0])], 1)):
+        rollout(robot, robot.space.nominal[None], run, terms=terms, threads=1)
 
 
 def asked(reg: dynreg.Session, recording: str, one: dict[str, Any], told: dict[str, Any]) -> dict[str, Any]:
