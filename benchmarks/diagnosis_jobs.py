@@ -24,8 +24,8 @@ from naming import TUNE, seeds
 from timed_diagnosis import write_log
 
 import dynreg
-from dynreg.diagnose.hypothesis import single_terms
-from dynreg.diagnose.truth import Protocol, hide, log_of, protocol
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.truth import Protocol, hide, log_of, protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 
