@@ -17,13 +17,14 @@ from dynreg.evidence.likelihood import information
 from dynreg.evidence.lockstep import Search, together
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
-from dynreg.evidence.slopes import sensitivities
+from dynreg.evidence.slopes import sensitivities, slopes
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
 SHARED = 1.5  # times the interval without the rival: from here on the two are not told apart
 SAMPLED = 3  # rivals that are fitted and sampled
 SIZES = (0.3, 1.5)  # medium sizes of a rival from which its fit with the cause starts
+BEGUN, ENDED = 2, 2  # iterations of all starts with the cause's own derivatives, and of the best with its own
 
 
 @dataclass(frozen=True)
@@ -57,16 +58,18 @@ def beside(
     """The last term of `point` (draws: `alone`) with each of the rivals most like it in the windows of the sample."""
     if not rivals:
         return ()
-    sample = sample.left((yield from model.residuals([point], sample))[0])
+    (residual,), (slope,) = yield from sensitivities(model, [point], sample)
+    sample = sample.left(residual)
     doubled = [with_term(point, rival, 0.0) for rival in rivals]
     at = len(point.z) - _many(point)
-    alike = yield from _collinear(model, doubled, at, sample)
+    alike = yield from _collinear(model, doubled, at, sample, slope)
     ends = alone.quantiles(alone.z[:, at])
 
     def one(i: int) -> Search[Together]:
         signs = (1.0, -1.0) if rivals[i].effect.parameters[0].signed else (1.0,)
         starts = [doubled[i], *(with_term(point, rivals[i], sign * size) for size in SIZES for sign in signs)]
-        best = best_of(*(yield from fit(model, starts, sample, iterations=3)))[0]
+        begun, cost = yield from fit(model, starts, sample, iterations=BEGUN, leading=slope)
+        (best,), _ = yield from fit(model, best_of(begun, cost, 1), sample, iterations=ENDED)
         draws = yield from posterior(model, best, sample, seed=seed)
         growth = float(np.ptp([ends, draws.quantiles(draws.z[:, at])]) / max(np.ptp(ends), 1e-9))
         return Together(best, draws, float(alike[i]), growth)
@@ -101,14 +104,18 @@ def with_term(point: Point, term: Term, size: float) -> Point:
     return Point(point.hypothesis.with_term(term), point.nominal, np.concatenate([point.effect, sizes]))
 
 
-def _collinear(model: Model, points: list[Point], at: int, sample: Sample) -> Search[np.ndarray]:
+def _collinear(
+    model: Model, points: list[Point], at: int, sample: Sample, leading: np.ndarray
+) -> Search[np.ndarray]:
     """(n,) how many times less sure the data alone are of coordinate `at` with each point's last term free.
 
-    The nominal parameters are held: they may do what a rival does, and would hide it.
+    The nominal parameters are held: they may do what a rival does, and would hide it. leading : (D, W, T, C)
+    derivatives by the coordinates before the last term, which does nothing yet.
     """
-    residual, slopes = yield from sensitivities(model, points, sample)
+    residual = yield from model.residuals(points, sample)
+    own = yield from slopes(model, points, sample, leading)
     out = []
-    for point, r, slope in zip(points, residual, slopes, strict=True):
+    for point, r, slope in zip(points, residual, own, strict=True):
         own = [at, *range(len(point.z) - _many(point), len(point.z))]
         curvature, _ = information(point, r, slope, sample)
         data = (curvature - np.diag(point.prior))[np.ix_(own, own)]
