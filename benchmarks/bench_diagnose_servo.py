@@ -105,13 +105,13 @@ def _diagnosed(reg, supply: str, kp: float, seed: int, given: argparse.Namespace
 
 
 def _peers(robot, recording: Recording, kp: float, given: argparse.Namespace):
-    problem, split = pose(
+    model, data = pose(
         robot, recording, DiagnosisOptions(hold_out=f"kp={kp:g}", tolerance=TOLERANCE, threads=1)
     )
-    test = np.flatnonzero(split.test)
+    chosen, test = data.parts.chosen, np.flatnonzero(data.parts.test)
     for rung in LADDER:
-        yield asdict(ladder(problem, rung, split.chosen, test, seed=given.seeds[0], budget=given.peers))
-    peer = identify(problem, split.chosen, test)
+        yield asdict(ladder(model, data, rung, chosen, test, seed=given.seeds[0], budget=given.peers))
+    peer = identify(model, data, chosen, test)
     if peer is not None:
         yield asdict(peer)
 

@@ -22,12 +22,13 @@ from scipy.stats import norm
 
 import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point
-from dynreg.evidence.truth import hide
 from dynreg.errors import LogError
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis
+from dynreg.evidence.lockstep import run as answered
+from dynreg.evidence.point import Point
+from dynreg.evidence.truth import hide
 from dynreg.results import Diagnosis
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term
@@ -200,19 +201,20 @@ def regressed(robot: Robot, recording: Recording) -> tuple[float, float]:
 def replayed(robot: Robot, recording: Recording, free: tuple[str, ...]) -> tuple[float, float]:
     """Mass and its standard error [kg] by robust least squares on rollouts; all but `free` as on the plate."""
     settings = DiagnosisOptions(engine="joint", horizon=HORIZON, threads=1)
-    problem, _ = pose(robot, recording, settings)
-    names = [robot.space.parameters[i].name for i in problem.coordinates.free]
-    at, every = [names.index(name) for name in free], np.arange(len(problem.windows))
+    model, data = pose(robot, recording, settings)
+    coordinates, every = model.coordinates, data.sample(np.arange(len(data.windows)))
+    names = [robot.space.parameters[i].name for i in coordinates.free]
+    at = [names.index(name) for name in free]
 
     def point(z: np.ndarray) -> Point:
         full = np.zeros(len(names))
         full[at] = z
-        return Point(Hypothesis(), np.clip(full, *problem.coordinates.nominal_bounds.T), np.zeros(0))
+        return Point(Hypothesis(), np.clip(full, *coordinates.nominal_bounds.T), np.zeros(0))
 
     def residual(z: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(problem.residuals([point(z)], every)[0]).reshape(-1)
+        return np.nan_to_num(answered(model.residuals([point(z)], every), threads=1)[0]).reshape(-1)
 
-    limits = problem.coordinates.nominal_bounds[at].T * 0.999
+    limits = coordinates.nominal_bounds[at].T * 0.999
     starts = [
         least_squares(
             residual, np.clip(np.full(len(at), s), *limits), bounds=limits, diff_step=0.05, loss="soft_l1"
@@ -221,8 +223,8 @@ def replayed(robot: Robot, recording: Recording, free: tuple[str, ...]) -> tuple
     ]
     best = min(starts, key=lambda s: s.cost)
     spread = np.linalg.pinv(best.jac.T @ best.jac) * 2 * best.cost / (len(best.fun) - len(at))
-    mass = problem.coordinates.values(point(best.x).nominal)[robot.space.names.index("mass")]
-    sigma = problem.coordinates.sigma[robot.space.names.index("mass")]
+    mass = coordinates.values(point(best.x).nominal)[robot.space.names.index("mass")]
+    sigma = coordinates.sigma[robot.space.names.index("mass")]
     return float(mass), float(mass * sigma * np.sqrt(spread[0, 0]))
 
 

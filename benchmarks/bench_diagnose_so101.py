@@ -11,17 +11,24 @@ import json
 import os
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.diagnose.account import Account, diagnosed
+from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point, Problem
-from dynreg.replay.parts import Parts
+from dynreg.evidence.data import Data
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.lockstep import run as answered
+from dynreg.evidence.lockstep import together
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.results.result import Cost
 from dynreg.rng import stream
 from dynreg.search.cmaes import CmaEs
 from dynreg.sim.config import SimConfig, terms_of
@@ -29,7 +36,9 @@ from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
-from dynreg.verbs.subjects import robot_of
+from dynreg.verbs.diagnosis import document
+from dynreg.verbs.simulators import NOMINAL
+from dynreg.verbs.subjects import Recorded, robot_of
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
@@ -48,59 +57,55 @@ LONGEST_LAG, WHOLE = 0.4, 200.0  # s
 DELAYS = (0.0, 0.2)  # s, of the plain servo
 
 
-def plain(problem: Problem, split: Parts, joint: str, budget: int, seed: int = 0) -> Point:
+def plain(model: Model, data: Data, joint: str, budget: int, seed: int = 0) -> Point:
     """The plain servo with delay whose mean absolute error on the windows to fit and select by is least."""
     hypothesis = Hypothesis((term(f"force_offset[{joint}]"), term(f"command_delay[{joint}]")))
-    scale = problem.coordinates.scale(hypothesis.terms[1], hypothesis.parameters[1])
-    load = problem.coordinates.scales["torque"][0] * 0.5
-    load /= problem.coordinates.scale(hypothesis.terms[0], hypothesis.parameters[0])
-    limits = np.concatenate(
-        [problem.coordinates.nominal_bounds, [(-load, load), (DELAYS[0], DELAYS[1] / scale)]]
-    )
-    many = len(problem.coordinates)
+    coordinates, sample = model.coordinates, data.sample(data.parts.chosen)
+    scale = coordinates.scale(hypothesis.terms[1], hypothesis.parameters[1])
+    load = coordinates.scales["torque"][0] * 0.5
+    load /= coordinates.scale(hypothesis.terms[0], hypothesis.parameters[0])
+    limits = np.concatenate([coordinates.nominal_bounds, [(-load, load), (DELAYS[0], DELAYS[1] / scale)]])
+    many = len(coordinates)
     start = np.concatenate([np.zeros(many), [0.0, 0.03 / scale]])
     search = CmaEs((start - limits[:, 0]) / np.ptp(limits, axis=1), sigma=0.2, rng=stream(seed, "refit"))
     spent = 0
     while spent < budget and not search.stopped:
         z = limits[:, 0] + search.ask() * np.ptp(limits, axis=1)
         points = [Point(hypothesis, row[:many], row[many:]) for row in z]
-        search.tell(np.nanmean(np.abs(problem.residuals(points, split.chosen)), axis=(1, 2, 3)))
+        left = answered(model.residuals(points, sample), threads=1)
+        search.tell(np.nanmean(np.abs(left), axis=(1, 2, 3)))
         spent += len(z)
     z = limits[:, 0] + search.best * np.ptp(limits, axis=1)
     return Point(hypothesis, z[:many], z[many:])
 
 
-def config_of(problem: Problem, point: Point) -> SimConfig:
-    """The point as the configuration of a simulator."""
-    robot, effects = problem.robot, {}
-    rows = problem.coordinates.effect_values(point.hypothesis, point.effect[None])
-    for one, row in zip(point.hypothesis.terms, rows, strict=True):
+def config_of(robot: Robot, values: np.ndarray, terms: Terms | None) -> SimConfig:
+    """A simulator, of parameters (P,) and effects of one row, as its configuration."""
+    effects = {}
+    for one, row in zip(terms.terms, terms.values, strict=True) if terms else ():
         names = [p.name for p in one.effect.parameters]
         effects[one.key] = dict(zip(names, map(float, row[0]), strict=True))
-    values = robot.space.as_dict(problem.coordinates.values(point.nominal))
-    return SimConfig(robot.hash, robot.name, values, effects)
+    return SimConfig(robot.hash, robot.name, robot.space.as_dict(values), effects)
 
 
-def motion_errors(
-    problem: Problem, split: Parts, states: np.ndarray, joint: str, recording: Recording
-) -> dict:
+def motion_errors(robot: Robot, data: Data, states: np.ndarray, joint: str, recording: Recording) -> dict:
     """{motion: mean absolute error of the joint's position [rad]} of states (W, T+1, S) in the test windows."""
-    column = problem.robot.channels.index(f"{joint}/position")
-    test = np.flatnonzero(split.test)
-    miss = np.abs(states[:, 1:, column] - problem.windows.measured[test][:, 1:, column])
-    owner = [recording.episodes[e].name for e in problem.windows.episode[test]]
+    column = robot.channels.index(f"{joint}/position")
+    test = np.flatnonzero(data.parts.test)
+    miss = np.abs(states[:, 1:, column] - data.windows.measured[test][:, 1:, column])
+    owner = [recording.episodes[e].name for e in data.windows.episode[test]]
     return {m: float(np.nanmean(miss[[o == m for o in owner]])) for m in HELD_OUT}
 
 
 def short_errors(
-    problem: Problem, split: Parts, configs: dict[str, SimConfig], joint: str, recording: Recording
+    robot: Robot, data: Data, configs: dict[str, SimConfig], joint: str, recording: Recording
 ) -> dict:
     """{model: {motion: error}} of windows from measured states, the joint alone."""
-    run, out = problem.windows.run.take(np.flatnonzero(split.test)), {}
+    run, out = data.windows.run.take(np.flatnonzero(data.parts.test)), {}
     for name, config in configs.items():
-        values = problem.robot.space.from_dict(dict(config.values))[None]
-        states = rollout(problem.robot, values, run, engine="joint", threads=1, terms=_terms(config)).states
-        out[name] = motion_errors(problem, split, states[0], joint, recording)
+        values = robot.space.from_dict(dict(config.values))[None]
+        states = rollout(robot, values, run, engine="joint", threads=1, terms=_terms(config)).states
+        out[name] = motion_errors(robot, data, states[0], joint, recording)
     return out
 
 
@@ -125,13 +130,13 @@ def whole_states(robot: Robot, run: Run, rows: dict, model: str, engine: str) ->
 def whole_errors(robot: Robot, recording: Recording, rows: dict, engine: str) -> dict:
     """{joint: {model: {motion: error}}} of whole held-out motions from their start."""
     settings = DiagnosisOptions(hold_out=",".join(HELD_OUT), horizon=WHOLE)
-    problem, split = pose(robot, recording, settings)
-    run = problem.windows.run.take(np.flatnonzero(split.test))
+    _, data = pose(robot, recording, settings)
+    run = data.windows.run.take(np.flatnonzero(data.parts.test))
     out: dict = {joint: {} for joint in JOINTS}
     for model in MODELS:
         states = whole_states(robot, run, rows, model, engine)
         for i, joint in enumerate(JOINTS):
-            out[joint][model] = motion_errors(problem, split, states[i], joint, recording)
+            out[joint][model] = motion_errors(robot, data, states[i], joint, recording)
     return out
 
 
@@ -157,8 +162,7 @@ def lags(recording: Recording, joint: str) -> dict[str, dict[str, float]]:
 
 def simulated(robot: Robot, recording: Recording, rows: dict, model: str) -> dict[str, Recording]:
     """{joint: the recording as a simulator of that joint has it}, whole motions from their start."""
-    problem, _ = pose(robot, recording, DiagnosisOptions(horizon=WHOLE))
-    cut = problem.windows
+    cut = pose(robot, recording, DiagnosisOptions(horizon=WHOLE))[1].windows
     states, out = whole_states(robot, cut.run, rows, model, "joint"), {}
     for number, joint in enumerate(JOINTS):
         logged = recording.columns((f"{joint}/position",))[0]
@@ -196,18 +200,27 @@ def _plain_dict(config: SimConfig) -> dict:
     return {"values": dict(config.values), "effects": {k: dict(v) for k, v in config.effects.items()}}
 
 
-def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget: int, windows: int) -> dict:
-    """The row of one joint: its diagnosis, the plain servo's errors and its own on the held-out motions, lags."""
-    given = {"hold_out": ",".join(HELD_OUT), "joints": (joint,), "windows": windows, "threads": 1}
-    found = reg.diagnose(recording, max_causes=causes, threshold_runs=0, **given)
-    loaded = reg.registry.recording(recording)
-    problem, split = pose(robot, loaded, DiagnosisOptions(**given))
+def one_joint(
+    asked: Recorded, options: DiagnosisOptions, made: Diagnosed, seen: Account, budget: int, spent: float
+) -> dict:
+    """The row of one joint: its diagnosis, the plain servo's errors and its own on the held-out motions, lags.
+
+    spent : [s] of its diagnosis.
+    """
+    (joint,), robot, loaded = options.joints, asked.robot, asked.recording
+    cost = Cost(evaluations=0, rollouts=0, test_rollouts=seen.simulated, seconds=spent)
+    found = document(asked, NOMINAL, options, made, seen, dict.fromkeys(seen.simulators), cost)
+    model, data = made.problem.model, made.problem.data
     began = time.perf_counter()
-    configs = {"plain": config_of(problem, plain(problem, split, joint, budget))}
+    point = plain(model, data, joint, budget)
     seconds = time.perf_counter() - began
-    for name in ("calibrated", "extended"):
-        identity = getattr(found, f"{name}_simulator") or found.calibrated_simulator
-        configs[name] = SimConfig.from_dict(reg.registry.simulator(identity))
+    sizes = model.coordinates.effect_values(point.hypothesis, point.effect[None])
+    simulators = {
+        "plain": (model.coordinates.values(point.nominal), Terms(point.hypothesis.terms, tuple(sizes))),
+        "extended": seen.simulators["calibrated"],
+        **seen.simulators,
+    }
+    configs = {name: config_of(robot, *simulators[name]) for name in MODELS}
     return {
         "verdict": found.verdict,
         "sentence": found.sentence,
@@ -223,9 +236,21 @@ def one_joint(reg, robot: Robot, recording: str, joint: str, causes: int, budget
         ],
         "parts of lag": {name: parts_of_lag(_plain_dict(config), joint) for name, config in configs.items()},
         "simulators": {name: _plain_dict(config) for name, config in configs.items()},
-        "errors": short_errors(problem, split, configs, joint, loaded),
+        "errors": short_errors(robot, data, configs, joint, loaded),
         "seconds": {"diagnosis": found.cost.seconds, "plain": seconds},
     }
+
+
+def rows_of(asked: Recorded, given: argparse.Namespace) -> Iterator[tuple[str, dict]]:
+    """(joint, row) of every joint that was asked for; all are diagnosed in lockstep, and share the time it takes."""
+    how = {"hold_out": ",".join(HELD_OUT), "windows": given.windows, "threads": 1}
+    how |= {"max_causes": given.max_causes, "threshold_runs": 0}
+    options = [DiagnosisOptions(joints=(joint,), **how) for joint in given.joints]
+    began = time.perf_counter()
+    found = answered(together([diagnosed(asked.robot, asked.recording, one) for one in options]), threads=1)
+    spent = (time.perf_counter() - began) / len(options)
+    for joint, one, (made, seen) in zip(given.joints, options, found, strict=True):
+        yield joint, one_joint(asked, one, made, seen, given.budget, spent)
 
 
 def tell(joint: str, row: dict) -> None:
@@ -287,16 +312,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         recording = reg.ingest(logs, "so101", name="arm").recording
         robot = robot_of(reg.registry, recording)
-        for joint in given.joints:
-            rows[joint] = one_joint(
-                reg, robot, recording, joint, given.max_causes, given.budget, given.windows
-            )
-            tell(joint, rows[joint])
+        loaded = reg.registry.recording(recording)
+        for joint, row in rows_of(Recorded(reg.registry, robot, loaded, "arm"), given):
+            rows[joint] = row
+            tell(joint, row)
             RESULTS.parent.mkdir(exist_ok=True)
             RESULTS.write_text(json.dumps({"joints": rows}, indent=1) + "\n")
         rows = {j: rows[j] for j in JOINTS if j in rows}
         table("5 s from measured states, each joint alone [rad]", {j: rows[j]["errors"] for j in rows})
-        loaded = reg.registry.recording(recording)
         seen = {"measured": {j: lags(loaded, j) for j in rows}}
         if len(rows) == len(JOINTS) and not given.no_whole:
             for model in ("plain", "extended"):

@@ -20,10 +20,10 @@ import numpy as np
 from scipy.stats import binomtest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.evidence.hypothesis import Coordinates
-from dynreg.evidence.truth import hide
 from dynreg.drift.compared import Held, Plan, compared
 from dynreg.drift.drift import drift
+from dynreg.evidence.hypothesis import Coordinates
+from dynreg.evidence.truth import hide
 from dynreg.results import Drift
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term

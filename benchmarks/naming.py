@@ -15,13 +15,13 @@ import numpy as np
 from journal import Journal
 
 from dynreg.diagnose.threshold import SEARCH, USUAL, level
-from dynreg.diagnose.trial import Trials, null_scores
+from dynreg.diagnose.trial import Trial, Trials, null_scores
 from dynreg.evidence.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot
-from dynreg.verbs.trials import one_trial
+from dynreg.verbs.trials import results_of
 
 RESULTS = Path(__file__).parent / "results"
 TUNE = 3  # the seed of the development, of the commands and of the threshold
@@ -45,7 +45,7 @@ class Job:
     """One trial of a robot under a plan.
 
     keys : what it hides, () for nothing; size : how large; seed : of the robot; needed : the threshold [nats];
-    without : effects that the diagnosis lacks; max_causes : where it stops; share, interval : as in `one_trial`.
+    without : effects that the diagnosis lacks; max_causes : where it stops; share, interval : as in `results_of`.
     """
 
     robot: Robot
@@ -117,22 +117,15 @@ def nulls(given: tuple[Robot, Protocol, range]) -> list[float]:
 
 
 def run(job: Job) -> TrialResult:
-    """The trial, on one core."""
-    return one_trial(
-        Trials(job.robot, job.plan, threads=1),
-        tuple(term(key) for key in job.keys),
-        job.size,
-        job.seed,
-        job.needed,
-        without=job.without,
-        max_causes=job.max_causes,
-        share=job.share,
-        interval=job.interval,
-    )
+    """The trial, on one core; alone, so that its seconds are its own."""
+    trial = Trial(tuple(term(key) for key in job.keys), job.size, job.seed, job.without, job.max_causes)
+    trials, asked = Trials(job.robot, job.plan, threads=1), {"share": job.share, "interval": job.interval}
+    (result,) = results_of(trials, [trial], job.needed, **asked)
+    return result
 
 
 def run_all(jobs: Sequence[Job], processes: int, journal: Journal | None = None) -> list[TrialResult]:
-    """All trials in their order, told as they are done; with one process in this one.
+    """All trials in their order, told as they are done; with one process in this one, one after the other.
 
     Those in the journal are not run again; every new one is in it as soon as it is done.
     """

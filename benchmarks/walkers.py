@@ -13,11 +13,14 @@ import numpy as np
 from bench_naming_quadruped import KNOWN, measured, plan_of
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.diagnose import search
-from dynreg.diagnose.evidence import Evidence, verdict_of
-from dynreg.evidence.hypothesis import single_terms
+from dynreg.diagnose.account import simulator
+from dynreg.diagnose.diagnose import Diagnosed, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
+from dynreg.diagnose.problem import planned
+from dynreg.diagnose.threshold import known
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.lockstep import Search, run
 from dynreg.gait.tasks import Task, fitness, kinds, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.rng import stream, stream_seed
@@ -188,14 +191,16 @@ def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...
     robot = replace(robot, space=ParameterSpace(tuple(replace(p, nominal=float(v)) for p, v in space)))
     tests = ",".join(e.name for e in log.episodes if e.name.startswith("test"))
     settings = DiagnosisOptions(hold_out=tests, max_causes=CAUSES, effects=effects or None, threads=1)
-    problem, split = pose(robot, log, settings)
-    terms = single_terms(robot, effects)
-    found = search(problem, terms, split, settings, needed=needed)
-    evidence = Evidence.of(found.problem, log, found.extended, split.chosen)
-    verdict = verdict_of(robot, evidence, found.rounds, found.accepted)
-    simulators = []
-    for point in (found.extended, found.base):
-        values, own = problem.simulator(point, split.chosen)
+    model, data = pose(robot, log, settings)
+
+    def diagnosed() -> Search[Diagnosed]:
+        problem = yield from planned(model, data, single_terms(robot, effects))
+        return (yield from search(problem, log, known(needed), settings))
+
+    made = run(diagnosed(), threads=1)
+    found, simulators = made.found, []
+    for point in (found.current, found.base):
+        values, own = simulator(model, data, point, settings)
         simulators.append(Simulators(values[None], own))
     nats = tuple(r.chosen.nats if r.chosen else 0.0 for r in found.rounds)
-    return Named(verdict, nats, tuple(t.key for t in found.extended.hypothesis.terms), *simulators)
+    return Named(made.verdict, nats, tuple(t.key for t in found.current.hypothesis.terms), *simulators)

@@ -79,7 +79,7 @@ def held_out(registry: Session, found: Diagnosis, *, horizon: float | None = Non
     recording = registry.recording(found.recording)
     robot = robot_of(registry.registry, found.recording)
     settings = DiagnosisOptions(engine=found.engine or None, threads=1, horizon=horizon)
-    cut = pose(robot, recording, settings)[0].windows
+    cut = pose(robot, recording, settings)[1].windows
     known = names(recording, cut, np.ones(len(cut), dtype=bool))
     strange = sorted({*found.parts["test"]} - {*known})
     if strange:

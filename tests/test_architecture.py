@@ -65,6 +65,21 @@ def test_no_module_is_a_drawer_for_everything():
     assert not [p for p in SOURCES if {part.lstrip("_") for part in (*p.parts[:-1], p.stem)} & drawers]
 
 
+ROOMS_OF_A_SEARCH = ("dynreg/diagnose/", "dynreg/evidence/")
+KINDS_OF_ROBOTS = {"stands", "rough", "coarse"}
+
+
+def test_no_search_asks_what_kind_of_robot_it_has():
+    """What differs between kinds is chosen once, as an accuracy and a plan, and asked by what it does."""
+    asked = [
+        where(path, node)
+        for path, node in nodes()
+        if isinstance(node, ast.Attribute) and node.attr in KINDS_OF_ROBOTS
+        if str(path.relative_to(ROOT)).startswith(ROOMS_OF_A_SEARCH)
+    ]
+    assert not asked
+
+
 # ---- what loads when ----
 
 COMMANDS = {"import dynreg": "import dynreg", "dynreg --help": "from dynreg.cli.main import run; run()"}

@@ -7,8 +7,8 @@ import made_up_diagnosis
 import pytest
 
 from dynreg import session
-from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.errors import NoMatchError, RegistryError, UsageError
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.session import Session
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
@@ -70,17 +70,18 @@ def test_an_interrupted_diagnosis_is_no_last_result_and_keeps_its_threshold(open
     class Stop(Exception):
         """What ends a diagnosis behind its threshold."""
 
-    stages = []
+    stages: list[str] = []
 
     def stop(stage: str, done: int, total: int) -> None:
         stages.append(stage)
         if stage == "causes":
             raise Stop
 
-    for _ in range(2):
+    for sought in (True, False):
+        stages.clear()
         with pytest.raises(Stop):
             opened.diagnose("bench", effects=["payload"], threshold_runs=2, progress=stop)
-    assert stages.count("threshold") == 2, "of the first diagnosis alone"
+        assert ("threshold" in stages) == sought, "of the first diagnosis alone"
     assert opened.result() == table and opened.list() == listed and opened.verify().clean
 
 

@@ -67,14 +67,14 @@ def threshold(
     runs = options.threshold_runs
     if runs == 0:
         return Threshold(USUAL, ())
-    report = progress or (lambda *_: None)
-    report("threshold", 0, runs)
     noise = own_noise(problem.model.robot, recording)
     key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
     kept = [] if cache is None else list((cache.cached(KIND, key) or {"found": []})["found"])
     for one in kept:
         if same(told, np.array(one["commands"])):
             return Threshold(one["nats"], tuple(one["scores"]), cached=True)
+    report = progress or (lambda *_: None)
+    report("threshold", 0, runs)
     robot = noisier(problem.model.robot, noise)
     seeds = [null_seed(options.seed, i) for i in range(runs)]
     scores = yield from together(

@@ -13,7 +13,6 @@ class Engine:
     planar : moves a base on a plane; it has neither forces nor contacts.
     contacts : bodies touch the ground and each other; robots walk, stand and fall.
     vectorised : advances all simulators in numpy at once; a thousand draws take a second.
-    coarse : its integrator is of first order, so that its time step misleads a search.
     finer : times finer time steps tell what that of the model gets wrong; 1 where none are needed.
     """
 
@@ -21,14 +20,13 @@ class Engine:
     planar: bool = False
     contacts: bool = False
     vectorised: bool = False
-    coarse: bool = False
     finer: int = 1
 
 
 _HOME = "dynreg.sim.engines"
 ENGINES: Mapping[str, Engine] = MappingProxyType(
     {
-        "mujoco": Engine(f"{_HOME}.mujoco_engine", contacts=True, coarse=True, finer=8),
+        "mujoco": Engine(f"{_HOME}.mujoco_engine", contacts=True, finer=8),
         "joint": Engine(f"{_HOME}.joint_engine", vectorised=True, finer=4),
         "kinematic": Engine(f"{_HOME}.kinematic_engine", planar=True, vectorised=True),
         "unicycle": Engine(f"{_HOME}.unicycle_engine", planar=True, vectorised=True),

@@ -7,15 +7,18 @@ import pytest
 
 from dynreg.data.recording import Recording
 from dynreg.data.table import write_csv
-from dynreg.diagnose.fit import fit
-from dynreg.evidence.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point, Problem
-from dynreg.evidence.truth import REACH, Hidden, measured_states, trial_settings
 from dynreg.errors import DynregError, UsageError
+from dynreg.evidence.data import Data
+from dynreg.evidence.fit import fit
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.lockstep import run as answered
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.evidence.truth import REACH, Hidden, measured_states, trial_settings
 from dynreg.excite.excite import excite
 from dynreg.excite.rivals import first_starts
 from dynreg.excite.separate import Pair
-from dynreg.replay.samples import effective_samples
+from dynreg.replay.parts import Parts
 from dynreg.replay.windows import Windows
 from dynreg.results import Experiment
 from dynreg.sim.effects import term
@@ -178,7 +181,7 @@ def evidence(robot: Robot, run: Run, names: tuple[str, str]) -> float:
     free = len(c)
     values = c.effect_values(pair.hypotheses[0], truth[None, free:])[0][0]
     hidden = Hidden((pair.terms[0],), (values,), robot.space.nominal, seed=5)
-    measured = measured_states(robot, hidden, run)
+    measured = answered(measured_states(robot, hidden, run))
     weight = np.array([channel.weight for channel in robot.file.channels])
     windows = Windows(
         replace(run, initial=measured[:, 0]),
@@ -189,12 +192,13 @@ def evidence(robot: Robot, run: Run, names: tuple[str, str]) -> float:
         np.tile([0, run.steps + 1], (run.episodes, 1)),
         run.period,
     )
-    problem, every = Problem(robot, windows, c), np.arange(run.episodes)
-    first = _points(pair.hypotheses[0], free, [truth])
-    effective = effective_samples(problem.residuals(first, every)[0])
-    _, own = fit(problem, first, every, effective, iterations=5)
+    every = np.ones(run.episodes, dtype=bool)
+    model, data = Model(robot, c), Data.of(robot, windows, Parts(every, ~every, ~every))
+    first, sample = _points(pair.hypotheses[0], free, [truth]), data.sample(data.fit)
+    sample = sample.left(answered(model.residuals(first, sample))[0])
+    _, own = answered(fit(model, first, sample, iterations=5))
     others = _points(pair.hypotheses[1], free, first_starts(pair, 1))
-    _, other = fit(problem, others, every, effective, iterations=8, tolerance=0.1)
+    _, other = answered(fit(model, others, sample, iterations=8, tolerance=0.1))
     return float(other.min() - own.min())
 
 

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dynreg.evidence.hypothesis import Coordinates
 from dynreg.errors import UsageError
+from dynreg.evidence.hypothesis import Coordinates
 from dynreg.extend.carry import carries
 from dynreg.extend.robot_folder import export_robot
 from dynreg.sim.check import check_robot

@@ -6,11 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.diagnose.account import simulator
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point, Problem
-from dynreg.replay.jitter import CANDIDATES, jitter
+from dynreg.evidence.data import Data
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.replay.jitter import jitter
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.real import Budget, SimulatedRobot
@@ -19,9 +22,10 @@ from dynreg.sim.space import ParameterSpace
 from dynreg.verbs.diagnosis import parameters
 
 TRUE = 0.03  # rad
+OPTIONS = DiagnosisOptions(threads=1)
 
 
-def standing(robot: Robot, noise: float, effects: dict[str, tuple[float, ...]]) -> Problem:
+def standing(robot: Robot, noise: float, effects: dict[str, tuple[float, ...]]) -> tuple[Model, Data]:
     """Three short logs of a robot that sways on its feet, with this motor noise and these effects, posed."""
     values = robot.space.from_dict({"motor_noise": noise, "torque": 2.0})
     terms = tuple(map(term, effects))
@@ -41,7 +45,7 @@ def standing(robot: Robot, noise: float, effects: dict[str, tuple[float, ...]]) 
     episodes = tuple(
         replace(log.episodes[0], time=log.episodes[0].time + i * apart) for i, log in enumerate(logs)
     )
-    return pose(robot, replace(logs[0], episodes=episodes), DiagnosisOptions(threads=1))[0]
+    return pose(robot, replace(logs[0], episodes=episodes), OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +53,9 @@ def quadruped() -> Robot:
     return load_robot("quadruped")
 
 
-def told(problem: Problem, values: np.ndarray, terms: Terms | None = None, **options) -> float:
-    at = problem.robot.space.names.index("motor_noise")
-    found = jitter(problem.robot, problem.windows, values, terms, np.arange(len(problem.windows)), **options)
+def told(robot: Robot, data: Data, values: np.ndarray, terms: Terms | None = None, **options) -> float:
+    at = robot.space.names.index("motor_noise")
+    found = jitter(robot, data.windows, values, terms, data.parts.chosen, **options)
     others = np.arange(len(values)) != at
     assert np.array_equal(found[others], values[others])
     return float(found[at])
@@ -61,55 +65,53 @@ def told(problem: Problem, values: np.ndarray, terms: Terms | None = None, **opt
 def test_the_noise_of_the_commands_is_found_by_a_simulator_that_is_a_little_off(
     quadruped: Robot, noise: float
 ) -> None:
-    problem = standing(quadruped, noise, {})
+    _, data = standing(quadruped, noise, {})
     near = quadruped.space.from_dict(
         {"torque": 2.1, "torso_mass": 1.03 * quadruped.space.as_dict(quadruped.space.nominal)["torso_mass"]}
     )
-    found = told(problem, near)
+    found = told(quadruped, data, near)
     assert found == pytest.approx(noise, rel=0.25)
-    assert told(problem, near) == found  # the same draws again
-    assert told(problem, near, seed=1) != found
+    assert told(quadruped, data, near) == found  # the same draws again
+    assert told(quadruped, data, near, seed=1) != found
 
 
 def test_without_noise_next_to_none_is_found(quadruped: Robot) -> None:
-    problem = standing(quadruped, 0.0, {})
-    assert told(problem, quadruped.space.from_dict({"torque": 2.0})) < 0.004
+    _, data = standing(quadruped, 0.0, {})
+    assert told(quadruped, data, quadruped.space.from_dict({"torque": 2.0})) < 0.004
 
 
 def test_the_simulator_of_a_point_has_its_effects_and_the_noise_that_they_leave(quadruped: Robot) -> None:
     """Friction in the joints swallows half of the noise: who leaves it out takes the noise for smaller."""
-    problem = standing(quadruped, TRUE, {"coulomb_friction": (0.3,)})
+    model, data = standing(quadruped, TRUE, {"coulomb_friction": (0.3,)})
+    coordinates = model.coordinates
     friction = term("coulomb_friction")
-    point = Point(Hypothesis((friction,)), np.zeros(len(problem.coordinates)), np.ones(1))
-    values, terms = problem.simulator(point, np.arange(len(problem.windows)))
-    size = problem.coordinates.effect_values(point.hypothesis, point.effect[None])[0]
+    point = Point(Hypothesis((friction,)), np.zeros(len(coordinates)), np.ones(1))
+    values, terms = simulator(model, data, point, OPTIONS)
+    size = coordinates.effect_values(point.hypothesis, point.effect[None])[0]
     assert [t.key for t in terms.terms] == ["coulomb_friction"] and np.array_equal(terms.values[0], size)
     at = quadruped.space.names.index("motor_noise")
-    with_it = told(problem, values, Terms((friction,), (np.array([[0.3]]),)))
-    assert abs(with_it - TRUE) < abs(told(problem, values) - TRUE)
-    assert values[at] == told(problem, values, terms) != problem.coordinates.values(point.nominal)[at]
+    with_it = told(quadruped, data, values, Terms((friction,), (np.array([[0.3]]),)))
+    assert abs(with_it - TRUE) < abs(told(quadruped, data, values) - TRUE)
+    assert values[at] == told(quadruped, data, values, terms) != coordinates.values(point.nominal)[at]
     bare = replace(point, hypothesis=Hypothesis(), effect=np.zeros(0))
-    plain, none = problem.simulator(bare, np.arange(len(problem.windows)))
-    assert none is None and plain[at] == told(problem, plain)
-    draws = SimpleNamespace(
-        z=np.zeros((2, len(problem.coordinates))), quantiles=lambda x: (x.min(0), x.max(0))
-    )
-    row = parameters(problem, point, draws, values)["motor_noise"]  # the result tells what the simulator has
+    plain, none = simulator(model, data, bare, OPTIONS)
+    assert none is None and plain[at] == told(quadruped, data, plain)
+    draws = SimpleNamespace(z=np.zeros((2, len(coordinates))), quantiles=lambda x: (x.min(0), x.max(0)))
+    row = parameters(model, point, draws, values)["motor_noise"]  # the result tells what the simulator has
     assert row.value == row.low == row.high == values[at] != row.nominal
-    assert problem.spent.candidates == 2 * CANDIDATES
 
 
 def test_more_noise_than_the_range_holds_ends_at_its_bound_and_still_robots_tell_nothing(
     quadruped: Robot,
 ) -> None:
-    problem = standing(quadruped, 0.05, {})
+    _, data = standing(quadruped, 0.05, {})
     values, at = quadruped.space.from_dict({"torque": 2.0}), quadruped.space.names.index("motor_noise")
     narrow = replace(quadruped.space.parameters[at], high=0.02)
     parameters = (*quadruped.space.parameters[:at], narrow, *quadruped.space.parameters[at + 1 :])
-    problem.robot = replace(quadruped, space=ParameterSpace(parameters))
-    assert told(problem, values) == 0.02
-    problem.windows = replace(problem.windows, weight=0.0 * problem.windows.weight)
-    assert told(problem, values) == values[at]
+    robot = replace(quadruped, space=ParameterSpace(parameters))
+    assert told(robot, data, values) == 0.02
+    unweighted = replace(data.windows, weight=0.0 * data.windows.weight)
+    assert told(robot, replace(data, windows=unweighted), values) == values[at]
 
 
 def test_a_robot_without_motor_noise_keeps_itsparameters() -> None:

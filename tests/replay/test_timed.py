@@ -7,7 +7,7 @@ import pytest
 from timed_khepera import timed_folder, timed_log
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.evidence import begin_noise
+from dynreg.diagnose.verdict import begin_noise
 from dynreg.replay.cut import windows
 from dynreg.replay.timed import on_grid
 from dynreg.replay.velocity import pose_columns
