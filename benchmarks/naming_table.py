@@ -1,4 +1,4 @@
-"""The naming benchmarks' figures as Markdown: `python benchmarks/naming_table.py` brings docs/diagnose.md up to date.
+"""The naming benchmarks' figures as Markdown: `python benchmarks/naming_table.py` brings docs/naming.md up to date.
 
 A table stands between `<!-- naming: ROBOT -->` and `<!-- /naming -->`.
 """
@@ -12,7 +12,7 @@ from naming import NOTHING, RESULTS
 from dynreg.errors import UsageError
 from dynreg.sim.effects import SIZES
 
-PAGE = Path(__file__).parents[1] / "docs" / "diagnose.md"
+PAGE = Path(__file__).parents[1] / "docs" / "naming.md"
 BLOCK = re.compile(r"(<!-- naming: (.+?) -->\n).*?(<!-- /naming -->)", re.DOTALL)
 HEAD = ("hidden", *SIZES, "error of the size", "90 % interval holds it", "most often instead")
 
