@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "dynreg"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
-HEAVY = {"torch", "mujoco", "sklearn"}
+HEAVY = {"torch", "mujoco", "sklearn", "numba"}
 LONGEST_BODY = 60  # lines of a function without its docstring
 DOCTESTS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 

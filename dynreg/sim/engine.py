@@ -12,7 +12,7 @@ class Engine:
     module : has the `simulate` that `dynreg.sim.engines.rollouts` calls.
     planar : moves a base on a plane; it has neither forces nor contacts.
     contacts : bodies touch the ground and each other; robots walk, stand and fall.
-    vectorised : advances all simulators in numpy at once; a thousand draws take a second.
+    vectorised : advances all simulators at once, in numpy or compiled; a thousand draws take a second.
     finer : times finer time steps tell what that of the model gets wrong; 1 where none are needed.
     """
 

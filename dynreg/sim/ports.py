@@ -3,8 +3,10 @@
 Both engines read the same `Ports`, and one torque law (`servo_law`) serves every drive on every engine.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 
@@ -64,14 +66,6 @@ class Ports:
         spread = lambda group: {k: np.repeat(v, times, axis=0) for k, v in group.items()}  # noqa: E731
         groups = ("drive", "friction", "sensor", "control", "base")
         return replace(self, **{group: spread(getattr(self, group)) for group in groups})
-
-    def take(self, drives: np.ndarray) -> "Ports":
-        """Only these drives (numbers)."""
-        cut = lambda group: {k: v[:, drives] for k, v in group.items()}  # noqa: E731
-        parts = {group: cut(getattr(self, group)) for group in ("drive", "friction", "sensor")}
-        names = {group: [getattr(self, group)[i] for i in drives] for group in ("joints", "types", "actions")}
-        inputs = {"supply_input": self.supply_input[drives], "enable_input": self.enable_input[drives]}
-        return replace(self, **parts, **names, **inputs)
 
 
 def nominal_ports(robot: Robot, n: int) -> Ports:
@@ -136,12 +130,25 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
             f"{' and '.join(engines_with('planar'))} engines",
             do=f'set engines = ["{engines_with("planar")[0]}"], or correct the drive',
         )
-    position, torque, duty = (types == t for t in ("position", "torque", "duty_servo"))
-    motor = types == "dcmotor"
-    supply = d["supply"]
+    supply, on = d["supply"], np.True_
     if (ports.supply_input >= 0).any():
         measured = inputs[:, np.maximum(ports.supply_input, 0)]
         supply = np.where(ports.supply_input >= 0, measured, supply)
+    if (ports.enable_input >= 0).any():
+        on = np.where(ports.enable_input >= 0, inputs[:, np.maximum(ports.enable_input, 0)] >= 0.5, True)
+    return law_of(d, {kind: types == kind for kind in TYPES}, ports.sensor, supply, on)
+
+
+TYPES = ("position", "torque", "duty_servo", "dcmotor")  # of drives that become a torque
+
+
+def law_of(
+    d: Mapping[str, Any], types: Mapping[str, Any], sensor: Mapping[str, Any], supply: Any, on: Any
+) -> ServoLaw:
+    """The law by the keys of drives and of their encoders, whether a drive is of each type, its supply, and whether it
+    is on; elementwise.
+    """
+    position, torque, duty, motor = (types[kind] for kind in TYPES)
     back_emf = d["kt"] ** 2 / d["resistance"]
     stall = d["kt"] / d["resistance"]
     duty_stiffness = d["duty_gain"] * d["gain"] * stall * supply
@@ -153,13 +160,9 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     damping = np.where(duty | motor, back_emf, np.where(torque, 0.0, damping))
     gain, stiffness, rate = (x * d["gain_factor"] for x in (gain, stiffness, rate))
     limit = limit * d["limit_factor"]
-    scale, offset = ports.sensor["scale"], ports.sensor["offset"]
-    stiffness, rate = stiffness * scale, rate * scale
-    if (ports.enable_input >= 0).any():
-        flag = inputs[:, np.maximum(ports.enable_input, 0)] >= 0.5
-        on = np.where(ports.enable_input >= 0, flag, True)
-        gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
-    return ServoLaw(gain, stiffness, rate, limit, damping, -stiffness * offset)
+    stiffness, rate = stiffness * sensor["scale"], rate * sensor["scale"]
+    gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
+    return ServoLaw(gain, stiffness, rate, limit, damping, -stiffness * sensor["offset"])
 
 
 def slice_of(numbers: np.ndarray) -> slice | np.ndarray:

@@ -13,7 +13,8 @@ from dynreg.data.names import quantity_of
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import BudgetError, UsageError
 from dynreg.rng import stream
-from dynreg.sim.effects import EffectParameter, Moment, OfAnyDrive, Term, Terms, Values
+from dynreg.sim.effects import Term, Terms
+from dynreg.sim.effects.disturbance import Disturbance, Unsteadiness
 from dynreg.sim.engines import Arena
 from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
@@ -65,26 +66,6 @@ class RealRobot(Protocol):
 
     def run(self, actions: np.ndarray, rate: float, name: str = "trial") -> RealTrial:
         """Play commands (T, A), `rate` a second; BudgetError, before anything moves, where they cost too much."""
-
-
-class Disturbance(OfAnyDrive):
-    """Torque noise of a hidden robot, held for one command: 1 sigma of the run's draws."""
-
-    id, acts_on, title = "disturbance", "drive", "torque noise"
-    parameters = (EffectParameter("torque", "N*m", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="torque"),)
-
-    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return torque + p["torque"] * x.draw
-
-
-class Unsteadiness(OfAnyDrive):
-    """Noise on the speeds that the drives of a hidden planar base are told, as `Disturbance`."""
-
-    id, acts_on, title = "unsteadiness", "command", "noise on speeds"
-    parameters = (EffectParameter("speed", "rad/s", "1 sigma", 0.005, 0.005, 0.005, 1.0, per="command"),)
-
-    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        return u + p["speed"] * x.draw
 
 
 _DISTURBANCE, _UNSTEADINESS = Term(Disturbance()), Term(Unsteadiness())

@@ -89,20 +89,6 @@ def configure_terms(
             a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory), a.values)
 
 
-def on_drives(active: list[Acting], drives: np.ndarray) -> list[Acting]:
-    """The configured terms in arrays (n, A') of these drives (numbers) alone; terms of other drives are left out."""
-    out = []
-    for a in active:
-        kept = np.flatnonzero(np.isin(a.joints, drives))
-        if not len(kept):
-            continue
-        joints = np.searchsorted(drives, a.joints[kept])
-        memory = {key: np.asarray(value)[:, kept] for key, value in a.moment.memory.items()}
-        where = _where(a.rows, joints, len(drives))
-        out.append(Acting(a.effect, a.rows, joints, where, a.values, Moment(memory=memory)))
-    return out
-
-
 def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, clock: "Clock") -> None:
     """Tell the terms what holds for their rows: the drive's law (n, A), inertia (n, A), and the clock."""
     clock.show(active)
@@ -155,8 +141,8 @@ class Clock:
 
     def now(self, a: Acting) -> np.ndarray:
         """What `Moment.time` answers for one term."""
-        passed = self.step * self.period[a.rows] + self.substep * self.h[a.rows]
-        return (self.begin[a.rows] + passed)[:, None]
+        begin, period, h = (of[a.rows, None] for of in (self.begin, self.period, self.h))
+        return begun(begin, self.step, self.substep, period, h)
 
     def drawn(self, a: Acting) -> np.ndarray:
         """What `Moment.draw` answers for one term."""
@@ -165,16 +151,24 @@ class Clock:
     def past(self, a: Acting, delay: np.ndarray) -> np.ndarray:
         """What `Moment.past` answers for one term."""
         rows = np.arange(len(self.commands))[a.rows]
-        period, h = self.period[a.rows], self.h[a.rows]
-        begins = self.step * period + self.substep * h - delay[:, 0]
-        ends = begins + h
-        last = np.floor(ends / period - 1e-9)
-        # share of the time step after the change
-        share = np.clip((ends - last * period) / h, 0.0, 1.0)[:, None]
-        late = np.clip(last, 0, self.step).astype(int)
-        early = np.clip(last - 1, 0, self.step).astype(int)
-        now = self.commands[rows[:, None], late[:, None], a.joints]
-        return share * now + (1.0 - share) * self.commands[rows[:, None], early[:, None], a.joints]
+        period, h = self.period[a.rows, None], self.h[a.rows, None]
+        late, early, share = shares(self.step, self.substep, period, h, delay)
+        now, before = (self.commands[rows[:, None], command, a.joints] for command in (late, early))
+        return share * now + (1.0 - share) * before
+
+
+def begun(begin: Any, step: Any, substep: Any, period: Any, h: Any) -> Any:
+    """[s] since the log began, as a time step begins; elementwise, as what `Clock` has."""
+    return begin + (step * period + substep * h)
+
+
+def shares(step: Any, substep: Any, period: Any, h: Any, delay: Any) -> tuple[Any, Any, Any]:
+    """Numbers of the two commands that act, `delay` [s] late, in a time step, and the share of the first of them."""
+    begins = step * period + substep * h - delay
+    ends = begins + h
+    last = np.floor(ends / period - 1e-9)
+    share = np.clip((ends - last * period) / h, 0.0, 1.0)  # of the time step after the change
+    return np.clip(last, 0, step).astype(int), np.clip(last - 1, 0, step).astype(int), share
 
 
 def clock_of(ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,129 @@
+"""Effects in the joint engine, which compiles them: what it can, what it refuses, and where it keeps the code."""
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from effect_benches import bench, plain
+
+from dynreg.errors import SimulationError
+from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms
+from dynreg.sim.engines import rollout
+
+
+class Made(Effect):
+    """An effect on drives, by a function of the torque, the moment and its size."""
+
+    id, acts_on, title = "made", "drive", "made up"
+    parameters = (EffectParameter("size", "1", "size", 1.0, 1.0, 1.0, 1.0),)
+
+    def __init__(self, drive):
+        self.drive = lambda torque, x, p: drive(torque, x, p["size"])
+
+
+def counted():
+    """A port that goes on from call to call in a place of its own."""
+    calls = []
+
+    def drive(torque, x: Moment, size):
+        calls.append(1)
+        return torque + len(calls) * size
+
+    return drive
+
+
+def states(b, drive, size: float = 0.01) -> np.ndarray:
+    """(E, T+1, S) of the bench with that effect."""
+    terms = Terms((Term(Made(drive)),), (np.array([[size]]),))
+    return rollout(
+        b.robot, b.robot.space.nominal[None], b.run, engine=b.engine, threads=1, terms=terms
+    ).states[0]
+
+
+REFUSED = {
+    "an if": (lambda torque, x, s: torque if x.v > 0 else -torque, "np.where chooses"),
+    "max": (lambda torque, x, s: max(torque, s), "np.where chooses"),
+    "plain numbers": (lambda torque, x, s: torque * math.sin(x.q), "plain numbers"),
+    "a sum over joints": (lambda torque, x, s: torque - s * x.v.sum(axis=1, keepdims=True), ".sum of it"),
+    "a mean": (lambda torque, x, s: torque - np.mean(x.v), "np.mean of it"),
+    "a single joint": (lambda torque, x, s: torque + x.q[:, :1], "single rows or joints"),
+    "an array": (lambda torque, x, s: torque - s * np.asarray(x.q), "np.array of it"),
+    "a table": (lambda torque, x, s: torque + np.arange(3.0), r"constant of shape \(3,\)"),
+    "state elsewhere": (counted(), "else than x.memory"),
+    "a mistake": (lambda torque, x, s: torque + x.nothing, "AttributeError.*nothing"),
+    "nothing": (lambda torque, x, s: None, "constant"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_port_that_is_not_elementwise_is_refused_with_the_reason(name: str):
+    drive, why = REFUSED[name]
+    with pytest.raises(SimulationError, match=f"'made'.*'drive'.*{why}.*elementwise numpy.*mujoco engine"):
+        states(bench("servo_short"), drive)
+
+
+@pytest.mark.parametrize("name", ["an array", "a sum over joints"])
+def test_the_mujoco_engine_takes_any_numpy(name: str):
+    assert np.isfinite(states(bench("servo_mujoco"), REFUSED[name][0])).all()
+
+
+def many(torque, x: Moment, size):
+    """Functions, operators and memory of all sorts, that come to the torque of the drive."""
+    seen = x.memory.get("seen")
+    x.memory["seen"] = (x.q, 2.0 * x.v) if seen is None else (x.q, x.memory["twice"] + 0.0 * x.v)
+    x.memory["twice"] = 2.0 * x.v
+    first, twice = x.memory["seen"]
+    still = np.broadcast_to(np.zeros_like(x.v), x.v.shape) + np.ones_like(x.v) - np.full_like(x.v, 1.0)
+    turned = np.arctan2(np.sin(first), np.cos(first)) - np.mod(first + np.pi, 2 * np.pi) + np.pi
+    off = np.isfinite(x.v) & ~(np.abs(x.v) < 0.0) & np.logical_or(x.v < 1e9, x.v > 1e9)
+    same = np.sqrt(np.square(torque)) * np.sign(torque) + (torque**3 - torque * torque * torque)
+    return np.where(off, same, np.inf) + still + np.clip(turned, -1e-9, 1e-9) + np.float64(0.0) * twice * -1.0
+
+
+def test_numpy_says_the_same_to_a_joint_as_to_arrays():
+    for name in ("servo_short", "servo_mujoco"):
+        b = bench(name)
+        np.testing.assert_allclose(states(b, many), plain(b), atol=1e-6)
+
+
+CODE = """
+import time, numba, mujoco.batch
+from dynreg.sim.engines.compiling import kernel
+began = time.process_time()
+kernel([])
+print(time.process_time() - began)
+"""
+
+
+def started(cache: str) -> subprocess.Popen:
+    """A process that prints the seconds until the kernel is ready."""
+    there = os.environ | {"XDG_CACHE_HOME": cache}
+    return subprocess.Popen([sys.executable, "-c", CODE], env=there, stdout=subprocess.PIPE, text=True)
+
+
+def seconds(process: subprocess.Popen) -> float:
+    told, _ = process.communicate(timeout=300)
+    assert process.returncode == 0
+    return float(told)
+
+
+@pytest.mark.slow
+def test_a_kernel_is_compiled_once_on_a_machine(tmp_path: Path):
+    """Two processes at once agree, and a third starts without; below 0.3 s of processor time, in the best of three."""
+    both = [started(str(tmp_path)) for _ in range(2)]
+    assert all(seconds(process) > 1.0 for process in both)
+    assert min(seconds(started(str(tmp_path))) for _ in range(3)) < 0.3
+    code = next(tmp_path.rglob("*.nbc"))
+    code.write_bytes(code.read_bytes()[:1000])
+    assert seconds(started(str(tmp_path))) > 1.0  # damaged: compiled in memory
+
+
+@pytest.mark.slow
+def test_where_nothing_can_be_written_it_is_compiled_in_memory(tmp_path: Path):
+    (tmp_path / "file").write_text("no folder")
+    assert seconds(started(str(tmp_path / "file"))) > 1.0
+    assert (tmp_path / "file").read_text() == "no folder"
