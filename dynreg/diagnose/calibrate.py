@@ -9,6 +9,9 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.rng import stream
 
+BEGUN = 3  # iterations of all starts,
+CLOSER, FINALISTS = 3, 2  # then so many more of the best few,
+ITERATIONS = 8  # and of the best alone, once more where the time step's part is taken off;
 ENOUGH = 0.05  # nats that an iteration must gain for another one
 
 
@@ -25,9 +28,7 @@ class Calibrated:
     sample: Sample
 
 
-def calibrate(
-    model: Model, data: Data, *, draws: int, iterations: int = 8, seed: int = 0
-) -> Search[Calibrated]:
+def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[Calibrated]:
     """Fit the simulator that the model begins with a posteriori, on the windows to fit.
 
     Starts at the nameplate and at `draws` from its tolerances: dry friction makes local optima.
@@ -37,13 +38,13 @@ def calibrate(
     points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
     if model.accuracy.fine:  # what the time step does to contacts leads the fit astray from its start
         model = yield from model.corrected(points[:1], data)
-    points, cost = yield from fit(model, points, sample, iterations=3)
-    for rounds, kept in ((3, 2), (iterations, 1)) if draws else ((iterations, 1),):
+    points, cost = yield from fit(model, points, sample, iterations=BEGUN)
+    for rounds, kept in ((CLOSER, FINALISTS), (ITERATIONS, 1)) if draws else ((ITERATIONS, 1),):
         points = best_of(points, cost, kept)
         sample = sample.left((yield from model.residuals(points[:1], sample))[0])
         points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH)
     if model.accuracy.finer > 1:
         model = yield from model.corrected(points, data)
-        points, cost = yield from fit(model, points, sample, iterations=iterations, tolerance=ENOUGH)
+        points, cost = yield from fit(model, points, sample, iterations=ITERATIONS, tolerance=ENOUGH)
     (residual,) = yield from model.residuals(points, sample)
     return Calibrated(model, points[0], sample.left(residual))

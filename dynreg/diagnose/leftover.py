@@ -19,6 +19,7 @@ MARGIN = 1.25  # times the best of which the true pairing must explain
 FEWEST = 60  # samples below which nothing can be said
 MOST = 3000  # samples that are fitted: more cost time and change little
 FOLDS = 4
+WILD = 0.002  # of the samples, at either end: a few wild ones (an impact, a lost packet) would decide the fit
 # where two signals explain the same within NEAR, the earlier is named: a sign is simpler than what it is the sign of
 NEAR = 0.02
 SIMPLEST = ("sign_of_velocity", "velocity", "position", "load", "command_error", "command", "time")
@@ -218,8 +219,8 @@ def _rows(residuals: Residuals) -> tuple[np.ndarray, np.ndarray, list[str], np.n
     every = -(-len(known) // MOST) if len(known) else 1
     known, block = known[::every], block[::every]
     y = residuals.values[known]
-    if len(y):  # a few wild samples (an impact, a lost packet) would decide the fit
-        y = np.clip(y, *np.quantile(y, [0.002, 0.998]))
+    if len(y):
+        y = np.clip(y, *np.quantile(y, [WILD, 1.0 - WILD]))
     columns = {}
     for name, signal in residuals.signals.items():
         values = np.where(np.isfinite(signal[known]), signal[known], np.nan)

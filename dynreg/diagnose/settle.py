@@ -15,10 +15,14 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
+SIMPLY = 4  # iterations of the last fit, each time, where one start is enough;
+TURNS, FINELY = 2, 2  # times that the time step's part is found anew, with so many iterations where many starts were
 SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
+SHAPES = 0.5  # of the prior's standard deviation, by which shapes are drawn about the usual one
 STARTS = 10  # of the last fit, the point that the search ended with among them
 KEPT = 3  # of them that are fitted to the end,
 ROUGHLY, FULLY = 3, 12  # after so many iterations, by so many
+ENOUGH = 0.05  # nats that an iteration must gain for another one
 AGAIN = 6  # iterations of an equivalent in the place of a cause
 
 
@@ -84,18 +88,18 @@ def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Sear
     """
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
     if simple:
-        return (yield from _finely(model, point, sample, iterations=4))
+        return (yield from _finely(model, point, sample, iterations=SIMPLY))
     starts = [point, *_drawn_anew(model, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = yield from fit(model, starts, sample, iterations=ROUGHLY)
     best = best_of(rough, cost, KEPT)
     sample = sample.left((yield from model.residuals(best[:1], sample))[0])
-    fitted, cost = yield from fit(model, best, sample, iterations=FULLY, tolerance=0.05)
-    return (yield from _finely(model, best_of(fitted, cost)[0], sample, iterations=2))
+    fitted, cost = yield from fit(model, best, sample, iterations=FULLY, tolerance=ENOUGH)
+    return (yield from _finely(model, best_of(fitted, cost)[0], sample, iterations=FINELY))
 
 
 def _finely(model: Model, point: Point, sample: Sample, iterations: int) -> Search[tuple[Model, Point]]:
     """The point refitted, then once more with what the time step does to it there taken off."""
-    for _ in range(2):
+    for _ in range(TURNS):
         (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
         model = yield from model.corrected([point], sample.data)
     (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
@@ -109,7 +113,7 @@ def _drawn_anew(model: Model, point: Point, rng: np.random.Generator) -> list[Po
     for _ in range(STARTS - 1):
         nominal = rng.standard_normal(len(point.nominal))
         smaller = point.effect * rng.uniform(*SMALLER, len(point.effect))
-        effect = np.where(shapes, 0.5 * rng.standard_normal(len(point.effect)), smaller)
+        effect = np.where(shapes, SHAPES * rng.standard_normal(len(point.effect)), smaller)
         out.append(clipped(model.coordinates, point, np.concatenate([nominal, effect])))
     return out
 

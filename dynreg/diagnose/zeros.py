@@ -19,6 +19,7 @@ from dynreg.evidence.point import Point
 from dynreg.replay.windows import Windows
 
 TURNS = 2  # times that the zeros of episodes and the simulator are fitted in turn after each cause
+ITERATIONS = 3  # of the simulator, each time
 ROUNDS = 4  # of Gauss-Newton
 STEP = 0.4  # standard deviations of the zero, to either side, for derivatives
 
@@ -35,7 +36,7 @@ def zeroed(state: State, posed: Data) -> Search[State]:
         state = state.on(replace(state.data, windows=windows))
         model = yield from state.model.corrected([state.current], state.data)
         (residual,) = yield from model.residuals([state.current], state.sample)
-        (current,), _ = yield from fit(model, [state.current], state.sample.left(residual), iterations=3)
+        (current,), _ = yield from fit(model, [state.current], state.sample.left(residual), iterations=ITERATIONS)
         state = replace(state, model=model, current=current)
     return state
 
