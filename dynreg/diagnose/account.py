@@ -80,7 +80,8 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     draws = yield from posterior(model, found.current, sample, seed=seed)
     (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)
     curvature, _ = information(found.current, residual, slope, sample.left(residual))
-    covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))  # of the log posterior
+    # of the log posterior; sizes have no prior, and one that does nothing no curvature
+    covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
     left = [posed.window_errors(one, judged) for one in states] if made.tested else []
     gained = lambda i, j: gain(left[i], left[j]) if left else None  # noqa: E731
     kinds = {"calibrated": found.base} | ({"extended": found.current} if found.accepted else {})

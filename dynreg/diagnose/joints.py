@@ -12,8 +12,9 @@ from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
-TRIED = 6  # windows in which a parameter must be seen,
-UNSEEN = 0.1  # of the sensor's noise: what changes less than this cannot be fitted
+# What changes less than a tenth of the noise takes 100 independent rows to tell one sigma of its prior.
+TRIED = 6  # windows in which a parameter must be seen, from the first to the last: each kind of motion,
+UNSEEN = 0.1  # of the sensor's noise
 
 
 def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:

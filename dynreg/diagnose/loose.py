@@ -6,6 +6,7 @@ import numpy as np
 
 from dynreg.evidence.hypothesis import Coordinates
 
+# What "not told" means, by definition.
 ALONE = 0.9  # of its prior's standard deviation that a parameter keeps where the recording does not tell it
 TOGETHER = 0.6  # of the prior's, along a direction of several parameters
 SHARE = 0.5  # of the change of the parameter that leads a direction, from which another belongs to it

@@ -10,6 +10,8 @@ from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+STILL = 2.0  # standard deviations of its noise: 95 of 100 rows of a joint that rests have no sign of velocity
+
 
 def one_step_run(robot: Robot, windows: Windows, lead: int = 0) -> Run:
     """Every command of W windows as an episode of its own that starts from the measured row `lead` rows before it.
@@ -123,7 +125,7 @@ def _accelerations(
 
 def _signals(robot: Robot, windows: Windows, own: JointSignals) -> dict[str, np.ndarray]:
     """{name: broadcastable to (W, T)} of what a joint's residual may depend on."""
-    still = 2.0 * own.velocity_noise
+    still = STILL * own.velocity_noise
     with np.errstate(invalid="ignore"):
         sign = np.where(np.abs(own.velocity) > still, np.sign(own.velocity), 0.0)
     steps = np.arange(windows.run.steps) * windows.period

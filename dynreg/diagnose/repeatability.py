@@ -9,10 +9,15 @@ from dynreg.data.recording import Episode, Recording
 from dynreg.replay.windows import standing
 from dynreg.sim.robot import Robot
 
+# What counts as a run of the same commands, by definition.
 LONGEST_SHIFT = 0.5  # s by which the commands of two runs may lie apart in their episodes
 SHORTEST = 0.5  # s that two runs must have in common
 ALIKE = 0.01  # mean difference of the commands of two runs, in standard deviations of each over the recording
 START = 0.25  # of a channel's spread: further apart at the start, two runs are not the same experiment
+SIGMA = 6.0  # or as many standard deviations of its noise, where that is more: three of either start
+RATES = 0.01  # by which the rates of two runs may differ: more, and rows do not lie beside each other
+GLANCE, ROUGHLY = 64, 5  # rows at which shifts are sorted out first, where they miss `ALIKE` by so many times
+LAGS, LEAST = 20, 8  # of a test for whiteness, at most a fifth of the rows: as is usual; samples it takes
 WORLD = ("x", "y", "z", "yaw")  # of a base: where it happens to stand
 
 
@@ -79,7 +84,7 @@ def repeated(robot: Robot, recording: Recording) -> list[tuple[np.ndarray, np.nd
         for c, name in enumerate(recording.names)
         if name in noise and quantity_of(name) not in WORLD and np.isfinite(spread[c])
     ]
-    allowed = np.maximum(START * spread[starts], [6.0 * noise[recording.names[c]] for c in starts])
+    allowed = np.maximum(START * spread[starts], [SIGMA * noise[recording.names[c]] for c in starts])
     out = []
     for i, first in enumerate(recording.episodes):
         for second in recording.episodes[i + 1 :]:
@@ -105,13 +110,13 @@ def whiteness(series: np.ndarray) -> float | None:
     rows = np.atleast_2d(np.asarray(series, dtype=float))
     known, steps = np.isfinite(rows), rows.shape[1]
     samples, longest = int(known.sum()), int(known.sum(axis=1).max(initial=0))
-    if samples < 8 or np.ptp(rows[known]) <= 1e-12 * np.abs(rows[known]).max():
+    if samples < LEAST or np.ptp(rows[known]) <= 1e-12 * np.abs(rows[known]).max():
         return None
     x = np.where(known, rows - rows[known].mean(), 0.0)
     by_lag = lambda a: np.fft.irfft(np.abs(np.fft.rfft(a, 2 * steps)) ** 2, 2 * steps)[:, :steps].sum(axis=0)  # noqa: E731
     products, counts = by_lag(x), np.round(by_lag(known.astype(float)))
     correlation = products / products[0]
-    at = np.arange(1, min(max(1, min(20, longest // 5)), steps - 1) + 1)
+    at = np.arange(1, min(max(1, min(LAGS, longest // 5)), steps - 1) + 1)
     at = at[counts[at] > 0]
     statistic = float(samples * (samples + 2) * np.sum(correlation[at] ** 2 / counts[at]))
     return float(chi2.sf(statistic, len(at)))
@@ -133,19 +138,19 @@ def _aligned(
     if len(first.time) < 2 or len(second.time) < 2:
         return None
     period = float(np.median(np.diff(first.time)))
-    if abs(float(np.median(np.diff(second.time))) - period) > 0.01 * period:
+    if abs(float(np.median(np.diff(second.time))) - period) > RATES * period:
         return None
     shorter = min(len(first.time), len(second.time))
     if shorter < max(round(SHORTEST / period), 2):
         return None
     most = min(round(LONGEST_SHIFT / period), shorter // 5)
     # small shifts first; most pairs have none at which the commands agree roughly in at most 64 rows
-    rows = np.unique(np.linspace(most, shorter - most - 1, 64).astype(int))
+    rows = np.unique(np.linspace(most, shorter - most - 1, GLANCE).astype(int))
     shifts = np.array(sorted(range(-most, most + 1), key=abs))
     a, b = first.values[:, commands], second.values[:, commands]
     near = _apart(a[rows], b[rows - shifts[:, None]], spread)
     best, found = ALIKE, None
-    for shift in shifts[near <= 5 * ALIKE]:
+    for shift in shifts[near <= ROUGHLY * ALIKE]:
         a, b = first.values[max(shift, 0) :], second.values[max(-shift, 0) :]
         rows = min(len(a), len(b))
         apart = _apart(a[:rows, commands], b[:rows, commands], spread)

@@ -16,7 +16,8 @@ from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
 SIMPLY = 4  # iterations of the last fit, each time, where one start is enough;
-TURNS, FINELY = 2, 2  # times that the time step's part is found anew, with so many iterations where many starts were
+TURNS = 2  # times that what the time step does is found anew,
+FINELY = 2  # by so many iterations each time, where there were several starts
 SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
 SHAPES = 0.5  # of the prior's standard deviation, by which shapes are drawn about the usual one
 STARTS = 10  # of the last fit, the point that the search ended with among them

@@ -23,6 +23,8 @@ from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
+LEAST = 0.02  # of the calibrated error, that the truth must win: a share of less is one of chance
+
 Progress = Callable[[str, int, int], None]
 
 
@@ -186,7 +188,7 @@ def attainable_share(trials: Trials, one: Tried) -> float | None:
         return tuple(float(data.window_errors(s, test).mean()) for s in states)
 
     base, extended, best = run(share(), threads=trials.threads)
-    return (base - extended) / (base - best) if base - best > 0.02 * base else None
+    return (base - extended) / (base - best) if base - best > LEAST * base else None
 
 
 def covered(trials: Trials, one: Tried) -> bool:

@@ -15,10 +15,10 @@ from dynreg.replay.windows import Windows, standing
 from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
-TINY = 1e-12  # mean squares below it count as this: their logarithm has to be a number
+TINY = 1e-12  # mean squares and noise below it count as this: no logarithm of nothing, no division by it
 Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 WHITE = 0.01  # chance of a residual's autocorrelation, from which nothing speaks against white noise
-EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find
+EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find; by contract
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Evidence:
         for c, column in enumerate(data.use):
             spread = data.windows.spread[column]
             known = repeats[robot.channels[column]]
-            stated = max(float(np.hypot(known.stated, begun[column])), 1e-12)
+            stated = max(float(np.hypot(known.stated, begun[column])), TINY)
             floor = known.spread if known.spread else stated
             size = float(remaining(left[..., c], model.accuracy.fine) * spread)
             chance = whiteness(left[..., c])

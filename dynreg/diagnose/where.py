@@ -12,10 +12,13 @@ from dynreg.replay.residual import scaled
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
 
+# What a report means by its regimes, by definition.
 REVERSAL = 0.1  # s around a change of direction
 SLOW = 0.1  # of the 95th percentile of the speed
 TURNING = 0.25  # the same, for what still counts as part of a reversal
 TOP = 0.8  # quantile above which speed and load are high
+USUAL = 0.95  # quantile of the speed that is lively: the fastest rows are an impact or a lost sample
+MOVES, SIGMA = 0.05, 3.0  # of the lively speed, and standard deviations of its noise: slower has no direction
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def motion_regimes(signals: JointSignals, period: float) -> dict[str, np.ndarray
         95th percentile. saturation : the drive is at the limit of its nominal law.
     """
     speed = np.abs(signals.velocity)
-    lively, load = _quantile(speed, 0.95), np.where(signals.enabled, signals.load, np.nan)
+    lively, load = _quantile(speed, USUAL), np.where(signals.enabled, signals.load, np.nan)
     with np.errstate(invalid="ignore"):
         return {
             "reversals": (speed < TURNING * lively) & _near_turns(signals, lively, period),
@@ -116,7 +119,7 @@ def _of_the_clock(windows: Windows) -> dict[str, np.ndarray]:
 
 def _near_turns(signals: JointSignals, lively: float, period: float) -> np.ndarray:
     """(W, T) within REVERSAL of a change of direction; what moves less than the noise keeps its direction."""
-    least = max(0.05 * lively, 3.0 * signals.velocity_noise)
+    least = max(MOVES * lively, SIGMA * signals.velocity_noise)
     velocity = np.nan_to_num(signals.velocity)
     moving = np.abs(velocity) > least
     rows = np.arange(velocity.shape[1])

@@ -12,6 +12,7 @@ from dynreg.evidence.point import Point, bounds
 from dynreg.sim.effects import EffectParameter, Term
 from dynreg.sim.robot import Robot
 
+EDGE = 1e-3  # of a coordinate: nearer to a bound is on it; no fit tells so little
 ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
     {
         "rad": "m",
@@ -65,7 +66,7 @@ def estimates(
             low=float(min(low[k], value[k])),
             high=float(max(high[k], value[k])),
             unit=_unit(model.robot, term, p),
-            at_bound=bool((z <= least + 1e-3 and (p.signed or p.shape)) or z >= most - 1e-3),
+            at_bound=bool((z <= least + EDGE and (p.signed or p.shape)) or z >= most - EDGE),
             sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
         )
     return out

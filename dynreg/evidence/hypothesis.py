@@ -16,11 +16,14 @@ from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 
-FLAT = 1 / np.sqrt(12)  # standard deviation of a uniform prior, as a share of the range
-NARROW = (
-    0.3  # relative tolerance up to which a logarithm would only bend the valleys in which causes trade off
-)
-SMALLEST = 1e-3  # of the medium size: an effect that is there but does nothing
+FLAT = 1 / np.sqrt(12)  # standard deviation of a uniform prior, as a share of the range: by definition
+# A logarithm would only bend the valleys in which causes trade off.
+NARROW = 0.3  # relative tolerance up to which there is none
+WORTH = 0.5  # of the weak size, below which a cause is not worth a name: by contract
+SMALLEST = 1e-3  # of the medium size: an effect that is there but does nothing; none may divide by zero
+FACTOR = 3.0  # by which a shape changes over one coordinate: its prior, by definition
+UNLIMITED = 1e5  # N m: a larger torque limit stands for none; no drive has it
+LIVELY = 10.0  # rad/s^2 of a motion that asks something of such a drive: as gravity does at a metre
 
 
 @dataclass(frozen=True)
@@ -123,8 +126,9 @@ class Coordinates:
         mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
         inertia = (1.0 / np.diag(inverse))[driven]
         limit = law.limit[0].copy()
-        unlimited = limit > 1e5  # a drive that states no limit: what gravity and a lively motion ask for
-        moved = np.abs(data.qfrc_bias[driven]) + 10.0 * inertia
+        unlimited = limit > UNLIMITED
+        # a drive that states no limit: what gravity and a lively motion ask for
+        moved = np.abs(data.qfrc_bias[driven]) + LIVELY * inertia
         limit[unlimited] = moved[unlimited]
         ones = np.ones(len(limit))
         return {
@@ -154,7 +158,7 @@ class Coordinates:
             for p in term.effect.parameters:
                 scale, own = self.scale(term, p), z[:, at]
                 if p.shape:
-                    columns.append(scale * np.exp(np.log(3.0) * own))
+                    columns.append(scale * np.exp(np.log(FACTOR) * own))
                 else:
                     columns.append(scale / np.maximum(own, SMALLEST) if p.inverse else scale * own)
                 at += 1
@@ -167,7 +171,7 @@ class Coordinates:
         for p, value in zip(term.effect.parameters, values, strict=True):
             scale = self.scale(term, p)
             if p.shape:
-                out.append(np.log(value / scale) / np.log(3.0))
+                out.append(np.log(value / scale) / np.log(FACTOR))
             else:
                 out.append(scale / value if p.inverse else value / scale)
         return np.array(out)
@@ -178,7 +182,7 @@ def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
     rows = []
     for p in hypothesis.parameters:
         if p.shape:
-            reach = np.log(p.most / p.medium) / np.log(3.0)
+            reach = np.log(p.most / p.medium) / np.log(FACTOR)
             rows.append((-reach, reach))
             continue
         most = p.medium / p.most if p.inverse else p.most / p.medium
@@ -191,7 +195,7 @@ def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
     weak = lambda p: p.medium / p.weak if p.inverse else p.weak / p.medium  # noqa: E731
     for number in range(hypothesis.given, len(hypothesis.terms)):
         own = zip(hypothesis.terms[number].effect.parameters, z[hypothesis.columns(number)], strict=True)
-        if not any(abs(size) >= 0.5 * weak(p) for p, size in own if not (p.shape or p.shared)):
+        if not any(abs(size) >= WORTH * weak(p) for p, size in own if not (p.shape or p.shared)):
             return False
     return True
 

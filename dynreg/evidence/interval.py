@@ -30,7 +30,7 @@ from dynreg.evidence.slopes import sensitivities
 from dynreg.rng import stream
 from dynreg.sim.engine import ENGINES
 
-NINETY = (0.05, 0.95)
+NINETY = (0.05, 0.95)  # the ends of a 90 % interval
 ROUNDS = 6  # of proposals, each made of what the last ones found, the first of the curvature,
 DRAWS = 150  # in each
 FREEDOM = 10.0  # degrees of freedom of the proposals

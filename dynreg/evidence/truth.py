@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
-from dynreg.evidence.hypothesis import Coordinates, Hypothesis
+from dynreg.evidence.hypothesis import FACTOR, Coordinates, Hypothesis
 from dynreg.evidence.lockstep import Ask, Search, ask
 from dynreg.evidence.lockstep import run as answered
 from dynreg.replay.known import nominal_known
@@ -23,6 +23,9 @@ from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, sensed
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+# What a trial is: the tables of the naming benches were made with these, others would be other trials.
+FIT, TEST = 0.4, 0.2  # of the seconds; as much to select by as to fit
+SHORTEST = 20  # commands of an episode: fewer hold no reversal
 SIZES = (0.7, 1.3)  # of the episodes: none so gentle that it says nothing
 REACH = 0.7  # of the bank's excitation: a robot that topples or whirls says less about causes than one that follows
 REST = 0.5  # s that a planar base stands still before each episode: so long the log sees where it stands
@@ -67,8 +70,8 @@ def protocol(
     """
     rate = robot.rate
     steps = round(episode * rate)
-    fits, tests = round(0.4 * seconds / episode), round(0.2 * seconds / episode)
-    if fits < 2 or tests < 1 or steps < 20:
+    fits, tests = round(FIT * seconds / episode), round(TEST * seconds / episode)
+    if fits < 2 or tests < 1 or steps < SHORTEST:
         raise UsageError(
             f"{seconds:g} s in episodes of {episode:g} s",
             expected=f"at least {5 * episode:g} s, two episodes to fit, two to select, one to test",
@@ -132,7 +135,7 @@ def hide(
         for p in term.effect.parameters:
             base = coordinates.scale(term, p) / p.medium * p.size(size or "medium")
             if p.shape:
-                row.append(base * 3.0 ** rng.uniform(-0.5, 0.5))
+                row.append(base * FACTOR ** rng.uniform(-0.5, 0.5))
             else:
                 row.append(base * (rng.choice([-1.0, 1.0]) if p.signed else 1.0))
         values.append(np.array(row))
