@@ -233,9 +233,9 @@ class Terms:
         """Simulators that have term `number`: a slice where possible."""
         return slice_of(np.flatnonzero(np.isfinite(self.values[number]).all(axis=1)))
 
-    def at(self, number: int) -> Values:
-        """{name: (rows, 1)} values of term `number` in its rows."""
-        values = self.values[number][self.rows(number)]
+    def at(self, number: int, rows: Any) -> Values:
+        """{name: (rows, 1)} values of term `number` in its `rows`."""
+        values = self.values[number][rows]
         names = [p.name for p in self.terms[number].effect.parameters]
         return MappingProxyType({name: values[:, i, None].copy() for i, name in enumerate(names)})
 

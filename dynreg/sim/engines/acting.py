@@ -74,7 +74,7 @@ def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
             continue
         joints = np.array(robot.drives_of(term.joints), dtype=int)
         where = _where(rows, joints, len(robot.joints))
-        out.append(Acting(term.effect, rows, joints, where, terms.at(number)))
+        out.append(Acting(term.effect, rows, joints, where, terms.at(number, rows)))
     order = {name: i for i, name in enumerate(effects())}
     # of one effect on several joints by joints: whatever else is in the batch, a simulation adds them up alike
     return sorted(out, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints)))

@@ -73,15 +73,17 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
 def _placed(a: Acting, drives: np.ndarray) -> Placed:
     """A term on those of its joints that are looked at."""
     made = traced(a.effect, tuple(sorted(a.moment.memory)))
-    kept = np.flatnonzero(np.isin(a.joints, drives))
-    values = np.stack([*(v[:, 0] for v in a.values.values())])
+    places = {int(drive): place for place, drive in enumerate(drives)}
+    kept = [i for i, joint in enumerate(a.joints.tolist()) if joint in places]
+    columns = np.array([places[int(a.joints[i])] for i in kept], dtype=int)
+    values = np.stack([v[:, 0] for v in a.values.values()])
     own = np.zeros((made.rows, values.shape[1], len(kept)))
     own[: len(values)] = values[..., None]
     for key, row, _ in made.slots:
         if key in a.moment.memory:
             own[len(values) + row] = np.asarray(a.moment.memory[key])[:, kept]
     rows = np.arange(a.rows.stop)[a.rows] if isinstance(a.rows, slice) else a.rows
-    return Placed(made, rows[:, None] * len(drives) + np.searchsorted(drives, a.joints[kept]), own)
+    return Placed(made, rows[:, None] * len(drives) + columns, own)
 
 
 def _spread(one: Placed, joints: int) -> np.ndarray:
