@@ -29,6 +29,9 @@ _OPERATORS = {
 _POWERS = {2: "{0} * {0}", 1: "{0}", 0.5: "np.sqrt({0})", -1: "1.0 / {0}"}  # as numpy takes them
 
 
+_OWN = {"sin": "sine", "exp": "exponential"}  # of `joint_kernel`
+
+
 class Untraceable(Exception):
     """What a port does to a symbol cannot be said of one joint."""
 
@@ -64,7 +67,7 @@ class Symbol(NDArrayOperatorsMixin):
             return self._tape.put(f"not {names[0]}")
         if name in _OPERATORS:
             return self._tape.put(f" {_OPERATORS[name]} ".join(names))
-        return self._tape.put(f"np.{name}({', '.join(names)})")
+        return self._tape.put(f"{_OWN.get(name, f'np.{name}')}({', '.join(names)})")
 
     def __array_function__(self, function: Callable, types: Any, args: tuple, options: dict) -> Any:
         if function not in _FUNCTIONS:

@@ -12,7 +12,7 @@ from effect_benches import bench, plain
 
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms
-from dynreg.sim.engines import rollout
+from dynreg.sim.engines import joint_kernel, rollout
 
 
 class Made(Effect):
@@ -88,6 +88,22 @@ def test_numpy_says_the_same_to_a_joint_as_to_arrays():
     for name in ("servo_short", "servo_mujoco"):
         b = bench(name)
         np.testing.assert_allclose(states(b, many), plain(b), atol=1e-6)
+
+
+def test_sines_and_exponentials_are_numpy_s():
+    """To the last bits, and without surprises where a simulation diverges."""
+    rng = np.random.default_rng(0)
+    for most in (1e-3, 1.0, 30.0, 1e4, 1e7):
+        x = rng.uniform(-most, most, 2000)
+        assert np.abs([joint_kernel.sine(v) for v in x] - np.sin(x)).max() < 3e-16
+    x = rng.uniform(-699.0, 699.0, 5000)
+    np.testing.assert_allclose([joint_kernel.exponential(v) for v in x], np.exp(x), rtol=5e-16, atol=0.0)
+    far = np.array([-1e300, -800.0, 0.0, 800.0, np.inf, -np.inf])
+    np.testing.assert_array_equal(
+        [joint_kernel.exponential(v) for v in far], [0.0, 0.0, 1.0, np.inf, np.inf, 0.0]
+    )
+    assert np.isnan([joint_kernel.exponential(np.nan), joint_kernel.sine(np.nan)]).all()
+    assert joint_kernel.sine(1e300) == joint_kernel.sine(0.0) == 0.0
 
 
 CODE = """
