@@ -19,6 +19,9 @@ MARGIN = 1.25  # times the best of which the true pairing must explain
 FEWEST = 60  # samples below which nothing can be said
 MOST = 3000  # samples that are fitted: more cost time and change little
 FOLDS = 4
+FARTHEST = 5.0  # standard deviations of a signal: what lies beyond bends the ridge of its squares no more
+LEAVES, FEWEST_IN_LEAF, PARTS = 8, 20, 200  # of a tree; samples in a leaf, or a share of one in so many
+TREES, LEARNING, BINS = 16, 0.35, 64  # in a row, how far each goes, and how finely signals are cut
 WILD = 0.002  # of the samples, at either end: a few wild ones (an impact, a lost packet) would decide the fit
 # where two signals explain the same within NEAR, the earlier is named: a sign is simpler than what it is the sign of
 NEAR = 0.02
@@ -154,7 +157,7 @@ class _Judge:
         size = np.maximum(np.sqrt(np.where(known, (x - mean) ** 2, 0.0).sum(axis=0) / count), 1e-12)
 
         def features(a: np.ndarray) -> np.ndarray:
-            z = np.clip(np.nan_to_num((a - mean) / size), -5.0, 5.0)
+            z = np.clip(np.nan_to_num((a - mean) / size), -FARTHEST, FARTHEST)
             return np.concatenate([z, z * np.abs(z), z**2, np.abs(z)], axis=1)
 
         return Ridge(alpha=1.0).fit(features(x), y).predict(features(ask))
@@ -163,12 +166,12 @@ class _Judge:
         from sklearn.ensemble import HistGradientBoostingRegressor
 
         model = HistGradientBoostingRegressor(
-            max_iter=16,
-            learning_rate=0.35,
-            max_leaf_nodes=8,
-            min_samples_leaf=max(20, len(y) // 200),
+            max_iter=TREES,
+            learning_rate=LEARNING,
+            max_leaf_nodes=LEAVES,
+            min_samples_leaf=max(FEWEST_IN_LEAF, len(y) // PARTS),
             l2_regularization=1.0,
-            max_bins=64,
+            max_bins=BINS,
             early_stopping=False,
             random_state=self.seed,
         )
