@@ -43,7 +43,7 @@ def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[
         points = best_of(points, cost, kept)
         sample = sample.left((yield from model.residuals(points[:1], sample))[0])
         points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH)
-    if model.accuracy.finer > 1:
+    if model.accuracy.order == 1:
         model = yield from model.corrected(points, data)
         points, cost = yield from fit(model, points, sample, iterations=ITERATIONS, tolerance=ENOUGH)
     (residual,) = yield from model.residuals(points, sample)

@@ -1,6 +1,6 @@
 """Accuracy: what a model's own time step does to its rollouts, and how derivatives are taken of these."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dynreg.sim.engine import ENGINES
 from dynreg.sim.robot import Robot
@@ -18,6 +18,8 @@ class Accuracy:
     finer : times finer a time step tells what the model's own gets wrong; 1 where that is nothing (plain).
     fine : whether what counts in the end is simulated with the finer one (contacts follow no order, and nothing can be
         extrapolated); else what it changes at a near point is taken off (corrected).
+    order : of the error. What is of the first order leads a search astray, and is taken off from the calibration on;
+        what is of the second costs delays and speed limits the last of their precision: it is taken off at the end.
     slopes : times finer the step of its derivatives then is.
     width : of the differences that derivatives are taken by, in fit coordinates.
     sides : to which these are taken in turn: 1 for both at once (central), 2 for one after the other.
@@ -26,6 +28,7 @@ class Accuracy:
 
     finer: float = 1.0
     fine: bool = False
+    order: int = 2
     slopes: float = 1.0
     width: float = STEP
     sides: int = 1
@@ -43,11 +46,13 @@ def usual(robot: Robot, engine: str | None = None) -> Accuracy:
     its rollouts more than differences to one side are biased, and these take half the time.
     """
     if robot.floating:
-        return Accuracy(STANDING, True, SLOPING, ROUGH, 2, SEGMENT)
-    return Accuracy(ENGINES[robot.running(engine)].finer)
+        first = Accuracy(STANDING, fine=True, order=1, slopes=SLOPING)
+        return replace(first, width=ROUGH, sides=2, segment=SEGMENT)
+    traits = ENGINES[robot.running(engine)]
+    return Accuracy(traits.finer, order=traits.order)
 
 
 def rough(robot: Robot, engine: str | None = None) -> Accuracy:
     """The accuracy where contacts come and go, so that narrow differences of rollouts tell nothing."""
-    finer = ENGINES[robot.running(engine)].finer
-    return Accuracy(finer, True, finer, ROUGH)
+    first = usual(robot, engine)
+    return replace(first, fine=True, slopes=first.finer, width=ROUGH)

@@ -14,6 +14,7 @@ class Engine:
     contacts : bodies touch the ground and each other; robots walk, stand and fall.
     vectorised : advances all simulators at once, in numpy or compiled; a thousand draws take a second.
     finer : times finer time steps tell what that of the model gets wrong; 1 where none are needed.
+    order : of the integrator's error in the time step. That of the first order leads a search astray.
     """
 
     module: str
@@ -21,12 +22,13 @@ class Engine:
     contacts: bool = False
     vectorised: bool = False
     finer: int = 1
+    order: int = 2
 
 
 _HOME = "dynreg.sim.engines"
 ENGINES: Mapping[str, Engine] = MappingProxyType(
     {
-        "mujoco": Engine(f"{_HOME}.mujoco_engine", contacts=True, finer=8),
+        "mujoco": Engine(f"{_HOME}.mujoco_engine", contacts=True, finer=8, order=1),
         "joint": Engine(f"{_HOME}.joint_engine", vectorised=True, finer=4),
         "kinematic": Engine(f"{_HOME}.kinematic_engine", planar=True, vectorised=True),
         "unicycle": Engine(f"{_HOME}.unicycle_engine", planar=True, vectorised=True),

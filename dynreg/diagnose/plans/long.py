@@ -43,7 +43,8 @@ class Long(Smooth):
             done += [(float(cost[i]), points[i]) for i in order[half:]]
             points = [points[i] for i in order[:half]]
         # the best have moved away from the calibrated model: derivatives and the time step's part anew, where they are
-        model = yield from model.corrected(points, sample.data)
+        if model.accuracy.order == 1:
+            model = yield from model.corrected(points, sample.data)
         _, (slope,) = yield from sensitivities(model, points[:1], sample)
         last = {"leading": slope[: len(base.z)], "hopeless": self.hopeless}
         points, cost = yield from fit(model, points, sample, iterations=self.iterations, **last)
