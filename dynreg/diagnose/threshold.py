@@ -125,9 +125,11 @@ def null_score(problem: Problem, robot: Robot, seed: int) -> Search[float]:
     robot : with the sensors by which it is measured.
     """
     model, plan = problem.model, problem.plan
+    left = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
+    if not left:
+        return 0.0
     data = yield from null_data(problem, robot, seed)
     found = yield from calibrate(model, data, draws=plan.draws)
-    left = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
     naming, _ = yield from plan.name(found.model, found.point, left, found.sample)
     return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats)
 

@@ -5,17 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynreg.diagnose.estimate import _unit
 from dynreg.diagnose.repeatability import repeatability
 from dynreg.diagnose.signals import joint_signals, joints_of_actions
 from dynreg.diagnose.threshold import USUAL
-from dynreg.diagnose.trial import Trials
+from dynreg.diagnose.trial import Trial, Trials
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.cut import windows
 from dynreg.replay.windows import STILL, standing, starts
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs.trials import one_trial
+from dynreg.verbs.trials import results_of
 
 
 @pytest.fixture(scope="module")
@@ -23,14 +22,14 @@ def robot() -> Robot:
     return load_robot("diffdrive")
 
 
-@pytest.mark.parametrize("effect", ["wheel_gain", "drive_inertia", "wheel_slip", None])
-def test_a_hidden_cause_is_found_and_no_other(effect: str | None, robot: Robot):
+def test_a_hidden_cause_is_found_and_no_other(robot: Robot):
     """The truth runs on the unicycle engine, the diagnosis on the kinematic one; 20 nats are asked for."""
-    plan = protocol(robot, seed=1, seconds=25.0)
-    terms = (term(effect),) if effect else ()
-    found = one_trial(Trials(robot, plan, threads=1), terms, "medium", 1, USUAL, share=False)
-    assert found.named == effect and found.right
-    assert found.parameter_error is None or found.parameter_error < 0.2
+    trials = Trials(robot, protocol(robot, seed=1, seconds=25.0), threads=1)
+    hidden = ["wheel_gain", "drive_inertia", "wheel_slip", None]
+    todo = [Trial((term(effect),) if effect else (), "medium", 1) for effect in hidden]
+    found = results_of(trials, todo, USUAL, share=False)
+    assert [one.named for one in found] == hidden and all(one.right for one in found)
+    assert all(one.parameter_error is None or one.parameter_error < 0.2 for one in found)
 
 
 def test_a_base_that_stands_still_at_first_is_measured_many_times(robot: Robot):
@@ -86,16 +85,6 @@ def test_numbers_that_are_missing_at_first_do_not_stretch_the_rest(robot: Robot)
     apart = [a - b for a, b in zip(runs[:4], runs[4:], strict=True)]
     expected = np.sqrt(np.mean([np.mean((d - d[:10].mean()) ** 2) for d in apart]) / 2)
     assert spread == pytest.approx(expected, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("name", "units"), [("husky", ("m/s^2 or rad/s^2", "m/s or rad/s")), ("diffdrive", ("rad/s^2", "rad/s"))]
-)
-def test_sizes_of_commands_have_the_units_of_what_a_base_is_told(name: str, units: tuple[str, str]):
-    base = load_robot(name)
-    for key, unit in zip(("rate_limit", "command_deadband"), units, strict=True):
-        one = term(key)
-        assert [_unit(base, one, p) for p in one.effect.parameters] == [unit]
 
 
 def test_wheels_are_joints_with_a_position_and_a_velocity(robot: Robot):

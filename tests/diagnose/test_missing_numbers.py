@@ -10,8 +10,8 @@ import dynreg
 from dynreg.data.recording import Episode, Recording
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.errors import LogError
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.timed import held
 from dynreg.sim.robot import Robot, load_robot
 
@@ -54,10 +54,10 @@ def filled(recording: Recording, channel: str) -> Recording:
 
 @pytest.mark.parametrize("channel", ["arm/position", "arm/target", "supply"])
 def test_rollouts_with_holes_are_left_out(robot: Robot, recording: Recording, channel: str):
-    whole, _ = pose(robot, recording, DiagnosisOptions(hold_out=HELD, threads=1))
-    some, split = pose(
-        robot, lost(recording, channel, 4, slice(30, 80)), DiagnosisOptions(hold_out=HELD, threads=1)
-    )
+    asked = DiagnosisOptions(hold_out=HELD, threads=1)
+    logs = recording, lost(recording, channel, 4, slice(30, 80))
+    whole, some = (pose(robot, log, asked)[1] for log in logs)
+    split = some.parts
     kept = whole.windows.episode % 4 != 0
     assert 0 < kept.sum() < len(kept)
     assert some.windows.episode.tolist() == whole.windows.episode[kept].tolist()

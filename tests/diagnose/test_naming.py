@@ -4,11 +4,12 @@ import time
 from functools import lru_cache
 
 from dynreg.diagnose.threshold import USUAL
-from dynreg.diagnose.trial import Trials
+from dynreg.diagnose.trial import Trial, Trials
 from dynreg.evidence.truth import protocol
+from dynreg.results.trials import TrialResult
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.trials import one_trial
+from dynreg.verbs.trials import results_of
 
 SEED = 20261101  # of the fixed robots
 HIDDEN = (
@@ -29,24 +30,23 @@ NONE = 6
 FRESH = time.time_ns() % 10**9  # printed with every failure
 
 
-@lru_cache
-def bench():
-    """The servo bench and the commands of all trials."""
-    robot = load_robot("servo_pendulum")
-    return robot, protocol(robot, seed=1)
-
-
-def diagnose(key: str | None, size: str | None, seed: int):
-    robot, plan = bench()
-    terms = () if key is None else (term(key),)
-    return one_trial(Trials(robot, plan, threads=1), terms, size, seed, USUAL)
-
-
 CASES = [*HIDDEN, *[(None, None)] * NONE]
 
 
-def trials(seed: int):
-    return [diagnose(key, size, seed + i) for i, (key, size) in enumerate(CASES)]
+def diagnosed(*todo: Trial) -> list[TrialResult]:
+    """What is said of servo benches under the same commands, all in lockstep."""
+    robot = load_robot("servo_pendulum")
+    return results_of(Trials(robot, protocol(robot, seed=1), threads=1), todo, USUAL)
+
+
+def hiding(number: int, seed: int) -> Trial:
+    key, size = CASES[number]
+    return Trial(() if key is None else (term(key),), size, seed + number)
+
+
+@lru_cache
+def trials(seed: int) -> list[TrialResult]:
+    return diagnosed(*(hiding(number, seed) for number in range(len(CASES))))
 
 
 def said(results) -> str:
@@ -71,7 +71,9 @@ def test_on_robots_drawn_afresh_at_most_two_are_wrong_and_nine_are_found():
     assert sum(r.right for r in fresh if r.hidden) >= 9, said(fresh)
 
 
-def test_the_same_seed_gives_the_same_answer():
-    first, second = (diagnose("cogging", "medium", SEED + 99) for _ in range(2))
+def test_a_robot_diagnosed_alone_gets_the_answer_that_it_gets_beside_others():
+    """To the last bit: what else is in a batch changes no rollout."""
     same = {"seconds": 0.0, "core_seconds": 0.0}
-    assert first.model_copy(update=same) == second.model_copy(update=same)
+    for number in (CASES.index(("cogging", "medium")), len(CASES) - 1):
+        (alone,) = diagnosed(hiding(number, SEED))
+        assert alone.model_copy(update=same) == trials(SEED)[number].model_copy(update=same)

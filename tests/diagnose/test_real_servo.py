@@ -7,14 +7,15 @@ import pytest
 
 import dynreg
 from dynreg.diagnose.calibrate import calibrate
-from dynreg.diagnose.effort import Effort
-from dynreg.diagnose.fit import information, sensitivities
 from dynreg.diagnose.loose import loose_ends
-from dynreg.diagnose.name import name_one
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.plans import Short
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import USUAL
+from dynreg.evidence.likelihood import information
+from dynreg.evidence.lockstep import run
+from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -34,32 +35,27 @@ def posed(data_dir: Path, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def calibrated(posed):
-    problem, split = posed
-    return calibrate(problem, np.flatnonzero(split.fit), iterations=3)
+    return run(calibrate(*posed, draws=Short().draws))
 
 
 def test_load_friction_is_the_cause_and_takes_a_fifth_off_the_held_out_error(posed, calibrated):
-    problem, split = posed
-    base, effective = calibrated
-    fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
-    naming = name_one(
-        problem, base, [term(e) for e in EFFECTS], fit_on, select_on, effective, effort=Effort(iterations=3)
-    )
+    model, data = calibrated.model, posed[1]
+    terms = [term(e) for e in EFFECTS]
+    naming, _ = run(Short(iterations=3).name(model, calibrated.point, terms, calibrated.sample))
     assert naming.chosen.key == "load_friction" and naming.chosen.nats > USUAL
-    left = problem.residuals([naming.start.point, naming.chosen.point], np.flatnonzero(split.test))
+    test = data.sample(np.flatnonzero(data.parts.test))
+    left = run(model.residuals([naming.start.point, naming.chosen.point], test))
     before, after = np.nanmean(np.abs(left), axis=(1, 2, 3))
     assert after < 0.8 * before
 
 
 def test_the_measured_supply_is_no_candidate(posed):
-    problem, _ = posed
-    assert shown(problem.robot, problem.windows) == {"voltage_sag": "supply"}
+    model, data = posed
+    assert shown(model.robot, data.windows) == {"voltage_sag": "supply"}
 
 
 def test_the_scale_of_the_mass_is_left_open(posed, calibrated):
-    problem, split = posed
-    point, effective = calibrated
-    fit_on = np.flatnonzero(split.fit)
-    residual, slopes = sensitivities(problem, [point], fit_on)
-    curvature, _ = information(problem, point, residual[0], slopes[0], effective)
-    assert "tip_mass" in loose_ends(problem.coordinates, np.linalg.inv(curvature)).alone
+    model, point, sample = calibrated.model, calibrated.point, calibrated.sample
+    (residual,), (slope,) = run(sensitivities(model, [point], sample))
+    curvature, _ = information(point, residual, slope, sample)
+    assert "tip_mass" in loose_ends(model.coordinates, np.linalg.inv(curvature)).alone

@@ -7,11 +7,13 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point, Problem
 from dynreg.diagnose.rest import rest
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.lockstep import counted, run
+from dynreg.evidence.point import Point
 from dynreg.evidence.truth import Hidden, hide, log_of, protocol
 from dynreg.report.diagnosis.words import rest_words
 from dynreg.sim.effects import term
@@ -34,13 +36,10 @@ def recorded(robot: Robot, key: str, value: float | None = None) -> tuple[Hidden
     return hidden, log_of(robot, hidden, protocol(robot, seed=1, reach=0.45), engine="joint")
 
 
-def posed(robot: Robot, recording: Recording) -> tuple[Problem, np.ndarray]:
-    problem, split = pose(robot, recording, DiagnosisOptions(hold_out=HELD, threads=1))
-    return problem, split.chosen
-
-
-def nominal(problem: Problem) -> Point:
-    return Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
+def posed(robot: Robot, recording: Recording, hold_out: str | None = HELD) -> State:
+    """A search that has found nothing yet and stands at the nominal simulator."""
+    model, data = pose(robot, recording, DiagnosisOptions(hold_out=hold_out, threads=1))
+    return State(model, data.sample(data.fit), model.start, model.start)
 
 
 def test_a_cause_that_the_library_lacks_is_told_by_its_signal(robot, tmp_path):
@@ -61,20 +60,18 @@ def test_a_cause_that_the_library_lacks_is_told_by_its_signal(robot, tmp_path):
 
 @pytest.mark.parametrize("verdict", ["named", "ambiguous", "none"])
 def test_where_nothing_is_left_nothing_is_asked(robot, verdict):
-    problem, chosen = posed(robot, recorded(robot, "cogging")[1])
-    before = problem.spent.candidates
-    assert rest(problem, nominal(problem), chosen, verdict) is None and problem.spent.candidates == before
+    assert run(counted(rest(posed(robot, recorded(robot, "cogging")[1]), verdict))) == (None, 0)
 
 
 def test_what_a_delay_remembers_is_no_dependence(robot):
     """A simulator with the right delay leaves next to nothing to tell, though each row is a start of its own."""
     hidden, recording = recorded(robot, "command_delay", 0.025)
-    problem, chosen = posed(robot, recording)
-    point = replace(nominal(problem), hypothesis=Hypothesis(hidden.terms))
-    scale = problem.coordinates.effect_values(point.hypothesis, np.array([[1.0]]))[0][0, 0]
-    right = replace(point, effect=np.array([0.025 / scale]))
-    without = rest(problem, nominal(problem), chosen, "unknown")[0]
-    with_delay = rest(problem, right, chosen, "partly_explained")[0]
+    found = posed(robot, recording)
+    c = found.model.coordinates
+    size = c.effect_coordinates(hidden.terms[0], hidden.values[0])
+    right = Point(Hypothesis(hidden.terms), np.zeros(len(c)), size)
+    without = run(rest(found, "unknown"))[0]
+    with_delay = run(rest(replace(found, current=right), "partly_explained"))[0]
     assert with_delay.explained < 0.05 and with_delay.size < 0.7 * without.size and without.explained > 0.2
 
 
@@ -86,5 +83,4 @@ def test_a_state_that_was_never_measured_is_no_start():
     blank = lambda e: np.where(np.isin(np.arange(e.values.shape[1]), base), np.nan, e.values)  # noqa: E731
     episodes = tuple(replace(e, values=blank(e)) for e in recording.episodes)
     recording = Recording(recording.channels, episodes, measured=False)
-    blind, _ = pose(robot, recording, DiagnosisOptions(threads=1))
-    assert rest(blind, nominal(blind), np.arange(1), "unknown") is None
+    assert run(rest(posed(robot, recording, None), "unknown")) is None

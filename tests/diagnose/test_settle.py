@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point
 from dynreg.diagnose.score import NEAR, Naming, Scored
 from dynreg.diagnose.settle import exchange_cause, revise
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.lockstep import run
+from dynreg.evidence.point import Point
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
@@ -81,12 +82,10 @@ def test_an_earlier_cause_is_exchanged_and_not_the_effect_that_the_search_began_
     robot, terms = load_robot("servo_pendulum"), tuple(term(k) for k in (GIVEN, RICH, LAST))
     hidden = hide(robot, terms, "strong", 11)
     recording = log_of(robot, hidden, protocol(robot, seed=1, seconds=12.5), engine="mujoco")
-    problem, split = pose(robot, recording, DiagnosisOptions(hold_out="test_0", threads=1))
-    fit_on, select_on = np.flatnonzero(split.fit), np.flatnonzero(split.select)
-    known = {
-        t.key: problem.coordinates.effect_coordinates(t, v) for t, v in zip(terms, hidden.values, strict=True)
-    }
-    nominal = problem.coordinates.from_values(hidden.parameters)
+    model, data = pose(robot, recording, DiagnosisOptions(hold_out="test_0", threads=1))
+    c = model.coordinates
+    known = {t.key: c.effect_coordinates(t, v) for t, v in zip(terms, hidden.values, strict=True)}
+    nominal = c.from_values(hidden.parameters)
 
     def at(*keys: str) -> Point:
         sizes = [known.get(k, np.ones(len(term(k).effect.parameters))) for k in (GIVEN, *keys)]
@@ -97,7 +96,8 @@ def test_an_earlier_cause_is_exchanged_and_not_the_effect_that_the_search_began_
         Naming(start, [], Scored(at(PLAIN), 100.0), [Scored(at(RICH), 97.0)]),
         Naming(start, [], Scored(at(PLAIN, LAST), 50.0)),
     ]
-    effective = problem.effective(problem.residuals([at(RICH, LAST)], fit_on)[0])
-    (first, last) = revise(problem, rounds, fit_on, select_on, effective)
+    sample = data.sample(data.fit)
+    sample = sample.left(run(model.residuals([at(RICH, LAST)], sample))[0])
+    (first, last) = run(revise(model, rounds, sample))
     assert first.chosen.point.hypothesis == at(RICH).hypothesis
     assert last.chosen.point.hypothesis == at(RICH, LAST).hypothesis

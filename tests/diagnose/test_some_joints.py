@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.diagnose.joints import only_joints, terms_at
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point
+from dynreg.diagnose.problem import planned
 from dynreg.diagnose.rest import rest
-from dynreg.diagnose.threshold import null_score
-from dynreg.evidence.truth import hide, log_of, protocol
+from dynreg.diagnose.threshold import USUAL, null_score
 from dynreg.errors import UsageError
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.lockstep import run
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.parts import Parts, thinned
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
@@ -27,12 +29,12 @@ MOTIONS = ("coupled_joints", "step_response", "inertia_coupling", "hold_under_gr
 
 
 def test_a_joint_that_is_looked_at_alone_moves_as_among_the_others():
-    run = excitation(ARM, seed=3, episodes=2, steps=40)
+    moves = excitation(ARM, seed=3, episodes=2, steps=40)
     key = "backlash[elbow]", "command_delay[pitch]", "load_friction"
     terms = Terms(tuple(term(k) for k in key), (np.array([[0.05]]), np.array([[0.03]]), np.array([[0.2]])))
     values = ARM.space.nominal[None]
-    whole = rollout(ARM, values, run, engine="joint", threads=1, terms=terms).states
-    part = replace(run, joints=("pitch", "elbow"))
+    whole = rollout(ARM, values, moves, engine="joint", threads=1, terms=terms).states
+    part = replace(moves, joints=("pitch", "elbow"))
     some = rollout(ARM, values, part, engine="joint", threads=1, terms=terms).states
     looked = [i for i, c in enumerate(ARM.channels) if c.split("/")[0] in ("pitch", "elbow")]
     assert np.array_equal(some[..., looked], whole[..., looked])
@@ -40,13 +42,13 @@ def test_a_joint_that_is_looked_at_alone_moves_as_among_the_others():
 
 
 def test_the_load_is_that_of_the_pose_in_which_the_others_stand():
-    run = excitation(ARM, seed=0, episodes=2, steps=60)
+    moves = excitation(ARM, seed=0, episodes=2, steps=60)
     home = np.array([0.0, 0.0, 0.5, 0.0, 0.0, 1.16])
     start = np.full((2, len(ARM.channels)), np.nan)
     start[:, : len(home)] = home
     start[1, 2] = 1.4  # the forearm hangs: the upper arm carries less of it
     hold = np.repeat(start[:, None, :6], 60, axis=1)
-    held = replace(run, actions=hold, initial=start, period=0.02)
+    held = replace(moves, actions=hold, initial=start, period=0.02)
     ends = rollout(ARM, ARM.space.nominal[None], held, engine="joint", threads=1).states[0, :, -1]
     both = rollout(ARM, ARM.space.nominal[None], held, engine="mujoco", threads=1).states[0, :, -1]
     pitch = ARM.channels.index("pitch/position")
@@ -115,11 +117,11 @@ def test_dry_friction_of_the_real_arms_shoulder_is_found(arm):
 
 def test_parameters_of_other_joints_stay_nominal(arm):
     recording = arm.recording("arm")
-    problem, split = pose(ARM, recording, DiagnosisOptions(joints=("wrist_roll",), windows=2))
-    free = [ARM.space.names[i] for i in problem.coordinates.free]
+    model, data = pose(ARM, recording, DiagnosisOptions(joints=("wrist_roll",), windows=2))
+    free = [ARM.space.names[i] for i in model.coordinates.free]
     assert {"wrist_roll_gain", "wrist_roll_speed"} <= set(free)
     assert not {"pitch_gain", "jaw_gain", "upper_mass"} & set(free)
-    assert split.fit.sum() <= 2
+    assert len(data.fit) <= 2
 
 
 @pytest.mark.parametrize("engine", ["joint", "mujoco"])
@@ -129,9 +131,8 @@ def test_what_is_left_is_told_of_the_joints_asked_for_alone(engine: str):
     left = {}
     for joints in (None, ("elbow",), ("jaw", "pitch")):
         settings = DiagnosisOptions(joints=joints, engine=engine, threads=1, windows=1)
-        problem, split = pose(ARM, recording, settings)
-        point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
-        found = rest(problem, point, split.chosen[:1], "unknown")
+        model, data = pose(ARM, recording, settings)
+        found = run(rest(State(model, data.sample(data.fit), model.start, model.start), "unknown"))
         assert all(row.joint == each.joint for each in found for row in each.rows)
         left[joints] = {each.joint: (each.size, each.samples) for each in found}
     assert set(left[None]) == {name.split("/")[0] for name in ARM.actions}
@@ -151,6 +152,5 @@ def test_robots_without_an_effect_are_diagnosed_at_some_joints_too():
     plan = protocol(ARM, seed=1, seconds=12.5)
     recording = log_of(ARM, hide(ARM, (), None, 4), plan, engine="joint")
     settings = DiagnosisOptions(joints=("elbow",), threads=1)
-    problem, split = pose(ARM, recording, settings)
-    terms = [term("coulomb_friction[elbow]")]
-    assert 0.0 <= null_score(problem, terms, split, 5) < 20.0
+    problem = run(planned(*pose(ARM, recording, settings), [term("coulomb_friction[elbow]")]))
+    assert 0.0 <= run(null_score(problem, ARM, 5)) < USUAL

@@ -7,11 +7,13 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.diagnose.account import account
-from dynreg.diagnose.diagnose import diagnose, offered, search
+from dynreg.diagnose.account import diagnosed, simulator
+from dynreg.diagnose.diagnose import offered, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.threshold import USUAL
+from dynreg.diagnose.problem import planned
+from dynreg.diagnose.threshold import USUAL, known
+from dynreg.evidence.lockstep import run
 from dynreg.evidence.truth import Hidden, hide, log_of, protocol
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import term
@@ -25,7 +27,7 @@ def robot() -> Robot:
     return load_robot("servo_pendulum")
 
 
-def known(robot: Robot, hidden: Hidden) -> SimConfig:
+def begun(robot: Robot, hidden: Hidden) -> SimConfig:
     """The nominal robot with the first effect that is hidden, 20 % too large: somebody has named it before."""
     (one, *_), (values, *_) = hidden.terms, hidden.values
     sizes = {p.name: float(v) for p, v in zip(one.effect.parameters, 1.2 * values, strict=True)}
@@ -41,7 +43,7 @@ def test_where_the_simulator_has_the_only_cause_already_nothing_is_missing(robot
     hidden, recording = recorded(robot, "cogging")
     with dynreg.open(tmp_path / "registry") as registry:
         name = registry.ingest(recording, robot, name="hidden").recording
-        start = registry.registry.put_simulator(known(robot, hidden).as_dict())
+        start = registry.registry.put_simulator(begun(robot, hidden).as_dict())
         given = {"effects": OFFERED, "threshold_runs": 0, "max_causes": 1, "threads": 1}
         found = registry.diagnose(name, start=start, hold_out="test_0", **given)
         calibrated = registry.registry.simulator(found.calibrated_simulator)["effects"]
@@ -55,18 +57,19 @@ def test_where_the_simulator_has_the_only_cause_already_nothing_is_missing(robot
 def test_what_else_is_missing_is_named_and_the_extended_simulator_has_both(robot: Robot):
     hidden, recording = recorded(robot, "cogging", "load_friction")
     asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=1, threads=1)
-    problem, split = pose(robot, recording, asked, known(robot, hidden))
-    found = search(problem, offered(problem, asked), split, asked, needed=USUAL)
+    model, data = pose(robot, recording, asked, begun(robot, hidden))
+    problem = run(planned(model, data, offered(model, data, asked)))
+    found = run(search(problem, recording, known(USUAL), asked)).found
     assert found.accepted == 1 and found.rounds[0].chosen.point.hypothesis.terms[-1].key == "load_friction"
-    points = {"start": problem.start, "calibrated": found.base, "extended": found.extended}
-    kinds = {kind: [t.key for t in problem.simulator(p, split.chosen)[1].terms] for kind, p in points.items()}
+    points = {"start": model.start, "calibrated": found.base, "extended": found.current}
+    kinds = {kind: [t.key for t in simulator(model, data, p, asked)[1].terms] for kind, p in points.items()}
     assert kinds == {
         "start": ["cogging"],
         "calibrated": ["cogging"],
         "extended": ["cogging", "load_friction"],
     }
-    test = np.flatnonzero(split.test)
-    start, calibrated, extended = (np.nanmean(problem.residuals([p], test) ** 2) for p in points.values())
+    left = run(model.residuals(list(points.values()), data.sample(np.flatnonzero(data.parts.test))))
+    start, calibrated, extended = np.nanmean(left**2, axis=(1, 2, 3))
     assert extended < calibrated < start
 
 
@@ -74,22 +77,22 @@ def test_of_two_effects_the_one_that_is_missing_is_told_and_the_known_one_keeps_
     hidden, recording = recorded(robot, "cogging", "load_friction")
     cogging, friction = (values[0] for values in hidden.values)
     asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=2, threshold_runs=2, threads=1)
-    made = diagnose(robot, recording, asked, known(robot, hidden))
-    seen = account(made, asked)
+    made, seen = run(diagnosed(robot, recording, asked, begun(robot, hidden)))
     (cause,) = seen.causes
     assert made.verdict == "named" and list(cause) == [p.name for p in hidden.terms[1].effect.parameters]
     assert next(iter(cause.values())).value == pytest.approx(friction, rel=0.15)
     _, effects = seen.simulators["extended"]
     assert [t.key for t in effects.terms] == ["cogging", "load_friction"]
     assert effects.values[0][0][0] == pytest.approx(cogging, rel=0.1)
-    assert max(made.found.threshold.scores) < USUAL, "robots that the start has all of lack nothing"
+    assert max(made.threshold.scores) < USUAL, "robots that the start has all of lack nothing"
 
 
 def test_the_simulator_that_a_search_begins_with_is_the_one_that_was_named(robot: Robot):
     hidden, recording = recorded(robot, "cogging")
-    start = known(robot, hidden)
-    problem, split = pose(robot, recording, DiagnosisOptions(threads=1), start)
-    values, effects = problem.simulator(problem.start, split.chosen)
+    start = begun(robot, hidden)
+    asked = DiagnosisOptions(threads=1)
+    model, data = pose(robot, recording, asked, start)
+    values, effects = simulator(model, data, model.start, asked)
     assert robot.space.as_dict(values) == pytest.approx(dict(start.values))
     assert [t.key for t in effects.terms] == ["cogging"]
     assert effects.values[0][0] == pytest.approx(np.array([*start.effects["cogging"].values()]))

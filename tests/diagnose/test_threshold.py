@@ -1,27 +1,58 @@
-"""Thresholds: their robots lack nothing of the simulator begun with, their keys tell what the scores depend on."""
+"""Thresholds: paid once for commands that are alike, never beside them; their robots lack nothing of the start."""
 
 import json
+import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from edited_log import edited
 
 from dynreg.data.recording import Recording
-from dynreg.diagnose.effort import FULL, Effort
-from dynreg.evidence.hypothesis import single_terms
+from dynreg.diagnose.noise import TWICE, noisier, own_noise
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.plans import Short
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.threshold import USUAL, key_of, null_robot, null_score
+from dynreg.diagnose.threshold import (
+    LEAST,
+    USUAL,
+    commands,
+    exceeded,
+    known,
+    level,
+    null_data,
+    null_robot,
+    null_score,
+    same,
+    threshold,
+)
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.lockstep import counted, run
 from dynreg.evidence.truth import hide, log_of, protocol
-from dynreg.replay.parts import Parts
+from dynreg.rng import stream
 from dynreg.sim.config import SimConfig
-from dynreg.sim.effects import Term, term
+from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 
-OFFERED = ("cogging", "load_friction", "payload")
+OFFERED = ("cogging", "payload")
+
+
+@dataclass
+class Shelf:
+    """A cache of plain JSON in memory."""
+
+    kept: dict[str, str] = field(default_factory=dict)
+
+    def cached(self, kind: str, key: Any) -> Any:
+        found = self.kept.get(json.dumps([kind, key], sort_keys=True))
+        return None if found is None else json.loads(found)
+
+    def cache(self, kind: str, key: Any, document: Any) -> None:
+        self.kept[json.dumps([kind, key], sort_keys=True)] = json.dumps(document)
 
 
 @dataclass(frozen=True)
@@ -29,16 +60,30 @@ class Case:
     """What a threshold is found for."""
 
     problem: Problem
-    terms: list[Term]
-    split: Parts
-    runs: int = 2
-    seed: int = 0
-    effort: Effort = FULL
+    recording: Recording
+    options: DiagnosisOptions
 
-    @property
-    def key(self) -> dict[str, Any]:
-        of = {"runs": self.runs, "seed": self.seed, "effort": self.effort}
-        return key_of(self.problem, self.terms, self.split, **of)
+    def paid(self, shelf: Shelf) -> bool:
+        """Whether anything has to be simulated to tell the threshold."""
+        search = threshold(self.problem, self.recording, self.options, shelf)
+        try:
+            search.send(None)
+        except StopIteration:
+            return False
+        return True
+
+
+def logged(seed: int = 3, moves: int = 1) -> Recording:
+    """The log of a robot without an effect."""
+    robot = load_robot("servo_pendulum")
+    plan = protocol(robot, seed=moves, seconds=7.5, episode=1.5)
+    return log_of(robot, hide(robot, (), None, seed), plan, engine="mujoco")
+
+
+def posed(robot: Robot, recording: Recording, start: SimConfig | None = None, **asked: Any) -> Case:
+    options = DiagnosisOptions(**{"hold_out": "test_0", "threads": 1, "threshold_runs": 1} | asked)
+    model, data = pose(robot, recording, options, start)
+    return Case(Problem(model, data, tuple(single_terms(robot, OFFERED)), Short()), recording, options)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +92,8 @@ def robot() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def recording(robot: Robot) -> Recording:
-    return log_of(robot, hide(robot, (), None, 3), protocol(robot, seed=1, seconds=12.5), engine="mujoco")
+def recording() -> Recording:
+    return logged()
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +101,13 @@ def case(robot: Robot, recording: Recording) -> Case:
     return posed(robot, recording)
 
 
-def posed(robot: Robot, recording: Recording, start: SimConfig | None = None, **asked: Any) -> Case:
-    problem, split = pose(
-        robot, recording, DiagnosisOptions(**{"hold_out": "test_0", "threads": 1} | asked), start
-    )
-    return Case(problem, single_terms(robot, OFFERED), split)
+@pytest.fixture(scope="module")
+def shelf(case: Case) -> Shelf:
+    """The cache after the case's threshold was found."""
+    shelf = Shelf()
+    found, many = run(counted(threshold(case.problem, case.recording, case.options, shelf)))
+    assert many > 0 and not found.cached and found.nats == max(LEAST, *found.scores)
+    return shelf
 
 
 def started(robot: Robot, size: float = 0.05, **values: float) -> SimConfig:
@@ -71,57 +118,194 @@ def started(robot: Robot, size: float = 0.05, **values: float) -> SimConfig:
     return SimConfig(robot.hash, robot.name, nominal | values, {"cogging": sizes})
 
 
-def moved(case: Case, joints: tuple[str, ...]) -> Case:
-    windows = case.problem.windows
-    other = replace(windows, run=replace(windows.run, joints=joints))
-    return replace(case, problem=replace(case.problem, windows=other))
+# ---- what pays nothing, and what does ----
 
 
-def parted(case: Case, fits: int) -> Case:
-    """The first windows are those to fit, the others those to select by."""
-    fit = np.arange(len(case.split.fit)) < fits
-    return replace(case, split=replace(case.split, fit=fit, select=~fit, test=np.zeros_like(fit)))
+def column(recording: Recording, name: str) -> int:
+    return recording.names.index(name)
 
 
-CHANGES: dict[str, Callable[[Case, Robot, Recording], Case]] = {
-    "tolerance": lambda c, robot, log: posed(robot, log, tolerance=2.0),
-    "seed": lambda c, robot, log: replace(c, seed=1),
-    "runs": lambda c, robot, log: replace(c, runs=3),
-    "joints": lambda c, robot, log: moved(c, robot.driven[:1]),
-    "engine": lambda c, robot, log: replace(c, problem=replace(c.problem, engine=other_engine(c.problem))),
-    "effects offered": lambda c, robot, log: replace(c, terms=c.terms[:-1]),
-    "effects of the start": lambda c, robot, log: posed(robot, log, started(robot)),
-    "effort": lambda c, robot, log: replace(c, effort=Effort(iterations=1)),
-    "commands": lambda c, robot, log: posed(robot, log, horizon=1.0),
+def noised(recording: Recording, name: str, sigma: float) -> Recording:
+    rng = stream(0, "test noise", name)
+
+    def edit(_: int, values: np.ndarray) -> None:
+        values[:, column(recording, name)] += sigma * rng.standard_normal(len(values))
+
+    return edited(recording, edit)
+
+
+def a_row_late(recording: Recording) -> Recording:
+    """The commands of every other episode come a row later."""
+
+    def edit(number: int, values: np.ndarray) -> None:
+        target = values[:, column(recording, "arm/target")]
+        target[1:] = target[:-1].copy() if number % 2 else target[1:]
+
+    return edited(recording, edit)
+
+
+def later(recording: Recording) -> Recording:
+    episodes = [replace(e, time=e.time + 100.0) for e in recording.episodes]
+    return replace(recording, episodes=tuple(episodes))
+
+
+ALIKE: dict[str, Callable[[Recording], Recording]] = {
+    "the same log": lambda log: log,
+    "another robot's, with other noise, starts and spread": lambda log: logged(seed=4),
+    "another supply": lambda log: noised(log, "supply", 0.05),
+    "a logger's clock": a_row_late,
+    "another time of day": later,
+    "noise as stated": lambda log: noised(
+        log, "arm/position", 0.5 * load_robot("servo_pendulum").sensor_noise[0]
+    ),
 }
 
 
-def other_engine(problem: Problem) -> str:
-    return next(name for name in problem.robot.engines if name != problem.running)
+@pytest.mark.parametrize("other", ALIKE.values(), ids=ALIKE)
+def test_a_second_recording_of_the_same_commands_pays_nothing(other, robot, recording, shelf):
+    again = posed(robot, other(recording))
+    assert not again.paid(shelf)
+    found, many = run(counted(threshold(again.problem, again.recording, again.options, shelf)))
+    assert many == 0 and found.cached and len(found.scores) == 1
 
 
-@pytest.mark.parametrize("what", CHANGES)
-def test_what_scores_depend_on_gives_another_key(what: str, case: Case, robot: Robot, recording: Recording):
-    assert CHANGES[what](case, robot, recording).key != case.key
+def noisy(recording: Recording) -> Recording:
+    return noised(recording, "arm/position", 3.0 * load_robot("servo_pendulum").sensor_noise[0])
 
 
-def test_the_same_windows_parted_elsewhere_give_another_key(case: Case):
-    assert parted(case, 2).key != parted(case, 3).key
+def switched_off(recording: Recording) -> Recording:
+    """The drive is off for the first half of an episode that moves."""
+
+    def edit(number: int, values: np.ndarray) -> None:
+        if number in (0, 2):
+            values[: len(values) // 2, column(recording, "arm/enabled")] = 0.0
+
+    return edited(recording, edit)
 
 
-def test_other_sizes_or_parameters_of_the_start_give_another_key(robot: Robot, recording: Recording):
+def stated(robot: Robot, folder: Path) -> Robot:
+    """The robot with another stated noise of its first channel, in a folder of its own."""
+    shutil.copytree(robot.folder, folder)
+    table = folder / "robot.toml"
+    text = table.read_text(encoding="utf-8")
+    noise = f"noise = {robot.file.channels[0].noise:g}"
+    assert noise in text
+    table.write_text(text.replace(noise, "noise = 0.0006", 1), encoding="utf-8")
+    return load_robot(folder)
+
+
+def planned_otherwise(case: Case) -> Case:
+    return replace(case, problem=replace(case.problem, plan=Short(iterations=1)))
+
+
+def with_less(case: Case) -> Case:
+    return replace(case, problem=replace(case.problem, terms=case.problem.terms[:-1]))
+
+
+def other_engine(robot: Robot, case: Case) -> str:
+    return next(name for name in robot.engines if name != case.problem.model.running)
+
+
+OTHERS: dict[str, Callable[[Case, Robot, Recording], Case]] = {
+    "commands": lambda c, robot, log: posed(robot, logged(moves=2)),
+    "windows": lambda c, robot, log: posed(robot, log, horizon=1.0),
+    "parts": lambda c, robot, log: posed(robot, log, hold_out="fit_0"),
+    "settings": lambda c, robot, log: posed(robot, log, tolerance=2.0),
+    "a drive that was off": lambda c, robot, log: posed(robot, switched_off(log)),
+    "seed": lambda c, robot, log: posed(robot, log, seed=1),
+    "runs": lambda c, robot, log: posed(robot, log, threshold_runs=2),
+    "joints": lambda c, robot, log: posed(robot, log, joints=("arm",)),
+    "engine": lambda c, robot, log: posed(robot, log, engine=other_engine(robot, c)),
+    "effects offered": lambda c, robot, log: with_less(c),
+    "effects of the start": lambda c, robot, log: posed(robot, log, started(robot)),
+    "plan": lambda c, robot, log: planned_otherwise(c),
+    "noise more than twice as stated": lambda c, robot, log: posed(robot, noisy(log)),
+}
+
+
+@pytest.mark.parametrize("what", OTHERS)
+def test_what_scores_depend_on_is_paid_for(what: str, case: Case, robot: Robot, recording: Recording, shelf):
+    assert not case.paid(shelf) and OTHERS[what](case, robot, recording).paid(shelf)
+
+
+def test_another_stated_noise_is_paid_for(robot: Robot, recording: Recording, shelf, tmp_path: Path):
+    assert posed(stated(robot, tmp_path / "noisier"), recording).paid(shelf)
+
+
+def test_other_sizes_or_parameters_of_the_start_are_paid_for(robot: Robot, recording: Recording, shelf):
     parameter = next(p for p in robot.space.parameters if np.isfinite(p.tolerance) and not p.known)
     starts = [
         started(robot),
         started(robot, size=0.06),
         started(robot, **{parameter.name: 1.1 * parameter.nominal}),
     ]
-    keys = [json.dumps(posed(robot, recording, start).key) for start in starts]
-    assert len({*keys}) == 3
+    for start in starts:
+        one = posed(robot, recording, start)
+        assert one.paid(shelf)
+        key = Keys()
+        one.paid(key)
+        row = {"commands": commands(one.problem.data).tolist(), "nats": 7.0, "scores": [7.0]}
+        shelf.cache("threshold", key.asked, {"found": [row]})
+        assert not one.paid(shelf)
 
 
-def test_the_same_problem_posed_again_gives_the_same_key_of_plain_json(case, robot, recording):
-    assert posed(robot, recording).key == case.key == json.loads(json.dumps(case.key))
+class Keys(Shelf):
+    """A cache that remembers what it was asked for."""
+
+    asked: Any = None
+
+    def cached(self, kind: str, key: Any) -> None:
+        self.asked = key
+
+
+def test_a_log_with_its_own_noise_has_a_threshold_of_its_own_beside_the_other(robot, recording, case, shelf):
+    """Kept in its turn, for all logs of such a sensor; its robots are measured as noisily."""
+    loud = posed(robot, noisy(recording))
+    noise = own_noise(robot, loud.recording)
+    assert list(noise) == ["arm/position"] and noise["arm/position"] > TWICE * robot.sensor_noise[0]
+    assert own_noise(robot, recording) == {} and noisier(robot, {}) is robot
+    found = run(threshold(loud.problem, loud.recording, loud.options, shelf))
+    assert not found.cached and not loud.paid(shelf) and not case.paid(shelf)
+    louder = posed(robot, noised(logged(seed=5), "arm/position", 3.1 * robot.sensor_noise[0]))
+    assert not louder.paid(shelf)
+    measured = [
+        run(null_data(loud.problem, one, 7)).windows.measured[..., 0]
+        for one in (robot, noisier(robot, noise))
+    ]
+    quiet, heard = (np.median(np.abs(np.diff(m, n=3, axis=1))) for m in measured)
+    assert heard > TWICE * quiet
+
+
+def test_two_sets_of_commands_are_kept_under_one_key(robot, recording, case):
+    shelf, other = Shelf(), posed(robot, logged(moves=2))
+    for one in (case, other):
+        search = threshold(one.problem, one.recording, one.options, shelf)
+        run(search)
+    assert len(shelf.kept) == 1 and not case.paid(shelf) and not other.paid(shelf)
+
+
+def test_commands_of_other_shapes_are_others(case):
+    told = commands(case.problem.data)
+    assert same(told, told) and not same(told, told[:-1]) and not same(told, told + 0.1)
+
+
+# ---- the level ----
+
+
+def test_the_level_is_what_one_robot_in_a_hundred_exceeds():
+    scores = np.random.default_rng(0).exponential(5.0, 4000)
+    assert exceeded(scores[:200]) == pytest.approx(5.0 * np.log(100.0), rel=0.25)
+    assert exceeded(scores) == pytest.approx(5.0 * np.log(100.0), rel=0.05)
+    assert level([0.0, 0.1]) == LEAST and exceeded([3.0]) == 3.0 and exceeded([1.0, 9.0]) > 9.0
+
+
+def test_where_nothing_was_simulated_the_usual_threshold_holds(case):
+    asked = replace(case.options, threshold_runs=0)
+    assert run(counted(threshold(case.problem, case.recording, asked)))[0].nats == USUAL
+    assert run(known(7.0)).nats == 7.0
+
+
+# ---- robots that lack nothing ----
 
 
 def test_robots_that_lack_nothing_are_drawn_about_the_start_and_have_its_effects(robot, recording):
@@ -129,8 +313,8 @@ def test_robots_that_lack_nothing_are_drawn_about_the_start_and_have_its_effects
     index = robot.space.parameters.index(parameter)
     off = parameter.nominal * (1.0 + 3.0 * parameter.tolerance)
     start = started(robot, size=0.05, **{parameter.name: off})
-    problem = posed(robot, recording, start).problem
-    drawn = [null_robot(problem, seed) for seed in range(30)]
+    model = posed(robot, recording, start).problem.model
+    drawn = [null_robot(model, seed) for seed in range(30)]
     assert all([t.key for t in one.terms] == ["cogging"] for one in drawn)
     assert all(one.values[0] == pytest.approx([*start.effects["cogging"].values()]) for one in drawn)
     values = [one.parameters[index] for one in drawn]
@@ -138,17 +322,19 @@ def test_robots_that_lack_nothing_are_drawn_about_the_start_and_have_its_effects
 
 
 def test_without_a_start_they_are_drawn_about_the_nameplate_and_have_no_effects(case, robot):
-    one, same = null_robot(case.problem, 7), hide(robot, (), None, 7)
+    one, same = null_robot(case.problem.model, 7), hide(robot, (), None, 7)
     assert one.terms == () and one.values == ()
     assert np.array_equal(one.parameters, same.parameters)
 
 
 def test_effects_beyond_what_a_fit_reaches_are_simulated_as_far_as_it_does(robot, recording):
-    problem = posed(robot, recording, started(robot, size=1e4)).problem
-    most = problem.coordinates.effect_values(problem.start.hypothesis, problem.start.effect[None])[0][0]
-    assert null_robot(problem, 0).values[0] == pytest.approx(most) and most[0] < 1e4
+    model = posed(robot, recording, started(robot, size=1e4)).problem.model
+    most = model.coordinates.effect_values(model.start.hypothesis, model.start.effect[None])[0][0]
+    assert null_robot(model, 0).values[0] == pytest.approx(most) and most[0] < 1e4
 
 
 def test_an_effect_of_the_start_is_no_cause_that_a_simulated_robot_lacks(robot, recording):
-    case = posed(robot, recording, started(robot, size=0.07))
-    assert null_score(case.problem, [term("cogging")], case.split, 3) < USUAL
+    """Where nothing else is offered nothing is simulated; where there is, the simulated robots lack little of it."""
+    problem = posed(robot, recording, started(robot, size=0.07)).problem
+    assert run(counted(null_score(replace(problem, terms=(term("cogging"),)), robot, 3))) == (0.0, 0)
+    assert run(null_score(problem, robot, 3)) < USUAL

@@ -7,7 +7,7 @@ import pytest
 from timed_khepera import NOISE, timed_folder, timed_log
 
 from dynreg import session
-from dynreg.diagnose.evidence import begin_noise
+from dynreg.diagnose.verdict import begin_noise
 from dynreg.replay.cut import windows
 from dynreg.replay.windows import Replayer
 from dynreg.sim.robot import Robot, load_robot

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dynreg.diagnose.evidence import EXPLAINED, Evidence, Noise, rivals, verdict_of
-from dynreg.evidence.hypothesis import Hypothesis
-from dynreg.diagnose.problem import Point
 from dynreg.diagnose.score import Naming, Scored
+from dynreg.diagnose.verdict import EXPLAINED, Evidence, Noise, remaining, rivals, verdict_of
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.point import Point
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -57,3 +57,13 @@ def test_rivals_leave_the_exact_group_out():
         "force_offset[knee]", "asymmetric_friction[knee]", "asymmetric_friction", "cogging[knee]"
     )
     assert rivals(load_robot("leg"), naming) == ["asymmetric_friction", "cogging[knee]"]
+
+
+def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():
+    slipped = np.full((6, 50), 0.01)
+    slipped[3] = 0.1
+    assert remaining(slipped, rough=False) > 4.0 * 0.01
+    assert remaining(slipped, rough=True) < 1.5 * 0.01
+    assert remaining(10.0 * slipped, rough=True) == pytest.approx(10.0 * remaining(slipped, rough=True))
+    slipped[2] = np.nan
+    assert remaining(slipped, rough=True) < 1.6 * 0.01

@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.diagnose import Found
-from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.plans import Short
+from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import Point
-from dynreg.diagnose.shortlist import REFINED, _probes
+from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.threshold import Threshold
-from dynreg.diagnose.trial import Tried, covered
-from dynreg.evidence.truth import Hidden
+from dynreg.diagnose.trial import Trials, Tried, covered
+from dynreg.diagnose.verdict import Evidence
 from dynreg.diagnose.zeros import rezeroed
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.lockstep import counted, run
+from dynreg.evidence.point import Point
+from dynreg.evidence.truth import Hidden, protocol
 from dynreg.rng import stream
 from dynreg.sim.effects import term
 from dynreg.sim.engines import rollout
@@ -34,8 +38,8 @@ def _recording(robot) -> Recording:
     waves = 2 * np.pi * rng.uniform(0.5, 1.5, (len(OFF), 1, 2)) * time[None, :-1, None]
     actions = 0.6 * np.sin(waves + rng.uniform(0, 6, (len(OFF), 1, 2)))
     initial = np.zeros((len(OFF), len(robot.channels)))
-    run = Run(actions, initial=initial, period=PERIOD)
-    states = rollout(robot, robot.space.nominal[None], run, threads=1).states[0]
+    moves = Run(actions, initial=initial, period=PERIOD)
+    states = rollout(robot, robot.space.nominal[None], moves, threads=1).states[0]
     states[..., :2] -= OFF[:, None]  # the encoders read less than is true
     names = (*robot.channels, *robot.actions)
     units = ("rad", "rad", "rad/s", "rad/s", "N*m", "N*m")
@@ -47,18 +51,20 @@ def _recording(robot) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def posed():
-    robot = load_robot("double_pendulum")
-    settings = DiagnosisOptions(hold_out="0", threads=1)
-    return pose(robot, _recording(robot), settings)
+def recording() -> Recording:
+    return _recording(load_robot("double_pendulum"))
+
+
+@pytest.fixture(scope="module")
+def posed(recording):
+    return pose(load_robot("double_pendulum"), recording, DiagnosisOptions(hold_out="0", threads=1))
 
 
 def test_zeros_of_episodes_are_found(posed):
-    problem, split = posed
-    point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
-    raw, before = problem.windows, problem.spent.candidates
-    found = rezeroed(problem, raw, point, split.chosen)
-    assert problem.spent.candidates > before + 10  # the rollouts count as the diagnosis's own
+    model, data = posed
+    raw = data.windows
+    found, many = run(counted(rezeroed(model, data, model.start, data.parts.chosen)))
+    assert many > 10  # the rollouts count as the diagnosis's own
     moved = (found.run.initial - raw.run.initial)[:, :2]
     assert np.allclose(moved, OFF[raw.episode], atol=2e-3)
     assert np.allclose(found.measured[:, :, :2] - raw.measured[:, :, :2], moved[:, None])
@@ -66,32 +72,25 @@ def test_zeros_of_episodes_are_found(posed):
 
 
 def test_zeros_stay_where_none_is_set_anew(posed):
-    problem, split = posed
-    channels = [c.model_copy(update={"zero": 0.0}) for c in problem.robot.file.channels]
-    file = problem.robot.file.model_copy(update={"channels": channels})
-    same = replace(problem, robot=replace(problem.robot, file=file))
-    point = Point(Hypothesis(), np.zeros(len(problem.coordinates)), np.zeros(0))
-    assert rezeroed(same, problem.windows, point, split.chosen) is problem.windows
+    model, data = posed
+    channels = [c.model_copy(update={"zero": 0.0}) for c in model.robot.file.channels]
+    file = model.robot.file.model_copy(update={"channels": channels})
+    same = replace(model, robot=replace(model.robot, file=file))
+    assert run(rezeroed(same, data, same.start, data.parts.chosen)) is data.windows
 
 
-def test_probes_of_what_acts_already_are_small():
-    base = Point(Hypothesis((term("coulomb_friction"),)), np.zeros(7), np.array([0.7]))
-    sizes = {
-        key: float(_probes(base, term(key))[0].effect[-1])
-        for key in ("coulomb_friction[shoulder]", "inertia[elbow]")
-    }
-    assert sizes == {"coulomb_friction[shoulder]": REFINED, "inertia[elbow]": 1.0}
-
-
-def test_a_trial_tells_an_interval_in_the_zeros_that_the_effect_was_fitted_with(posed):
+def test_a_trial_tells_an_interval_in_the_zeros_that_the_effect_was_fitted_with(posed, recording):
     """As logged, the zeros of the episodes would hide a friction that the same log without them rules out."""
-    problem, split = posed
+    model, data = posed
     friction = term("coulomb_friction")
-    point = Point(Hypothesis((friction,)), np.zeros(len(problem.coordinates)), np.array([0.001]))
-    zeroed = replace(problem, windows=rezeroed(problem, problem.windows, point, split.chosen))
-    found = Found(point, point, (), 1, Threshold(0.0, ()), zeroed)
+    point = Point(Hypothesis((friction,)), np.zeros(len(model.coordinates)), np.array([0.001]))
+    windows = run(rezeroed(model, data, point, data.parts.chosen))
+    state = State(model, replace(data, windows=windows).sample(data.fit), model.start, point, (), 1)
+    evidence = run(Evidence.of(state, recording))
+    made = Diagnosed(Problem(model, data, (friction,), Short()), state, Threshold(0.0, ()), evidence, "named")
+    trials = Trials(model.robot, protocol(model.robot), threads=1)
     held = {}
     for size in (0.0004, 0.002):  # N*m; the point has 0.0003
-        hidden = Hidden((friction,), (np.array([size]),), problem.robot.space.nominal, 0)
-        held[size] = covered(Tried(hidden, problem, split, found, "named", 0.0, 0.0))
+        hidden = Hidden((friction,), (np.array([size]),), model.robot.space.nominal, 0)
+        held[size] = covered(trials, Tried(hidden, made, 0.0, 0.0))
     assert held == {0.0004: True, 0.002: False}

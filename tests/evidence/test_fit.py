@@ -1,0 +1,108 @@
+"""Fits: they stop where nothing is gained, never do worse, and come as near as the truth does on the ground, too."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from by_hand import answered, first_channel, held_against_zero, plain, with_effect
+from legs import calibrated, over_its_stop
+
+from dynreg.diagnose.plans import Contact
+from dynreg.evidence.accuracy import ROUGH, Accuracy, rough
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.hypothesis import Hypothesis
+from dynreg.evidence.likelihood import objective
+from dynreg.evidence.lockstep import Ask, run
+from dynreg.evidence.point import Point
+from dynreg.evidence.polish import polish
+from dynreg.evidence.slopes import sensitivities
+
+
+class Told:
+    """Answers that gain in the iterations whose bits are in `gains`, and nothing in others."""
+
+    def __init__(self, sides: int, gains: int):
+        accuracy = Accuracy(4.0, True, 2.0, ROUGH, sides)
+        model, self.data = held_against_zero("zero_offset", accuracy=accuracy, tolerance=10.0)
+        self.model, self.gains, self.ends = model.fine, gains, []
+        self.derived = next(self.model.sloped.residuals([plain(0.0)], self.sample))[0].robot
+
+    @property
+    def sample(self):
+        return self.data.sample(self.data.fit)
+
+    def answer(self, one: Ask) -> np.ndarray:
+        if one.robot is self.derived:
+            self.ends.append(self.model.coordinates.from_values(one.case.values)[:, 0])
+        gained = sum(self.gains >> i & 1 for i in range(len(self.ends)))
+        return first_channel(one, 0.5**gained)
+
+    def fitted(self, iterations: int = 9):
+        return answered(fit(self.model, [plain(0.5)], self.sample, iterations=iterations), self.answer)
+
+
+@pytest.mark.parametrize(
+    ("sides", "gains", "iterations"),
+    [(2, 0, 2), (1, 0, 1), (2, 0b11, 4), (2, 0b01, 3), (1, 0b01, 2), (1, 0b10, 1)],
+)
+def test_a_fit_goes_on_until_derivatives_to_either_side_gain_nothing(sides, gains, iterations):
+    told = Told(sides, gains)
+    told.fitted()
+    assert len(told.ends) == iterations
+
+
+def test_derivatives_to_one_side_are_taken_to_either_in_turn():
+    told = Told(2, 0b1111)
+    told.fitted(iterations=4)
+    towards = [abs(end) < abs(here) or (here > 0) != (end > 0) for here, end in told.ends]
+    assert towards == [True, False, True, False]
+
+
+def test_a_fit_finds_the_minimum_and_leaves_what_is_hopeless_behind():
+    """Of two hypotheses whose residuals are lines and a rest that nothing explains."""
+    model, data = held_against_zero("zero_offset", "resistance")
+    sample = data.sample(data.fit)
+    noise = np.random.default_rng(0).standard_normal((1, 40))
+    seen: list[int] = []
+
+    def answer(one: Ask) -> np.ndarray:
+        z = model.coordinates.from_values(one.case.values)
+        loaded = np.full(len(z), one.case.terms is not None)
+        if one.case.terms:
+            loaded = np.isfinite(one.case.terms.values[0]).all(axis=1)
+        seen.append(int(loaded.sum()))
+        return first_channel(
+            one, (0.02 * (z[:, 0] - 0.8) + np.where(loaded, 3.0, 0.0))[:, None, None] + 0.01 * noise
+        )
+
+    starts = [plain(-1.0, 0.0), with_effect("payload", -1.0, 0.0)]
+    far, cost = answered(fit(model, starts, sample, iterations=6, tolerance=0.0, hopeless=50.0), answer)
+    assert far[0].z[0] == pytest.approx(0.75, abs=0.25) and cost[1] > cost[0] + 50.0
+    assert seen[-1] == 0 < seen[0], "what is hopeless is not simulated to the end"
+    assert best_of(far, cost)[0] is far[0] and best_of(far, cost, 1) == far[:1]
+
+
+def test_known_derivatives_lead_to_the_same_optimum():
+    found = calibrated("coulomb_friction[knee]")
+    model, base, sample = found.model, found.point, found.sample
+    point = with_effect("coulomb_friction[knee]", *base.nominal)
+    _, (slope,) = run(sensitivities(model, [base], sample))
+    (full,), cost = run(fit(model, [point], sample, iterations=6))
+    (quick,), price = run(fit(model, [point], sample, iterations=6, leading=slope))
+    assert quick.effect[0] == pytest.approx(full.effect[0], rel=0.1)
+    assert price[0] == pytest.approx(cost[0], abs=5.0)
+
+
+def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
+    model, data, hidden = over_its_stop(0.2)
+    model = replace(model, accuracy=rough(model.robot))
+    z, sample = model.coordinates.from_values(hidden.parameters), data.sample(data.fit)
+    start = Point(Hypothesis(), z + np.where(np.arange(len(z)) % 2, 0.5, -0.5), np.zeros(0))
+    truth = Point(Hypothesis(), z, np.zeros(0))
+    (found,), residuals = run(polish(model, [start], sample, iterations=Contact().polished))
+    points = [start, found, truth]
+    made = run(model.fine.residuals(points, sample))
+    assert np.array_equal(made[1], residuals[0]), "told with the finer time step"
+    cost = objective(points, made, sample.left(made[2]))
+    assert cost[1] < cost[0]
+    assert cost[1] - cost[2] < 0.3 * (cost[0] - cost[2])
