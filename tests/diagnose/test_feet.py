@@ -63,7 +63,7 @@ def test_terms_of_other_rough_robots_are_sorted_together():
     assert keys(best_of_each([*NEAR, *AHEAD])) == ["payload", "com_offset", "gravity_tilt"]
 
 
-STANDING = Accuracy(4.0, True, 2.0, ROUGH, 2)
+STANDING = Accuracy(4.0, fine=True, slopes=2.0, width=ROUGH, sides=2)
 NOISE = np.random.default_rng(0).standard_normal((3, 40))
 SAMPLES = 120.0  # independent ones in it
 

@@ -22,7 +22,7 @@ class Told:
     """Answers that gain in the iterations whose bits are in `gains`, and nothing in others."""
 
     def __init__(self, sides: int, gains: int):
-        accuracy = Accuracy(4.0, True, 2.0, ROUGH, sides)
+        accuracy = Accuracy(4.0, fine=True, slopes=2.0, width=ROUGH, sides=sides)
         model, self.data = held_against_zero("zero_offset", accuracy=accuracy, tolerance=10.0)
         self.model, self.gains, self.ends = model.fine, gains, []
         self.derived = next(self.model.sloped.residuals([plain(0.0)], self.sample))[0].robot

@@ -117,7 +117,11 @@ def time_step(model: Model) -> float:
 
 @pytest.mark.parametrize(
     ("accuracy", "fine", "slopes"),
-    [(Accuracy(8.0), 1.0, 1.0), (Accuracy(8.0, True, 8.0), 8.0, 8.0), (Accuracy(4.0, True, 2.0), 4.0, 2.0)],
+    [
+        (Accuracy(8.0), 1.0, 1.0),
+        (Accuracy(8.0, fine=True, slopes=8.0), 8.0, 8.0),
+        (Accuracy(4.0, fine=True, slopes=2.0), 4.0, 2.0),
+    ],
     ids=["corrected", "contacts", "on its feet"],
 )
 def test_only_rough_rollouts_are_simulated_finely_and_their_derivatives_as_fine_as_stated(

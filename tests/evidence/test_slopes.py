@@ -11,7 +11,7 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import bounds
 from dynreg.evidence.slopes import ROOM, sensitivities, slopes, uneven
 
-STANDING = Accuracy(4.0, True, 2.0, ROUGH, 2)
+STANDING = Accuracy(4.0, fine=True, slopes=2.0, width=ROUGH, sides=2)
 NAME = "zero_offset"
 
 
@@ -66,7 +66,7 @@ def test_between_narrow_bounds_the_difference_is_to_the_farther_one():
 
 
 def test_others_take_both_sides():
-    model, _ = held_against_zero(NAME, accuracy=Accuracy(8.0, True, 8.0, ROUGH))
+    model, _ = held_against_zero(NAME, accuracy=Accuracy(8.0, fine=True, slopes=8.0, width=ROUGH))
     for side in (0, 1):
         assert derivative(model, 1.0, side, scale=0.001) == pytest.approx((2.0**3 - 0.0) / 2.0)
 
