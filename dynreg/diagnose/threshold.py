@@ -22,10 +22,11 @@ from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
 from dynreg.sim.robot import Robot
 
-LEAST = 5.0  # nats: no simulation lowers the threshold below this,
+LEAST = 5.0  # nats: no simulation lowers the threshold below this, which the leg's on the ground needs,
 USUAL = 20.0  # and this is it where nothing was simulated: by contract, twice what the benches ask for (8.1, 5.3, 5.0)
 ALARMS = 0.01  # of robots without an effect that may score more: by contract (bench_naming: 1 of 150 did)
-TAIL = 5  # of the largest scores, and at least a tenth of all: what the exponential tail is fitted to
+# What the exponential tail is fitted to; five tell its slope to 1 / sqrt(5), 45 %: of 20 robots more are no tail.
+TAIL, TENTH = 5, 10  # of the largest scores, and at least a tenth of all
 KIND = "threshold"
 SEARCH = 10  # goes up when scores change: thresholds found before no longer serve
 # Of an action's own spread, by which commands of a window may differ and still be the same: on the real XL330 those of
@@ -112,7 +113,7 @@ def exceeded(scores: Sequence[float]) -> float:
     Extreme Order Statistics, Ann. Stat. 3, 1975); the largest of all alone would make the threshold one robot's matter.
     """
     largest = np.sort(scores)[::-1]
-    tail = min(max(TAIL, len(largest) // 10), len(largest) - 1)
+    tail = min(max(TAIL, len(largest) // TENTH), len(largest) - 1)
     if tail == 0:
         return float(largest[0])
     excess = float(np.mean(largest[:tail] - largest[tail]))

@@ -38,6 +38,7 @@ WIDER = 1.1  # than the draws so far
 TRIED = 20  # times the draws: what a proposal may throw beyond the bounds
 ENOUGH = 40.0  # draws, in equivalents of equal weight, that an interval takes,
 PLENTY = 150.0  # and at which no more rounds are needed
+CLOSE = 1e-3  # of a power that weights are raised to: how exactly it is sought; no draw's weight tells less
 
 
 @dataclass(frozen=True)
@@ -181,5 +182,5 @@ def _weighted(log: np.ndarray) -> tuple[np.ndarray, float]:
 
     if lacking(1.0) >= 0:
         return weights(1.0), 1.0
-    power = brentq(lacking, 0.0, 1.0, xtol=1e-3)
+    power = brentq(lacking, 0.0, 1.0, xtol=CLOSE)
     return weights(power), float(power)
