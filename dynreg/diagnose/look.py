@@ -14,10 +14,9 @@ from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.interval import Posterior, posterior
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.point import Point
-from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
-KEPT = 2  # starts of it that are fitted to the end
+BEGUN, KEPT = 1, 2  # iterations of all its starts, and those of them that are fitted to the end
 SIZES = (0.3, 1.0, 2.5, 5.0)  # medium sizes from which a cause that was asked for, and not found, is fitted
 
 
@@ -69,10 +68,9 @@ def _subject(found: State, sample: Sample, options: DiagnosisOptions) -> Search[
         return None
     starts = [apart.with_term(base, term, size) for size in SIZES]
     starts += [Point(s.hypothesis, np.zeros(len(s.nominal)), s.effect) for s in starts]
-    (residual,), (slope,) = yield from sensitivities(model, [base], sample)
-    sample = sample.left(residual)
-    begun, cost = yield from fit(model, starts, sample, iterations=apart.BEGUN, leading=slope)
-    return best_of(*(yield from fit(model, best_of(begun, cost, KEPT), sample)))[0]
+    sample = sample.left((yield from model.residuals([base], sample))[0])
+    begun = yield from fit(model, starts, sample, iterations=BEGUN)
+    return best_of(*(yield from fit(model, best_of(*begun, KEPT), sample)))[0]
 
 
 def _last(point: Point, draws: Posterior) -> tuple[Point, Posterior]:
