@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from dynreg.sim.engine import ENGINES
 from dynreg.sim.robot import Robot
 
+# Where contacts make rollouts rough the numbers are those of the search that named 105 of 120 legs on the ground; of
+# bases on their feet, 37 of 50 quadrupeds (bench_naming_leg, bench_naming_quadruped).
 STEP = 0.07  # half the width of central differences, in fit coordinates
 ROUGH = 1.0  # where feet stick and slip: the rollouts are rough on a smaller scale
 SEGMENT = 0.6  # s of a rollout of a robot on its feet that share a variance

@@ -12,7 +12,7 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.evidence.slopes import slopes
 
-GAINED = 3.0  # nats that an iteration must gain for another one, after the second
+GAINED = 3.0  # nats that an iteration must gain for another one, after the second; as in `Contact`
 
 
 def polish(

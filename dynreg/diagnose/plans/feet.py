@@ -24,6 +24,8 @@ class Feet(Plan):
 
     On half of the windows wrong causes fit what disturbs them better than the true one does, and the usual time step's
     derivatives stop far from the optimum, that of the model without the term above all: what it lacks any cause gains.
+    The search with these numbers named 37 of 50 fresh quadrupeds and none of 20 without an effect, in 122 s each
+    (bench_naming_quadruped); those of terms and iterations are what two minutes allow.
 
     ahead : terms from the nameplate that go on, and by how many iterations: none of many nominal parameters is fitted
         there yet, and one shared step leaves all terms about as bad. A cause that nominal parameters can make up for is
