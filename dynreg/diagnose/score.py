@@ -13,6 +13,7 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 
 # The price of a parameter, 5 % and 15 nats by contract: of four ways to name, the one that won had them.
+# bench_constants names 16 of 21 with FEW and BEYOND halved and doubled.
 PER_PARAMETER = 2.0  # nats that a parameter of an effect must pay for itself
 NEAR = 0.05  # share of the best score, but at least
 FEW = 3.0  # nats, within which fewer parameters are the better explanation;

@@ -13,13 +13,9 @@ from dynreg.evidence.point import Point, clipped
 from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
-# bench_constants, 16 of 21 named: with one size 15, with half and twice of the three 16; with one start kept 15, with
-# four 16 as well; FAR anything from 5 to 20.
-SCREEN = (
-    0.3,
-    1.0,
-    2.5,
-)  # sizes that the screening tries, in medium sizes: three, with either sign, by contract
+# bench_constants names 16 of 21: with one size 15, with half and twice of the three 16; with one start kept 15, with
+# four 16; FAR anything from 5 to 20. Three sizes, and either sign, are so by contract.
+SCREEN = (0.3, 1.0, 2.5)  # sizes that the screening tries, in medium sizes
 FAR = 10.0  # standard deviations that a start's nominal coordinates may be moved
 KEPT = 2  # starts of each hypothesis that are refitted by one iteration
 

