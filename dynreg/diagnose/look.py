@@ -17,6 +17,7 @@ from dynreg.evidence.point import Point
 from dynreg.sim.effects import Term
 
 BEGUN, KEPT = 1, 2  # iterations of all its starts, and those of them that are fitted to the end
+# Those of the screening, and one beyond: what was not found may be large and hidden by nominal parameters.
 SIZES = (0.3, 1.0, 2.5, 5.0)  # medium sizes from which a cause that was asked for, and not found, is fitted
 
 

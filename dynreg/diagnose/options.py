@@ -21,10 +21,10 @@ class DiagnosisOptions:
     hold_out: str | None = None
     effects: tuple[str, ...] | None = None
     without: tuple[str, ...] = ()
-    max_causes: int = 3
+    max_causes: int = 3  # one more than any bench hides
     engine: str | None = None
     seed: int = 0
-    threshold_runs: int = 20
+    threshold_runs: int = 20  # as the tables of legs in the air and of quadrupeds have
     threads: int = 0
     horizon: float | None = None
     tolerance: float = 1.0

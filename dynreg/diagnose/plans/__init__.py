@@ -10,7 +10,8 @@ from dynreg.diagnose.plans.short import Short
 from dynreg.evidence.model import Model
 from dynreg.sim.effects import Term
 
-LONG = 40  # terms from which a list is long: two joints, and all that can be wrong with each
+# Two joints, and all that can be wrong with each: as a long list they take a tenth of the rollouts (double pendulum).
+LONG = 40  # terms from which a list is long
 
 
 def plan_for(model: Model, terms: Sequence[Term]) -> Plan:
