@@ -12,6 +12,7 @@ from dynreg.diagnose.verdict import Verdict
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import NONE
 
+# Half and twice tell the same of bench_constants' robots.
 LONGEST_LEAD = 10  # commands: farther from a measured row the simulation is no longer where the robot was
 
 
