@@ -12,7 +12,7 @@ import numpy as np
 from dynreg.errors import UsageError
 from dynreg.rng import stream, stream_seed
 
-# Of what four servos whose cause the library lacks leave, bench_constants is told shares that sum to 1.19, of three that
+# Of what four servos whose cause the library lacks leave, bench_constants tells shares that sum to 1.19, of three that
 # lack nothing 0; and the same with LEAST and MORE of half, NULLS of 6 and 24, MARGIN of 1 and 1.5, NEAR of half and
 # twice, WILD of 0 and twice (1.19 to 1.20). Two FOLDS tell 1.15, eight 1.23 in twice the time; MOST of 1500, every
 # other row of these logs, 0.83; TREES, LEAVES, BINS and FARTHEST of half 0.90, of twice 1.19 in twice the time.
