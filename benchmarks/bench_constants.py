@@ -53,8 +53,8 @@ NOTHING = 3  # robots without an effect
 TWO = (("stribeck_load_friction", "thermal_fade"), ("backlash", "voltage_sag"), ("payload", "command_lag"))
 ABSENT = ("load_friction", "cogging", "quadratic_drag", "speed_limit")  # causes that the library lacks
 ON_LEG = {
-    "leg": (("backlash[knee]", "medium"), ("load_friction[hip]", "medium"), ("payload", "medium")),
-    "ground": (("torque_limit[knee]", "medium"), ("payload", "medium"), ("stribeck_friction[hip]", "medium")),
+    "leg": (("backlash[knee]", "medium"), ("load_friction[hip_pitch]", "medium"), ("payload", "medium")),
+    "ground": (("torque_limit[knee]", "medium"), ("payload", "medium"), ("stribeck_friction[hip_pitch]", "medium")),
 }
 
 
@@ -136,7 +136,7 @@ def names(robots: Robots) -> dict[str, Any]:
         "alarms": alarms,
         "without": sum(not one.hidden.terms for one in done),
         "error": median(errors) if errors else None,
-        "told": told,
+        "told": ", ".join(told),
     }
 
 

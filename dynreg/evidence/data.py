@@ -11,6 +11,8 @@ from dynreg.replay.samples import effective_samples
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
 
+# Half and twice name the same 16 of 21 (bench_constants). The fewer, the nearer to its nameplate a first fit stays, and
+# the more a cause gains: 3234, 2777, 2363 nats.
 BEFORE = 20.0  # independent samples of a rollout before anything is known of its residual
 
 

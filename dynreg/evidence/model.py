@@ -18,6 +18,7 @@ from dynreg.sim.engines import Case
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+# Half and twice change nothing where nothing is chaotic: bench_constants names and tells the same to the digit.
 MOST = 0.5  # of the spread: a larger difference of the finer time step is chaos, no error of first order
 NONE: Mapping[frozenset[str], np.ndarray] = MappingProxyType({})
 
