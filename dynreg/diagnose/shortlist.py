@@ -19,8 +19,8 @@ from dynreg.evidence.point import Point, bounds
 from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
-# Three of three legs in the air are named, with the same evidence, with SIZES of one and of five, PULL of half and twice
-# and PROBED of 8 and 32, in 29 and 50 s for 35 s (bench_constants).
+# bench_constants names three of three legs in the air, with the same evidence, with SIZES of one and of five, PULL of
+# half and twice and PROBED of 8 and 32, in 29 and 50 s for 35 s.
 PROBED = 16  # terms that are tried at several sizes,
 SIZES = (0.5, 1.0, 2.0)  # these times what the probe says is best
 # As much friction again, and joints stick: so refined, the double pendulum's shoulder has more of it than its elbow, 92
