@@ -54,7 +54,11 @@ TWO = (("stribeck_load_friction", "thermal_fade"), ("backlash", "voltage_sag"), 
 ABSENT = ("load_friction", "cogging", "quadratic_drag", "speed_limit")  # causes that the library lacks
 ON_LEG = {
     "leg": (("backlash[knee]", "medium"), ("load_friction[hip_pitch]", "medium"), ("payload", "medium")),
-    "ground": (("torque_limit[knee]", "medium"), ("payload", "medium"), ("stribeck_friction[hip_pitch]", "medium")),
+    "ground": (
+        ("torque_limit[knee]", "medium"),
+        ("payload", "medium"),
+        ("stribeck_friction[hip_pitch]", "medium"),
+    ),
 }
 
 
