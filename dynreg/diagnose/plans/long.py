@@ -24,7 +24,7 @@ class Long(Smooth):
     halved : iterations of the rounds after each of which half as many terms are left. ends : rounds of the last fit,
     each of `again` iterations. On bench_constants three of three legs in the air are named, with 586 nats, with two
     iterations in each round of `halved`, and with half and twice of `hopeless`, `iterations`, `again`, `rivals` and
-    `rounds`; with one round of `halved` with 573. `last` and `ends` of one err by 3.2 % of a size, as they are by 4.5 %.
+    `rounds`; with one round of `halved` with 573. `last` and `ends` of one err by 3.2 % of a size, as they are 4.5 %.
     The table of legs in the air was made with all of it: 114 of 120 named, in 18 s each (bench_naming_leg).
     """
 
