@@ -79,7 +79,7 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     sample = data.sample(chosen)
     draws = yield from posterior(model, found.current, sample, seed=seed)
     (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)
-    curvature, _ = information(found.current, residual, slope, sample.left(residual))
+    curvature, _ = information(found.current, residual, slope, sample.reweighted(residual))
     # of the log posterior; sizes have no prior, and one that does nothing no curvature
     covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
     left = [posed.window_errors(one, judged) for one in states] if made.tested else []

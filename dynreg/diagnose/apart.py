@@ -63,7 +63,7 @@ def beside(
     if not rivals:
         return ()
     (residual,), (slope,) = yield from sensitivities(model, [point], sample)
-    sample = sample.left(residual)
+    sample = sample.reweighted(residual)
     doubled = [with_term(point, rival, 0.0) for rival in rivals]
     at = len(point.z) - _many(point)
     alike = yield from _collinear(model, doubled, at, sample, slope)

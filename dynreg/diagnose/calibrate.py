@@ -43,10 +43,10 @@ def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[
     points, cost = yield from fit(model, points, sample, iterations=BEGUN)
     for rounds, kept in ((CLOSER, FINALISTS), (ITERATIONS, 1)) if draws else ((ITERATIONS, 1),):
         points = best_of(points, cost, kept)
-        sample = sample.left((yield from model.residuals(points[:1], sample))[0])
+        sample = sample.reweighted((yield from model.residuals(points[:1], sample))[0])
         points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH)
     if model.accuracy.order == 1:
         model = yield from model.corrected(points, data)
         points, cost = yield from fit(model, points, sample, iterations=ITERATIONS, tolerance=ENOUGH)
     (residual,) = yield from model.residuals(points, sample)
-    return Calibrated(model, points[0], sample.left(residual))
+    return Calibrated(model, points[0], sample.reweighted(residual))

@@ -69,7 +69,7 @@ def _subject(found: State, sample: Sample, options: DiagnosisOptions) -> Search[
         return None
     starts = [apart.with_term(base, term, size) for size in SIZES]
     starts += [Point(s.hypothesis, np.zeros(len(s.nominal)), s.effect) for s in starts]
-    sample = sample.left((yield from model.residuals([base], sample))[0])
+    sample = sample.reweighted((yield from model.residuals([base], sample))[0])
     begun = yield from fit(model, starts, sample, iterations=BEGUN)
     return best_of(*(yield from fit(model, best_of(*begun, KEPT), sample)))[0]
 

@@ -1,7 +1,7 @@
 """The noise of a log, told from row to row, held against what robot.toml states."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,27 +10,41 @@ from dynreg.data.recording import Recording
 from dynreg.sim.robot import Robot
 
 TWICE = 2.0  # times the stated noise, from which a log's own counts: by contract
-ORDER = 3  # of the differences from row to row: what a motion changes in them is small beside the noise
+ORDERS = range(3, 9)  # of the differences from row to row: the higher, the less of a motion is left in them
 NORMAL = 0.6745  # median of the absolute value of a standard normal variable
-GROWS = math.comb(2 * ORDER, ORDER)  # times that of white noise is the variance of such differences
 
 
 def own_noise(robot: Robot, recording: Recording) -> dict[str, float]:
     """{channel: 1 sigma} of the channels with a weight that are more than twice as noisy as stated.
 
-    By the median size of third differences. In powers of two times the stated one, so that logs of one sensor are told
-    the same.
+    In powers of two times the stated one, so that logs of one sensor are told the same.
     """
     out = {}
     for channel, stated in zip(robot.file.channels, robot.sensor_noise, strict=True):
         if not (channel.weight > 0 and stated > 0 and channel.name in recording.names):
             continue
         column = recording.names.index(channel.name)
-        rows = [np.abs(np.diff(e.values[:, column], n=ORDER)) for e in recording.episodes]
-        sizes = np.concatenate([r[np.isfinite(r)] for r in rows])
-        if len(sizes) and (ratio := np.median(sizes) / NORMAL / np.sqrt(GROWS) / stated) > TWICE:
+        ratio = scatter([e.values[:, column] for e in recording.episodes]) / stated
+        if ratio > TWICE:
             out[channel.name] = float(stated * 2.0 ** np.round(np.log2(ratio)))
     return out
+
+
+def scatter(episodes: Sequence[np.ndarray]) -> float:
+    """1 sigma of the white noise in a channel's episodes, each (T,); 0 where there are too few rows.
+
+    By the median size of differences from row to row, the least over their orders: white noise is the same in all, and
+    what is left of a motion is less in the higher ones.
+    """
+    found = []
+    for order in ORDERS:
+        sizes = np.concatenate([np.abs(np.diff(e, n=order)) for e in episodes])
+        sizes = sizes[np.isfinite(sizes)]
+        if not len(sizes):
+            return 0.0
+        # so many times that of white noise is the variance of such differences
+        found.append(float(np.median(sizes)) / NORMAL / math.sqrt(math.comb(2 * order, order)))
+    return min(found)
 
 
 def noisier(robot: Robot, noise: Mapping[str, float]) -> Robot:

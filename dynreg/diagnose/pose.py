@@ -52,7 +52,7 @@ def pose(
     _check_length(robot, cut, split, why)
     if options.windows:
         split = thinned(split, cut.episode, options.windows, options.seed)
-    cut = _settled(robot, cut.scaled_by(robot, split.chosen), options.engine)
+    cut = _settled(robot, cut.scaled_by(robot, split.chosen), options)
     cut = replace(cut, run=replace(cut.run, joints=options.joints))
     _check_motion(robot, cut, split)
     begun = None if start is None or not start.effects else terms_of(start)
@@ -102,7 +102,7 @@ def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
             )
 
 
-def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
+def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
     """Windows in which a floating base begins as it stands after its reset begin at just that state.
 
     Joints put where their noise has them would lift feet off the ground, and the robot would turn as it lands.
@@ -112,7 +112,8 @@ def _settled(robot: Robot, cut: Windows, engine: str | None) -> Windows:
     run = cut.run
     inputs = None if run.inputs is None else run.inputs[:, :1]
     first = replace(run, actions=run.actions[:, :1], inputs=inputs, initial=None)
-    stands = rollout(robot, robot.space.nominal[None], first, engine=engine).states[0][:, 0]
+    stands = rollout(robot, robot.space.nominal[None], first, engine=options.engine, threads=options.threads)
+    stands = stands.states[0][:, 0]
     joints = [i for i, name in enumerate(robot.channels) if quantity_of(name) == "position"]
     apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
     initial = np.where(apart[:, None] < STANDS, np.nan, run.initial)

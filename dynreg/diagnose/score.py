@@ -1,7 +1,7 @@
 """Score: by how much each hypothesis beats the model without its last term, and which are as good as the best."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +21,11 @@ BEYOND = 5.0  # nats that fit may gain beyond twice what select gains: more is f
 NATS = 15.0  # nats (or that share) within which hypotheses count as equal
 
 
+Gained = Callable[
+    [Data, np.ndarray], np.ndarray
+]  # residuals (n, W, T, C) -> (n,) log-likelihood on the first
+
+
 @dataclass(frozen=True)
 class Scored:
     """A fitted hypothesis: its point, and by how many nats it beats the model without its last term."""
@@ -38,9 +43,9 @@ class Naming:
     """One round: the calibrated model that it started from, the ranking, and what was chosen."""
 
     start: Scored
-    ranking: list[Scored]
+    ranking: tuple[Scored, ...]
     chosen: Scored | None = None
-    equivalent: list[Scored] = field(default_factory=list)
+    equivalent: tuple[Scored, ...] = ()
 
 
 def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
@@ -72,7 +77,9 @@ def by_either(data: Data, residuals: np.ndarray) -> np.ndarray:
     return np.array(gains)
 
 
-def score(model: Model, data: Data, base: Point, fitted: Sequence[Point], gained=confirmed) -> Search[Naming]:
+def score(
+    model: Model, data: Data, base: Point, fitted: Sequence[Point], gained: Gained = confirmed
+) -> Search[Naming]:
     """Score on fit and select, drop what is below half its weak size, prefer fewer parameters among equals.
 
     gained : how the log-likelihood that each gains is counted, `confirmed` or `by_either`.
@@ -88,10 +95,10 @@ def score(model: Model, data: Data, base: Point, fitted: Sequence[Point], gained
         scored = Scored(point, float(nats))
         if scored.key not in best or best[scored.key].nats < scored.nats:
             best[scored.key] = scored
-    return chosen(Scored(base, 0.0), sorted(best.values(), key=lambda s: -s.nats))
+    return chosen(Scored(base, 0.0), tuple(sorted(best.values(), key=lambda s: -s.nats)))
 
 
-def chosen(start: Scored, ranking: list[Scored]) -> Naming:
+def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
     """Of a ranking the best, or what explains about as much with fewer parameters; and what is as good as it."""
     if not ranking or ranking[0].nats <= 0:
         return Naming(start, ranking)
@@ -99,4 +106,5 @@ def chosen(start: Scored, ranking: list[Scored]) -> Naming:
     near = [s for s in ranking if s.nats >= top - max(NEAR * top, FEW)]
     best = min(near, key=lambda s: (len(s.point.effect), -s.nats))
     within = max(NEAR * top, NATS)
-    return Naming(start, ranking, best, [s for s in ranking if s.nats >= top - within and s is not best])
+    equal = tuple(s for s in ranking if s.nats >= top - within and s is not best)
+    return Naming(start, ranking, best, equal)

@@ -30,7 +30,7 @@ ENOUGH = 0.05  # nats that an iteration must gain for another one
 AGAIN = 6  # iterations of an equivalent in the place of a cause
 
 
-def unlike(robot: Robot, terms: list[Term], accepted: tuple[Term, ...]) -> list[Term]:
+def unlike(robot: Robot, terms: Sequence[Term], accepted: tuple[Term, ...]) -> list[Term]:
     """The terms that are neither accepted nor of the exact group of one that is."""
     return [t for t in terms if not any(t.key == a.key or one_group(robot, t, a) for a in accepted)]
 
@@ -71,8 +71,8 @@ def exchange_cause(
         return rounds
     other = next(s for s, point in others if point.hypothesis.key == better[0].key)
     naming, out = rounds[number], list(rounds)
-    rest = [s for s in naming.equivalent if s is not other]
-    out[number] = replace(naming, chosen=other, equivalent=[naming.chosen, *rest])
+    rest = (s for s in naming.equivalent if s is not other)
+    out[number] = replace(naming, chosen=other, equivalent=(naming.chosen, *rest))
     for later in range(number + 1, len(rounds)):
         scored = rounds[later].chosen
         point = better[0].point
@@ -96,7 +96,7 @@ def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Sear
     starts = [point, *_drawn_anew(model, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = yield from fit(model, starts, sample, iterations=ROUGHLY)
     best = best_of(rough, cost, KEPT)
-    sample = sample.left((yield from model.residuals(best[:1], sample))[0])
+    sample = sample.reweighted((yield from model.residuals(best[:1], sample))[0])
     fitted, cost = yield from fit(model, best, sample, iterations=FULLY, tolerance=ENOUGH)
     return (yield from _finely(model, best_of(fitted, cost)[0], sample, iterations=FINELY))
 

@@ -20,6 +20,7 @@ from dynreg.evidence.truth import Hidden, hide, measured_states
 from dynreg.replay.parts import Parts
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
+from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot
 
 LEAST = 5.0  # nats: no simulation lowers the threshold below this, which the leg's on the ground needs,
@@ -29,9 +30,11 @@ ALARMS = 0.01  # of robots without an effect that may score more: by contract (b
 TAIL, TENTH = 5, 10  # of the largest scores, and at least a tenth of all
 KIND = "threshold"
 SEARCH = 10  # goes up when scores change: thresholds found before no longer serve
-# Of an action's own spread, by which commands of a window may differ and still be the same: on the real XL330 those of
-# runs that were told the same differ by up to 0.0024, of others by 2.0 and more.
-ALIKE = 0.02
+# Mean difference of the commands of a window, in each action's spread: of all actions, and of any one. All a row late
+# the packaged protocols differ by 0.24 and 0.55 at most (quadruped, 35 Hz), others of the same kinds by 1.5 and more.
+ALIKE, ANY = 0.3, 0.7
+OFFSET = 0.1  # of the spread that the mean of a window may differ by; a row late they do by 0.053 at most
+STRETCHES = 8  # of a window, in which commands are compared
 Progress = Callable[[str, int, int], None]
 
 
@@ -78,11 +81,8 @@ def threshold(
             return Threshold(one["nats"], tuple(one["scores"]), cached=True)
     report = progress or (lambda *_: None)
     report("threshold", 0, runs)
-    robot = noisier(problem.model.robot, noise)
     seeds = [null_seed(options.seed, i) for i in range(runs)]
-    scores = yield from together(
-        [null_score(problem, robot, seed) for seed in seeds], lambda ended: report("threshold", ended, runs)
-    )
+    scores = yield from scores_of(problem, noise, seeds, lambda ended: report("threshold", ended, runs))
     found = Threshold(level(scores), tuple(scores))
     if cache is not None:
         row = {"commands": told.tolist(), "nats": found.nats, "scores": scores}
@@ -102,7 +102,7 @@ def level(scores: Sequence[float]) -> float:
 
 
 def null_seed(seed: int, number: int) -> int:
-    """Of the robot without an effect of that number."""
+    """The seed of robot number `number` of those without an effect."""
     return stream_seed(seed, "no effect", number) % 2**31
 
 
@@ -118,6 +118,17 @@ def exceeded(scores: Sequence[float]) -> float:
         return float(largest[0])
     excess = float(np.mean(largest[:tail] - largest[tail]))
     return float(largest[tail]) + excess * np.log(tail / len(largest) / ALARMS)
+
+
+def scores_of(
+    problem: Problem,
+    noise: Mapping[str, float],
+    seeds: Sequence[int],
+    done: Callable[[int], None] | None = None,
+) -> Search[list[float]]:
+    """`null_score` of the robots of these seeds, in lockstep. noise : of the log's own sensors; see `own_noise`."""
+    robot = noisier(problem.model.robot, noise)
+    return together([null_score(problem, robot, seed) for seed in seeds], done)
 
 
 def null_score(problem: Problem, robot: Robot, seed: int) -> Search[float]:
@@ -152,9 +163,9 @@ def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
 
 
 def null_robot(model: Model, seed: int) -> Hidden:
-    """A robot that the simulator a search begins with lacks nothing of: drawn about it, with its effects.
+    """A robot that the simulator which a search begins with would explain: drawn about it, with its effects.
 
-    Just what the search's prior takes for likely, and effects as far as a fit reaches.
+    It is drawn from the search's prior; effects are as large as a fit reaches.
     """
     start, c = model.start, model.coordinates
     drawn = hide(model.robot, (), None, seed, centre=c.centre, tolerance=c.tolerance)
@@ -172,13 +183,13 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
     windows = data.windows.take(data.both)
     run = windows.run
     digest = hashlib.sha256()
-    told = (
-        None if run.inputs is None else run.inputs[..., len(model.robot.file.inputs) :]
-    )  # drives switched off
+    # which drives are switched off, and when
+    told = None if run.inputs is None else run.inputs[..., len(model.robot.file.inputs) :]
+    rows = np.isfinite(windows.measured).mean(axis=(0, 1)).round(1)  # that were measured, of every channel
     c = model.coordinates
     # the log's own rate of commands is measured, too
     centre = [v if np.isnan(k) else float(f"{k:.2g}") for v, k in zip(c.centre, c.known, strict=True)]
-    for array in (told, run.settings, data.windows.weight, centre):
+    for array in (told, run.settings, data.windows.weight, rows, centre):
         if array is not None:
             digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
     says: dict[str, Any] = {
@@ -186,10 +197,11 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
         "engine": model.running,
         "accuracy": asdict(model.accuracy),
         "plan": {"kind": type(problem.plan).__name__} | asdict(problem.plan),
-        "terms": [t.key for t in problem.terms],
+        "terms": [_terms_say(t) for t in problem.terms],
         "runs": runs,
         "seed": seed,
         "parts": [len(data.fit), len(data.select)],
+        "windows": [run.steps, float(f"{windows.period:.2g}")],
         "tolerance": c.tolerance,
         "free": c.free.tolist(),
         "joints": run.joints,
@@ -204,15 +216,23 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
 
 
 def commands(data: Data) -> np.ndarray:
-    """(W, 3 A) mean, standard deviation and mean change of every action in each window to fit and to select by."""
+    """(W, S, A) mean command of every action in each stretch of the windows to fit and to select by."""
     actions = data.windows.run.actions[data.both]
-    change = np.abs(np.diff(actions, axis=1)).mean(axis=1)
-    return np.concatenate([actions.mean(axis=1), actions.std(axis=1), change], axis=1)
+    stretches = np.array_split(actions, min(STRETCHES, actions.shape[1]), axis=1)
+    return np.stack([part.mean(axis=1) for part in stretches], axis=1)
 
 
 def same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two recordings were told the same: a logger's clock shifts a command by a row here and there."""
+    """Whether two recordings were told the same (W, S, A); a logger's clock may shift commands by a row."""
     if one.shape != other.shape:
         return False
-    spread = np.tile(np.split(one, 3, axis=1)[1].mean(axis=0), 3)
-    return bool((np.abs(one - other) <= ALIKE * np.maximum(spread, 1e-9)).all())
+    spread = np.maximum(one.std(axis=(0, 1)), 1e-3 * np.abs(one).max(axis=(0, 1)))
+    off = (one - other) / np.maximum(spread, 1e-9)
+    apart = np.abs(off).mean(axis=1)
+    near = (apart.mean(axis=1) <= ALIKE).all() and (apart <= ANY).all()
+    return bool(near and (np.abs(off.mean(axis=1)) <= OFFSET).all())
+
+
+def _terms_say(term: Term) -> list[Any]:
+    """A term's key and the sizes of its effect, which a plugin may change."""
+    return [term.key, *([p.name, p.weak, p.medium, p.strong, p.most] for p in term.effect.parameters)]

@@ -8,10 +8,11 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import Diagnosed, search
+from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
-from dynreg.diagnose.threshold import Cache, known, null_score, null_seed, threshold
+from dynreg.diagnose.threshold import Cache, known, null_seed, scores_of, threshold
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.fit import fit
 from dynreg.evidence.hypothesis import Hypothesis, single_terms
@@ -94,8 +95,7 @@ class Tried:
 
 def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progress | None = None) -> float:
     """[nats] that a cause needs under the protocol's commands."""
-    recording = _without_effect(trials)
-    options = replace(trials.options(), seed=_threshold_seed(trials))
+    recording, options = _without_effect(trials)
 
     def found() -> Search[float]:
         problem = yield from _posed(trials, recording, options)
@@ -106,23 +106,21 @@ def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progre
 
 def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
     """[nats] of the robots without an effect of these numbers, which `trial_threshold` finds its threshold by."""
-    seed = _threshold_seed(trials)
+    recording, options = _without_effect(trials)
+    seeds = [null_seed(options.seed, i) for i in numbers]
 
     def found() -> Search[list[float]]:
-        problem = yield from _posed(trials, _without_effect(trials), trials.options())
-        return (yield from together([null_score(problem, trials.robot, null_seed(seed, i)) for i in numbers]))
+        problem = yield from _posed(trials, recording, options)
+        return (yield from scores_of(problem, own_noise(trials.robot, recording), seeds))
 
     return run(found(), threads=trials.threads)
 
 
-def _threshold_seed(trials: Trials) -> int:
-    return stream_seed(trials.seed, "threshold") % 2**31
-
-
-def _without_effect(trials: Trials) -> Recording:
-    """The log of a robot without an effect under the plan."""
-    hidden = hide(trials.robot, (), None, _threshold_seed(trials))
-    return log_of(trials.robot, hidden, trials.plan, engine=trials.truth_engine)
+def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:
+    """The log of a robot without an effect under the plan, and how the threshold is sought on it."""
+    options = replace(trials.options(), seed=stream_seed(trials.seed, "threshold") % 2**31)
+    hidden = hide(trials.robot, (), None, options.seed)
+    return log_of(trials.robot, hidden, trials.plan, engine=trials.truth_engine), options
 
 
 def _posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:

@@ -38,7 +38,7 @@ def zeroed(state: State, posed: Data) -> Search[State]:
         model = yield from state.model.corrected([state.current], state.data)
         (residual,) = yield from model.residuals([state.current], state.sample)
         (current,), _ = yield from fit(
-            model, [state.current], state.sample.left(residual), iterations=ITERATIONS
+            model, [state.current], state.sample.reweighted(residual), iterations=ITERATIONS
         )
         state = replace(state, model=model, current=current)
     return state
@@ -61,7 +61,7 @@ def rezeroed(model: Model, posed: Data, point: Point, chosen: np.ndarray) -> Sea
     moved = lambda off: _moved(raw, columns, off * sigma[columns])  # noqa: E731
     measure = lambda off: _residual(model, moved(off), point, whole)  # noqa: E731
     residual = yield from measure(off)
-    whole = whole.left(residual)
+    whole = whole.reweighted(residual)
     cost = _cost(residual, whole)
     for _ in range(ROUNDS):
         step = STEP * np.eye(len(columns))

@@ -23,9 +23,9 @@ class Accuracy:
         extrapolated); else what it changes at a near point is taken off (corrected).
     order : of the error. What is of the first order leads a search astray, and is taken off from the calibration on;
         what is of the second costs delays and speed limits the last of their precision: it is taken off at the end.
-    slopes : times finer the step of its derivatives then is.
+    slopes : times finer than the robot's own the time step is by which fine rollouts have their derivatives.
     width : of the differences that derivatives are taken by, in fit coordinates.
-    sides : to which these are taken in turn: 1 for both at once (central), 2 for one after the other.
+    sides : 1 for central differences; 2 for differences to one side, to the other in every second iteration.
     segment : [s] of a rollout that share a variance; None for all of it.
     """
 
@@ -49,8 +49,8 @@ def usual(robot: Robot, engine: str | None = None) -> Accuracy:
     its rollouts more than differences to one side are biased, and these take half the time.
     """
     if robot.floating:
-        first = Accuracy(STANDING, fine=True, order=1, slopes=SLOPING)
-        return replace(first, width=ROUGH, sides=2, segment=SEGMENT)
+        own = {"width": ROUGH, "sides": 2, "segment": SEGMENT}
+        return Accuracy(STANDING, fine=True, order=1, slopes=SLOPING, **own)
     traits = ENGINES[robot.running(engine)]
     return Accuracy(traits.finer, order=traits.order)
 

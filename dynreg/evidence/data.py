@@ -124,7 +124,7 @@ class Sample:
         """(W', T, C) of the windows, uncut, after the start."""
         return self.data.windows.measured[self.chosen][:, 1:, self.data.use]
 
-    def left(self, residual: np.ndarray) -> "Sample":
+    def reweighted(self, residual: np.ndarray) -> "Sample":
         """The same windows with the independent samples of a residual (W, T, C) in them."""
         return replace(self, effective=self.data.effective(residual))
 

@@ -95,7 +95,7 @@ def posterior(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> S
     if engine not in (None, model.running):  # the corrections are of the other engine's time step
         model = replace(model, engine=engine, corrections=NONE)
     (residual,), (slope,) = yield from sensitivities(model, [point], sample)
-    sample = sample.left(residual)
+    sample = sample.reweighted(residual)
     curvature, _ = information(point, residual, slope, sample)
     width = prior_widths(point)
     # what the priors of sizes add: `information` has the other coordinates' already

@@ -87,26 +87,23 @@ class Model:
         states = states[..., 1:, data.use]
         return data.cut(scaled(states, sample.measured, data.spread, correction))
 
-    def corrected(
-        self, points: Sequence[Point], data: Data, chosen: np.ndarray | None = None
-    ) -> Search["Model"]:
+    def corrected(self, points: Sequence[Point], data: Data) -> Search["Model"]:
         """The model with what its time step does to the rollouts of these points taken off all of their hypotheses.
 
         MuJoCo's integrator is of first order: half a time step late looks like a soft joint. That of the joint engine
         is of second order, yet delays and speed limits are found more precisely than that. Rollouts with a time step
         `accuracy.finer` times finer say by how much (contacts follow no order: nothing is extrapolated). The engines
-        of planar bases need none of it. chosen : windows in which it is found, all by default.
+        of planar bases need none of it. Of the windows to fit and to select by: no other residual is looked at.
         """
         if self.accuracy.finer == 1.0:
             return self
-        chosen = np.arange(len(data.windows)) if chosen is None else chosen
-        run, finer = data.windows.run.take(chosen), replace(self, finely=self.accuracy.finer)
+        run, finer = data.windows.run.take(data.both), replace(self, finely=self.accuracy.finer)
         fine, own = yield from together([finer.states(points, run), self.states(points, run)])
         change = (fine - own)[..., 1:, data.use] / data.spread
         found = dict(self.corrections)
         for point, of_point in zip(points, change, strict=True):
             known = np.zeros((len(data.windows), *of_point.shape[1:]))
-            known[chosen] = np.clip(np.nan_to_num(of_point), -MOST, MOST)
+            known[data.both] = np.clip(np.nan_to_num(of_point), -MOST, MOST)
             found[point.hypothesis.keys] = known
         return replace(self, corrections=MappingProxyType(found))
 

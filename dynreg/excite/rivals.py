@@ -37,7 +37,7 @@ def strongest(
         [Point(pair.hypotheses[number], at[:free], at[free:]) for at in some]
         for number, some in ((which, [z]), (1 - which, starts))
     )
-    sample = sample.left((yield from model.residuals(here, sample))[0])
+    sample = sample.reweighted((yield from model.residuals(here, sample))[0])
     if len(there) > KEPT:
         there = best_of(*(yield from fit(model, there, sample, iterations=ROUGHLY)), KEPT)
     points, cost = yield from fit(model, [*here, *there], sample, iterations=WHOLLY)

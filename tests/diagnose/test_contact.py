@@ -34,5 +34,5 @@ def test_a_payload_on_the_ground_is_named_and_its_simulator_fitted_finely():
     every = data.sample(data.both)
     points = [model.start, found.base, found.rounds[0].chosen.point, found.current]
     made = run(model.fine.residuals(points, every))
-    cost = objective(points, made, every.left(made[-1]))
+    cost = objective(points, made, every.reweighted(made[-1]))
     assert cost[1] < cost[0] and cost[2] < cost[1] and cost[3] <= cost[2]

@@ -156,7 +156,7 @@ def test_the_payload_is_named_and_a_round_that_finds_no_more_is_not_lost():
     every = data.sample(data.both)
     ends = [state.rounds[0].chosen.point, state.current]
     made = run(model.fine.residuals(ends, every))
-    first, last = objective(ends, made, every.left(made[1]))
+    first, last = objective(ends, made, every.reweighted(made[1]))
     assert last <= first
     # what its own rollouts differ by with a finer time step is known, where it is less than chaos
     usual, fine = (run(m.residuals([state.current], every)) for m in (state.model, state.model.fine))
@@ -170,7 +170,7 @@ def test_with_and_without_a_term_it_is_fitted_on_all_windows_from_where_either_e
     every = data.sample(data.both)
     tried = [found().found.base, Point(Hypothesis(), best.nominal, np.zeros(0)), start, best]
     made = run(model.fine.residuals(tried, every))
-    cost = objective(tried, made, every.left(made[-1]))
+    cost = objective(tried, made, every.reweighted(made[-1]))
     assert cost[2] <= min(cost[0], cost[1]) and cost[3] < cost[2]
 
 

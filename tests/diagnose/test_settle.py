@@ -97,7 +97,7 @@ def test_an_earlier_cause_is_exchanged_and_not_the_effect_that_the_search_began_
         Naming(start, [], Scored(at(PLAIN, LAST), 50.0)),
     ]
     sample = data.sample(data.fit)
-    sample = sample.left(run(model.residuals([at(RICH, LAST)], sample))[0])
+    sample = sample.reweighted(run(model.residuals([at(RICH, LAST)], sample))[0])
     (first, last) = run(revise(model, rounds, sample))
     assert first.chosen.point.hypothesis == at(RICH).hypothesis
     assert last.chosen.point.hypothesis == at(RICH, LAST).hypothesis

@@ -39,9 +39,9 @@ def test_segments_share_the_samples_of_their_rollout_by_what_was_measured(noisy)
     early, known = cut.copy(), whole.copy()
     early[1::SEGMENTS], known[:, cut.shape[1] :] = np.nan, np.nan  # measured at first alone
     for one, other in ((cut, whole), (early, known)):
-        shared = sample.left(one).effective
+        shared = sample.reweighted(one).effective
         assert shared.reshape(len(whole), SEGMENTS, -1).sum(axis=1) == pytest.approx(
-            uncut.left(other).effective
+            uncut.reweighted(other).effective
         )
     assert (shared[1::SEGMENTS] == 0).all() and (shared[::SEGMENTS] > 0).all()
 

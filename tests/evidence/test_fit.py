@@ -8,13 +8,13 @@ from by_hand import answered, first_channel, held_against_zero, plain, with_effe
 from legs import calibrated, over_its_stop
 
 from dynreg.diagnose.plans import Contact
+from dynreg.diagnose.plans.polish import polish
 from dynreg.evidence.accuracy import ROUGH, Accuracy, rough
 from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.likelihood import objective
 from dynreg.evidence.lockstep import Ask, run
 from dynreg.evidence.point import Point
-from dynreg.evidence.polish import polish
 from dynreg.evidence.slopes import sensitivities
 
 
@@ -103,6 +103,6 @@ def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
     points = [start, found, truth]
     made = run(model.fine.residuals(points, sample))
     assert np.array_equal(made[1], residuals[0]), "told with the finer time step"
-    cost = objective(points, made, sample.left(made[2]))
+    cost = objective(points, made, sample.reweighted(made[2]))
     assert cost[1] < cost[0]
     assert cost[1] - cost[2] < 0.3 * (cost[0] - cost[2])

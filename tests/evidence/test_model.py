@@ -85,11 +85,11 @@ def test_the_time_steps_part_is_that_of_the_terms_in_any_order():
     assert np.abs(first - run(model.residuals([one], sample))[0]).max() > 1e-3
 
 
-def test_it_is_found_in_the_windows_that_are_asked_for():
+def test_it_is_not_sought_in_what_is_held_out():
     model, data, hidden = in_the_air()
     truth = true_point(model, hidden)
-    some = run(model.corrected([truth], data, data.fit))
-    for chosen, corrected in ((data.fit, True), (data.select, False)):
+    some = run(model.corrected([truth], data))
+    for chosen, corrected in ((data.both, True), (np.flatnonzero(data.parts.test), False)):
         own, known = (run(m.residuals([truth], data.sample(chosen))) for m in (model, some))
         assert bool(np.abs(own - known).max() > 1e-3) is corrected
 

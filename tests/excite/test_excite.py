@@ -195,7 +195,7 @@ def evidence(robot: Robot, run: Run, names: tuple[str, str]) -> float:
     every = np.ones(run.episodes, dtype=bool)
     model, data = Model(robot, c), Data.of(robot, windows, Parts(every, ~every, ~every))
     first, sample = _points(pair.hypotheses[0], free, [truth]), data.sample(data.fit)
-    sample = sample.left(answered(model.residuals(first, sample))[0])
+    sample = sample.reweighted(answered(model.residuals(first, sample))[0])
     _, own = answered(fit(model, first, sample, iterations=5))
     others = _points(pair.hypotheses[1], free, first_starts(pair, 1))
     _, other = answered(fit(model, others, sample, iterations=8, tolerance=0.1))

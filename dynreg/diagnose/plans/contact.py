@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.diagnose.plans.plan import Plan, State, stripped
+from dynreg.diagnose.plans.polish import polish
 from dynreg.diagnose.score import Naming, score
 from dynreg.diagnose.shortlist import PROBED, Costed, best_of_each, promising
 from dynreg.evidence.data import Data, Sample
@@ -14,7 +15,6 @@ from dynreg.evidence.likelihood import objective
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
-from dynreg.evidence.polish import polish
 from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
@@ -65,11 +65,11 @@ class Contact(Plan):
         fine, fitted = model.fine, fitted[: self.fine]
         (residual,), (slope,) = yield from sensitivities(fine, fitted[:1], sample)
         shared = {"leading": slope[: len(start.nominal)], "iterations": 1}
-        fitted, cost = yield from fit(fine, fitted, sample.left(residual), **shared)
+        fitted, cost = yield from fit(fine, fitted, sample.reweighted(residual), **shared)
         first = [start, *best_of(fitted, cost, self.finished)]
         how = {"iterations": self.polished}
         (start, *fitted), residuals = yield from polish(model, first, sample, hopeless=self.hopeless, **how)
-        fitted = best_of(fitted, objective(fitted, residuals[1:], sample.left(residuals[1])))
+        fitted = best_of(fitted, objective(fitted, residuals[1:], sample.reweighted(residuals[1])))
         every = sample.data.sample(sample.data.both)
         rival = yield from _best(fine, stripped(start, fitted), every)
         (rival,), _ = yield from polish(model, [rival], sample, **how)
@@ -90,7 +90,7 @@ class Contact(Plan):
         else:
             (base,), _ = yield from polish(model, [state.base], old, **how)
             (current,), _ = yield from polish(model, [state.current], new, **how)
-        model = yield from model.corrected([current], data, data.both)
+        model = yield from model.corrected([current], data)
         return replace(state, model=model, base=base, current=current)
 
 
@@ -122,4 +122,4 @@ def begun(
 def _best(model: Model, points: Sequence[Point], sample: Sample) -> Search[Point]:
     """The point with the lowest objective, by the independent samples of the first."""
     residuals = yield from model.residuals(points, sample)
-    return best_of(points, objective(points, residuals, sample.left(residuals[0])))[0]
+    return best_of(points, objective(points, residuals, sample.reweighted(residuals[0])))[0]

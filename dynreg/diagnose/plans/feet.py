@@ -76,7 +76,7 @@ class Feet(Plan):
         """The model without the term and those with it, fitted finely on all windows, best first."""
         first, second, third = self.standing
         every = sample.data.sample(sample.data.both)
-        every = every.left((yield from fine.residuals([start], every))[0])
+        every = every.reweighted((yield from fine.residuals([start], every))[0])
         fitted, _ = yield from fit(fine, fitted[:first], every.take(len(sample.chosen)), iterations=1)
         fitted = yield from _sorted(fine, fitted, every)
         fitted, cost = yield from fit(fine, fitted[:second], every, iterations=1)
@@ -95,7 +95,7 @@ class Feet(Plan):
         """Fitted on all windows already; a last round that found no more has gone on with the current simulator."""
         more = len(state.rounds) > state.accepted
         current = state.rounds[-1].start.point if more else state.current
-        model = yield from state.model.corrected([current], state.data, state.data.both)
+        model = yield from state.model.corrected([current], state.data)
         return replace(state, model=model, current=current)
 
 

@@ -53,12 +53,12 @@ class Long(Smooth):
         points, cost = yield from fit(model, points, sample, iterations=self.iterations, **last)
         return model, best_of_each(done + [(float(c), p) for c, p in zip(cost, points, strict=True)])
 
-    def left(self, terms: Sequence[Term], naming: Naming) -> Sequence[Term]:
+    def remaining(self, terms: Sequence[Term], naming: Naming) -> Sequence[Term]:
         return [scored.point.hypothesis.terms[-1] for scored in naming.ranking]  # the best stay the best
 
     def ended(self, model: Model, point: Point, sample: Sample, seed: int) -> Search[tuple[Model, Point]]:
         for _ in range(self.ends):
-            model = yield from model.corrected([point], sample.data, sample.chosen)
+            model = yield from model.corrected([point], sample.data)
             (residual,) = yield from model.residuals([point], sample)
-            (point,), _ = yield from fit(model, [point], sample.left(residual), iterations=self.again)
+            (point,), _ = yield from fit(model, [point], sample.reweighted(residual), iterations=self.again)
         return model, point

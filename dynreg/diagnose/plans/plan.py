@@ -51,13 +51,11 @@ class State:
 class Plan(ABC):
     """How a diagnosis is searched for.
 
-    draws : starts of the calibration besides the nameplate. iterations : of refits to the end. hopeless : nats behind
-    the best, from which a hypothesis is not fitted to the end. On bench_constants half and twice of each name the same,
-    two iterations with 2630 nats for 2646.
+    draws : starts of the calibration besides the nameplate. hopeless : nats behind the best, from which a hypothesis is
+    not fitted to the end. On bench_constants half and twice of each name the same.
     """
 
     draws: int = 0
-    iterations: int = 5
     hopeless: float = 60.0
 
     @abstractmethod

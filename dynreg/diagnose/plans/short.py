@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dynreg.diagnose.plans.smooth import Smooth
+from dynreg.diagnose.score import Naming
 from dynreg.diagnose.screen import screen
 from dynreg.diagnose.settle import settle
 from dynreg.evidence.data import Sample
@@ -39,6 +40,9 @@ class Short(Smooth):
         last = {"iterations": self.iterations, "hopeless": self.hopeless}
         fitted, _ = yield from fit(model, best[: self.finalists], sample, **last)
         return model, fitted
+
+    def remaining(self, terms: Sequence[Term], naming: Naming) -> Sequence[Term]:
+        return terms
 
     def ended(self, model: Model, point: Point, sample: Sample, seed: int) -> Search[tuple[Model, Point]]:
         return settle(model, point, sample, seed=seed)

@@ -12,7 +12,7 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.evidence.slopes import slopes
 
-GAINED = 3.0  # nats that an iteration must gain for another one, after the second; as in `Contact`
+GAINED = 3.0  # nats that an iteration must gain for another one, after the second; measured with `Contact`'s
 
 
 def polish(
@@ -30,7 +30,7 @@ def polish(
     going = np.arange(len(points))
     for number in range(iterations):
         if number in (0, 2):
-            own = [sample.left(r) for r in residuals]
+            own = [sample.reweighted(r) for r in residuals]
         now, left = [points[i] for i in going], [own[i] for i in going]
         moved = yield from _promising(model, now, residuals[going], left)
         made = yield from model.fine.residuals(moved, sample)
