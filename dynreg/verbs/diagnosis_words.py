@@ -4,6 +4,7 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.loose import Loose
+from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.shown import shown
@@ -93,6 +94,12 @@ def notes(
     if made.evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"
+        )
+    robot = made.problem.model.robot
+    stated = dict(zip(robot.channels, robot.sensor_noise, strict=True))
+    for name, sigma in own_noise(robot, recording).items():
+        out.append(
+            f"{name} is about {sigma / stated[name]:.0f} times as noisy as robot.toml states: correct its noise there"
         )
     at_bound = [name for name, p in parameters.items() if p.at_bound]
     if at_bound:
