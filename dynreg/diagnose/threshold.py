@@ -35,8 +35,8 @@ SEARCH = 10  # goes up when scores change: thresholds found before no longer ser
 ALIKE, ANY = 0.3, 0.7
 OFFSET = 0.1  # of the spread that the mean of a window may differ by; a row late they do by 0.053 at most
 STRETCHES = 8  # of a window, in which commands are compared
-# Robots in lockstep. On the XL330 log 20, 5 and 2 at a time take 43, 40 and 38 s of one core; in MuJoCo, whose calls are
-# dear below 64 simulations, five fill them; and between groups there is something to tell.
+# Robots in lockstep. On the XL330 log 20, 5 and 2 at a time take 43, 40 and 38 s of one core; MuJoCo's calls are dear
+# below 64 simulations, which five fill; and between groups there is something to tell.
 TOGETHER = 5
 Progress = Callable[[str, int, int], None]
 

@@ -14,7 +14,9 @@ def swing(rate: float, hertz: float, noise: float, seconds: float = 10.0) -> np.
     return np.sin(2 * np.pi * hertz * t) + noise * np.random.default_rng(0).standard_normal(len(t))
 
 
-@pytest.mark.parametrize(("rate", "hertz"), [(50.0, 2.0), (50.0, 3.0), (100.0, 3.0), (100.0, 4.0), (200.0, 8.0)])
+@pytest.mark.parametrize(
+    ("rate", "hertz"), [(50.0, 2.0), (50.0, 3.0), (100.0, 3.0), (100.0, 4.0), (200.0, 8.0)]
+)
 def test_motion_is_no_noise(rate, hertz):
     assert scatter([swing(rate, hertz, 0.0)]) < 2e-4
     assert scatter([swing(rate, hertz, 0.01)]) == pytest.approx(0.01, rel=0.15)
@@ -30,6 +32,10 @@ def test_only_what_is_more_than_twice_the_stated_noise_is_told_and_logs_of_one_s
         return Recording((Channel("arm/position", "rad"),), (episode,), True)
 
     assert own_noise(robot, log(1.0)) == own_noise(robot, log(1.7)) == {}
-    assert own_noise(robot, log(3.7)) == own_noise(robot, log(4.4)) == {"arm/position": pytest.approx(4 * stated)}
+    assert (
+        own_noise(robot, log(3.7))
+        == own_noise(robot, log(4.4))
+        == {"arm/position": pytest.approx(4 * stated)}
+    )
     assert noisier(robot, {}) is robot
     assert noisier(robot, {"arm/position": 0.1}).file.channels[0].noise == 0.1
