@@ -32,6 +32,9 @@ _POWERS = {2: "{0} * {0}", 1: "{0}", 0.5: "np.sqrt({0})", -1: "1.0 / {0}"}  # as
 _OWN = {"sin": "sine", "exp": "exponential"}  # of `joint_kernel`
 
 
+ELSEWHERE = "something else than x.memory that goes on from call to call"
+
+
 class Untraceable(Exception):
     """What a port does to a symbol cannot be said of one joint."""
 
@@ -54,25 +57,25 @@ class Symbol(NDArrayOperatorsMixin):
     shape, ndim, dtype = (1, 1), 2, np.dtype(float)
 
     def __init__(self, name: str, tape: Tape):
-        self.name, self._tape = name, tape
+        self.name, self.tape = name, tape
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> "Symbol":
         if method != "__call__" or options or ufunc.nout != 1:
             raise Untraceable(f"np.{ufunc.__name__}{'' if method == '__call__' else '.' + method} of it")
-        names, name = [named(a) for a in inputs], ufunc.__name__
+        names, name = [named(a, self.tape) for a in inputs], ufunc.__name__
         power = inputs[-1] if name == "power" and np.isscalar(inputs[-1]) else None
         if name == "square" or power in _POWERS:
-            return self._tape.put(_POWERS[2 if power is None else power].format(names[0]))
+            return self.tape.put(_POWERS[2 if power is None else power].format(names[0]))
         if name == "invert":
-            return self._tape.put(f"not {names[0]}")
+            return self.tape.put(f"not {names[0]}")
         if name in _OPERATORS:
-            return self._tape.put(f" {_OPERATORS[name]} ".join(names))
-        return self._tape.put(f"{_OWN.get(name, f'np.{name}')}({', '.join(names)})")
+            return self.tape.put(f" {_OPERATORS[name]} ".join(names))
+        return self.tape.put(f"{_OWN.get(name, f'np.{name}')}({', '.join(names)})")
 
     def __array_function__(self, function: Callable, types: Any, args: tuple, options: dict) -> Any:
         if function not in _FUNCTIONS:
             raise Untraceable(f"np.{function.__name__} of it")
-        return _FUNCTIONS[function](self._tape, *args, **options)
+        return _FUNCTIONS[function](self.tape, *args, **options)
 
     def copy(self) -> "Symbol":
         """Itself: nothing changes it."""
@@ -81,7 +84,7 @@ class Symbol(NDArrayOperatorsMixin):
     def astype(self, kind: type) -> "Symbol":
         """As a number of another kind."""
         made = {"i": "int", "b": "bool"}.get(np.dtype(kind).kind, "float")
-        return self._tape.put(f"{made}({self.name})")
+        return self.tape.put(f"{made}({self.name})")
 
     def clip(self, low: Any, high: Any) -> "Symbol":
         """As np.clip."""
@@ -108,9 +111,14 @@ class Symbol(NDArrayOperatorsMixin):
         raise Untraceable("a loop over its rows")
 
 
-def named(value: Any) -> str:
-    """A symbol or a number in a statement."""
+def named(value: Any, tape: Tape) -> str:
+    """A symbol or a number in a statement on that tape.
+
+    Raises Untraceable for a symbol of another: names of an earlier call mean something else now.
+    """
     if isinstance(value, Symbol):
+        if value.tape is not tape:
+            raise Untraceable(ELSEWHERE)
         return value.name
     array = np.asarray(value)
     if array.size != 1 or array.dtype.kind not in "bif":
@@ -123,6 +131,11 @@ def _number(value: float) -> str:
     return f"({text})" if text.startswith("-") else text
 
 
+def _where(tape: Tape, which: Any, a: Any, b: Any) -> Symbol:
+    which, a, b = (named(value, tape) for value in (which, a, b))
+    return tape.put(f"{a} if {which} else {b}")
+
+
 def _clip(tape: Tape, a: Any, low: Any = None, high: Any = None) -> Any:
     a = a if low is None else np.maximum(a, low)
     return a if high is None else np.minimum(a, high)
@@ -133,7 +146,7 @@ def _like(number: float) -> Callable:
 
 
 _FUNCTIONS: Mapping[Callable, Callable] = {
-    np.where: lambda tape, which, a, b: tape.put(f"{named(a)} if {named(which)} else {named(b)}"),
+    np.where: _where,
     np.clip: _clip,
     np.copy: lambda tape, a: a,
     np.broadcast_to: lambda tape, a, shape: a,
@@ -141,5 +154,5 @@ _FUNCTIONS: Mapping[Callable, Callable] = {
     np.stack: lambda tape, arrays, axis=0: tuple(arrays),
     np.zeros_like: _like(0.0),
     np.ones_like: _like(1.0),
-    np.full_like: lambda tape, a, value, **options: tape.put(named(value)),
+    np.full_like: lambda tape, a, value, **options: tape.put(named(value, tape)),
 }

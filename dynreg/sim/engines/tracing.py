@@ -8,7 +8,7 @@ from typing import Any
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Effect, Moment
 from dynreg.sim.engines.acting import begun, shares
-from dynreg.sim.engines.symbols import Symbol, Tape, Untraceable, named
+from dynreg.sim.engines.symbols import ELSEWHERE, Symbol, Tape, Untraceable, named
 from dynreg.sim.ports import TYPES, law_of
 from dynreg.sim.sets import DRIVE_DEFAULTS
 
@@ -19,7 +19,7 @@ def traced_law() -> tuple[str, ...]:
     rows = {key: Symbol(f"x[{key.upper()} + k]", tape) for key in (*DRIVE_DEFAULTS, "scale", "offset")}
     types = {kind: Symbol(f"x[IS_{kind.upper()} + k]", tape) != 0.0 for kind in TYPES}
     law = law_of(rows, types, rows, rows["supply"], Symbol("x[ON + k]", tape) != 0.0)
-    values = {field.name: tape.put(named(getattr(law, field.name))).name for field in fields(law)}
+    values = {field.name: tape.put(named(getattr(law, field.name), tape)).name for field in fields(law)}
     places = {name: "PUSH" if name == "gain" else name.upper() for name in values}
     stores = [f"x[{places[name]} + k] = {value}" for name, value in values.items()]
     return (*tape.lines, *stores)
@@ -75,13 +75,13 @@ def traced(effect: Effect, configured: tuple[str, ...] | None = None) -> Traced:
         for _ in range(3):  # the first time step, later ones, and once more
             rounds.append([tracer.record(port) for port in ports])
         if rounds[1] != rounds[2]:
-            raise Untraceable("something else than x.memory that goes on from call to call")
+            raise Untraceable(ELSEWHERE)
     except Exception as problem:  # whatever a plugin raises where it is given symbols
         why = str(problem) if isinstance(problem, Untraceable) else f"{type(problem).__name__}: {problem}"
         raise SimulationError(
             f"effect {effect.id!r}: its port {tracer.port!r} cannot be compiled for the joint engine ({why})",
             expected="elementwise numpy of what the port is given, of x and of p",
-            do="write it so (np.where in place of an if), or run the robot on the mujoco engine",
+            do="write it so (np.where for an if, x.memory for what goes on), or run the robot on the mujoco engine",
         ) from problem
     slots = tuple((key, row, width) for key, (row, width) in tracer.slots.items())
     bodies = tuple(zip(ports, rounds[0], rounds[1], strict=True))
@@ -128,7 +128,7 @@ class _Tracer:
         answer = getattr(self.effect, port)(*given, x, parameters)
         stores = [
             (f"x[{given[0].name[2:-5]} + k] = " if given else "x[FRICTION + k] += ")
-            + tape.put(named(answer)).name
+            + tape.put(named(answer, tape)).name
         ]
         for key, value in memory.items():
             if value is not self.before.get(key):
@@ -141,7 +141,8 @@ class _Tracer:
 
         def past(delay: Any) -> Symbol:
             late, early, share = shares(step, substep, period, h, delay)
-            now, before = (tape.put(f"commands[sims[k], {named(row)}, drives[k]]") for row in (late, early))
+            rows = (named(row, tape) for row in (late, early))
+            now, before = (tape.put(f"commands[sims[k], {row}, drives[k]]") for row in rows)
             return share * now + (1.0 - share) * before
 
         return {
@@ -177,7 +178,7 @@ class _Tracer:
         if width != len(values):
             raise Untraceable(f"x.memory[{key!r}], of which there are {width} arrays, then {len(values)}")
         self.written[key] = None
-        names = [tape.put(named(v)).name for v in values]
+        names = [tape.put(named(v, tape)).name for v in values]
         return [
             f"own[{len(self.effect.parameters) + row + i} * WIDTH + k] = {name}"
             for i, name in enumerate(names)
