@@ -1,9 +1,9 @@
 """The joint engine's kernel: written out for the effects that are asked for, compiled by numba, and kept on disk.
 
 One kernel holds all effects of the table, and the noise of hidden robots, so that one compilation (8 s) serves every
-robot; other effects make another. The hash of the text, with the versions of what compiles it, names its folder
-`dynreg/kernels/` below the user's cache (XDG_CACHE_HOME, else ~/.cache), where numba keeps the machine code beside it,
-for each processor. Where nothing can be written, it is compiled in memory.
+robot; other effects make another. The hash of the text, with the versions of what compiles it and the processor, names
+its folder in `dynreg/kernels/` below the user's cache (XDG_CACHE_HOME, else ~/.cache), where numba keeps the machine
+code beside it. Where nothing can be written, it is compiled in memory.
 """
 
 import hashlib
@@ -11,10 +11,13 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from importlib.abc import InspectLoader
+from importlib import import_module
+from importlib.abc import ExecutionLoader
 from importlib.metadata import version
-from importlib.util import module_from_spec, spec_from_file_location, spec_from_loader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from pickle import UnpicklingError
+from shutil import rmtree
 from tempfile import NamedTemporaryFile
 from types import ModuleType
 
@@ -70,22 +73,30 @@ def _table() -> tuple[Traced, ...]:
 
 @lru_cache(maxsize=16)
 def _compiled(kinds: tuple[Traced, ...]) -> Callable:
-    os.environ.setdefault(
-        "NUMBA_DISABLE_INTEL_SVML", "1"
-    )  # its sine depends on where in a vector a number stands
-    text = source(kinds)
+    numba, text = _numba(), source(kinds)
     try:
-        return _stored(text).run
-    except Exception:  # nowhere to write, or what lies there is damaged; else it fails once more
-        pass
-    try:
-        return _in_memory(text).run
-    except Exception as problem:  # numba's own
+        return _run(text)
+    except numba.core.errors.NumbaError as problem:
         raise SimulationError(
             f"the effects of this batch cannot be compiled for the joint engine: {str(problem).splitlines()[0]}",
             expected="functions of numpy that numba knows, too",
             do="write the ports with those, or run the robot on the mujoco engine",
         ) from problem
+
+
+def _numba() -> ModuleType:
+    """numba; unless it is loaded already, without Intel's vector library.
+
+    What that says of a cosine or of a plugin's np.tanh depends on where in a vector a number stands: a joint alone
+    would end in other bits than beside others. numba reads the variable when it is loaded, and never again.
+    """
+    if (off := "NUMBA_DISABLE_INTEL_SVML") in os.environ:
+        return import_module("numba")
+    os.environ[off] = "1"
+    try:
+        return import_module("numba")
+    finally:
+        del os.environ[off]
 
 
 def source(kinds: Sequence[Traced]) -> str:
@@ -123,36 +134,55 @@ def _block(lines: Sequence[str], indent: int) -> str:
     return "\n".join(" " * indent + line for line in lines) + "\n"
 
 
-def _stored(text: str) -> ModuleType:
-    """The module of a text, from its folder in the user's cache."""
+def _run(text: str) -> Callable:
+    """`run` of a text: from its folder in the user's cache, else compiled in memory."""
+    try:
+        path = _written(text)
+        return _loaded(_Text(text, str(path)), f"dynreg_kernel_{path.parent.name}").run
+    except (EOFError, UnpicklingError):  # damaged machine code: the next process writes it anew
+        rmtree(path.with_name("__pycache__"), ignore_errors=True)
+    except (OSError, RuntimeError):  # nowhere to write; numba's own for that is the second
+        pass
+    return _loaded(_Text(text.replace("cache=True", "cache=False"), "dynreg_kernel"), "dynreg_kernel").run
+
+
+def _written(text: str) -> Path:
+    """Where a text lies in the user's cache; written unless it is there.
+
+    A folder of its own for each processor: numba tells their machine code apart, too, but two processes that first
+    compile at once name its files alike.
+    """
+    numba = _numba()
     versions = [*(version(name) for name in ("numba", "llvmlite", "numpy")), sys.version]
-    digest = hashlib.sha256("\n".join([text, *versions]).encode()).hexdigest()
+    processor = [*numba.core.registry.cpu_target.target_context.codegen().magic_tuple()]
+    unlike = [text, *versions, *processor, str(numba.config.USING_SVML)]
+    digest = hashlib.sha256("\n".join(unlike).encode()).hexdigest()
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     path = root / "dynreg" / "kernels" / digest[:32] / "joint.py"
-    if not path.exists():
+    if not path.exists() or path.read_bytes() != text.encode():
         path.parent.mkdir(parents=True, exist_ok=True)
-        with NamedTemporaryFile("w", dir=path.parent, suffix=".new", encoding="utf-8", delete=False) as file:
-            file.write(text)
+        with NamedTemporaryFile("wb", dir=path.parent, suffix=".new", delete=False) as file:
+            file.write(text.encode())
         os.utime(file.name, (0, 0))  # numba asks when the text was written: two processes write the same
         os.replace(file.name, path)
-    return _loaded(spec_from_file_location(f"dynreg_kernel_{digest[:8]}", path))
+    return path
 
 
-def _in_memory(text: str) -> ModuleType:
-    return _loaded(spec_from_loader("dynreg_kernel", _Text(text.replace("cache=True", "cache=False"))))
-
-
-def _loaded(spec) -> ModuleType:
-    module = sys.modules[spec.name] = module_from_spec(spec)  # numba looks for it by its name
+def _loaded(text: "_Text", name: str) -> ModuleType:
+    spec = spec_from_loader(name, text)
+    module = sys.modules[name] = module_from_spec(spec)  # numba looks for it by its name
     spec.loader.exec_module(module)
     return module
 
 
-class _Text(InspectLoader):
-    """A module of a text that is in no file."""
+class _Text(ExecutionLoader):
+    """A module of a text, whatever the file says by now beside which numba keeps the machine code."""
 
-    def __init__(self, text: str):
-        self._text = text
+    def __init__(self, text: str, path: str):
+        self._text, self._path = text, path
 
     def get_source(self, fullname: str) -> str:
         return self._text
+
+    def get_filename(self, fullname: str) -> str:
+        return self._path

@@ -36,6 +36,18 @@ def counted():
     return drive
 
 
+def kept(use):
+    """A port that uses a symbol of the call before."""
+    last = []
+
+    def drive(torque, x: Moment, size):
+        now = torque + use(last.pop(), x, size) if last else torque
+        last.append(np.sin(x.q))
+        return now
+
+    return drive
+
+
 def states(b, drive, size: float = 0.01) -> np.ndarray:
     """(E, T+1, S) of the bench with that effect."""
     terms = Terms((Term(Made(drive)),), (np.array([[size]]),))
@@ -54,6 +66,12 @@ REFUSED = {
     "an array": (lambda torque, x, s: torque - s * np.asarray(x.q), "np.array of it"),
     "a table": (lambda torque, x, s: torque + np.arange(3.0), r"constant of shape \(3,\)"),
     "state elsewhere": (counted(), "else than x.memory"),
+    "a symbol of the last call": (kept(lambda last, x, s: s * last), "else than x.memory"),
+    "what was made of it": (
+        kept(lambda last, x, s: np.where(x.v > 0, np.abs(last), s)),
+        "else than x.memory",
+    ),
+    "the same numbers of it": (kept(lambda last, x, s: np.clip(last, 0, 1)), "else than x.memory"),
     "a mistake": (lambda torque, x, s: torque + x.nothing, "AttributeError.*nothing"),
     "nothing": (lambda torque, x, s: None, "constant"),
 }
@@ -64,6 +82,12 @@ def test_a_port_that_is_not_elementwise_is_refused_with_the_reason(name: str):
     drive, why = REFUSED[name]
     with pytest.raises(SimulationError, match=f"'made'.*'drive'.*{why}.*elementwise numpy.*mujoco engine"):
         states(bench("servo_short"), drive)
+
+
+@pytest.mark.slow
+def test_what_numba_does_not_know_is_refused():
+    with pytest.raises(SimulationError, match="cannot be compiled.*numba knows.*mujoco engine"):
+        states(bench("servo_short"), lambda torque, x, s: torque * np.heaviside(x.q, s))
 
 
 @pytest.mark.parametrize("name", ["an array", "a sum over joints"])
@@ -106,6 +130,14 @@ def test_sines_and_exponentials_are_numpy_s():
     assert joint_kernel.sine(1e300) == joint_kernel.sine(0.0) == 0.0
 
 
+def test_numba_is_loaded_without_a_change_of_the_environment():
+    code = (
+        "import os; before = dict(os.environ); from dynreg.sim.engines.compiling import kernel; kernel([]);"
+    )
+    code += "import numba; assert os.environ == before; assert not numba.config.USING_SVML"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+
+
 CODE = """
 import time, numba, mujoco.batch
 from dynreg.sim.engines.compiling import kernel
@@ -115,9 +147,9 @@ print(time.process_time() - began)
 """
 
 
-def started(cache: str) -> subprocess.Popen:
+def started(cache: str, **variables: str) -> subprocess.Popen:
     """A process that prints the seconds until the kernel is ready."""
-    there = os.environ | {"XDG_CACHE_HOME": cache}
+    there = os.environ | {"XDG_CACHE_HOME": cache, **variables}
     return subprocess.Popen([sys.executable, "-c", CODE], env=there, stdout=subprocess.PIPE, text=True)
 
 
@@ -133,9 +165,26 @@ def test_a_kernel_is_compiled_once_on_a_machine(tmp_path: Path):
     both = [started(str(tmp_path)) for _ in range(2)]
     assert all(seconds(process) > 1.0 for process in both)
     assert min(seconds(started(str(tmp_path))) for _ in range(3)) < 0.3
-    code = next(tmp_path.rglob("*.nbc"))
+
+
+@pytest.mark.slow
+def test_what_is_damaged_is_written_anew(tmp_path: Path):
+    assert seconds(started(str(tmp_path))) > 1.0
+    text, code = next(tmp_path.rglob("joint.py")), next(tmp_path.rglob("*.nbc"))
+    whole = text.read_text()
+    text.write_text("damaged")
+    assert min(seconds(started(str(tmp_path))) for _ in range(3)) < 0.3 and text.read_text() == whole
     code.write_bytes(code.read_bytes()[:1000])
-    assert seconds(started(str(tmp_path))) > 1.0  # damaged: compiled in memory
+    for _ in range(2):  # compiled in memory, then anew
+        assert seconds(started(str(tmp_path))) > 1.0
+    assert min(seconds(started(str(tmp_path))) for _ in range(3)) < 0.3
+
+
+@pytest.mark.slow
+def test_each_processor_has_a_folder_of_its_own(tmp_path: Path):
+    both = [started(str(tmp_path), **own) for own in ({}, {"NUMBA_CPU_NAME": "generic"})]
+    assert all(seconds(process) > 1.0 for process in both)
+    assert len([*tmp_path.rglob("joint.py")]) == len([*tmp_path.rglob("*.nbc")]) == 2
 
 
 @pytest.mark.slow
