@@ -53,10 +53,12 @@ class Run:
 
     @property
     def episodes(self) -> int:
+        """E, how many."""
         return self.actions.shape[-3]
 
     @property
     def steps(self) -> int:
+        """T, commands in an episode."""
         return self.actions.shape[-2]
 
     def take(self, episodes: np.ndarray) -> "Run":

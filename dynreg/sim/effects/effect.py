@@ -82,10 +82,12 @@ class Moment:
 
     @property
     def time(self) -> np.ndarray:
+        """(rows, 1) [s] since the log began."""
         return self.now()
 
     @property
     def draw(self) -> np.ndarray:
+        """(rows, joints) standard normal, one for each command; 0 where the run has none."""
         return self.drawn()
 
 

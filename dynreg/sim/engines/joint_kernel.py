@@ -129,9 +129,8 @@ def advance(x, n, kinds, places, first, commands, sims, drives, step, substep):
         x[LOAD + k] = x[AMPLITUDE + k] * sine(x[Q + k] + x[PHASE + k]) + x[CONSTANT + k]
     drive(x, kinds, places, n, first, commands, sims, drives, step, substep)
     for k in range(n):
-        x[NET + k] = (
-            x[TORQUE + k] - x[DAMPING + k] * x[V + k]
-        )  # what the gear carries: a motor's back-EMF takes its share
+        # what the gear carries: a motor's back-EMF takes its share
+        x[NET + k] = x[TORQUE + k] - x[DAMPING + k] * x[V + k]
         x[FRICTION + k] = x[COULOMB + k]
     friction(x, kinds, places, n, first, commands, sims, drives, step, substep)
     for k in range(n):
