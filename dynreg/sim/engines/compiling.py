@@ -16,7 +16,6 @@ from importlib.abc import ExecutionLoader
 from importlib.metadata import version
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
-from pickle import UnpicklingError
 from shutil import rmtree
 from tempfile import NamedTemporaryFile
 from types import ModuleType
@@ -139,10 +138,12 @@ def _run(text: str) -> Callable:
     try:
         path = _written(text)
         return _loaded(_Text(text, str(path)), f"dynreg_kernel_{path.parent.name}").run
-    except (EOFError, UnpicklingError):  # damaged machine code: the next process writes it anew
-        rmtree(path.with_name("__pycache__"), ignore_errors=True)
     except (OSError, RuntimeError):  # nowhere to write; numba's own for that is the second
         pass
+    except _numba().core.errors.NumbaError:
+        raise
+    except Exception:  # damaged machine code, of whatever kind: the next process writes it anew
+        rmtree(path.with_name("__pycache__"), ignore_errors=True)
     return _loaded(_Text(text.replace("cache=True", "cache=False"), "dynreg_kernel"), "dynreg_kernel").run
 
 

@@ -60,7 +60,7 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
     heard, commands = np.ascontiguousarray(joints.heard), np.ascontiguousarray(joints.commands)
     told = (*told, joints.inputs, heard, commands, draws, *moved)
     many = threads or os.cpu_count() or 1
-    if many == 1 or len(blocks) == 1:
+    if many == 1 or len(blocks) <= 1:
         run(blocks, *told)
         return moved
     work = np.cumsum((blocks[:, 1] - blocks[:, 0]) * blocks[:, 4])
@@ -110,4 +110,5 @@ def _blocks(
         terms += [(kinds[placed[i].traced], begins[i]) for i in np.flatnonzero(kind[1:])]
         cuts = np.linspace(begin, end, -(-(end - begin) // joint_kernel.WIDTH) + 1).astype(int)
         blocks += [(*cut, first, len(terms), kind[0]) for cut in zip(cuts, cuts[1:], strict=False)]
-    return np.array(blocks), order, np.array(terms, dtype=np.int64).reshape(-1, 2)
+    whole = np.array(blocks, dtype=np.int64).reshape(-1, 5)  # none for a robot whose joints are all left out
+    return whole, order, np.array(terms, dtype=np.int64).reshape(-1, 2)
