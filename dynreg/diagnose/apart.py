@@ -35,8 +35,8 @@ BEGUN, KEPT, ENDED = 1, 2, 3
 class Together:
     """A cause and a rival, the last two terms of `point`, with draws of both.
 
-    alike : how many times less sure of the cause's first parameter the curvature is with the rival free. growth : how
-    many times wider its interval is once it has to hold with the rival.
+    Of the cause's first parameter, with the rival free over with the cause alone: alike is the ratio of standard
+    deviations by the curvature, growth that of the interval's width by draws.
     """
 
     point: Point

@@ -18,12 +18,13 @@ STANDING, SLOPING = 4, 2  # times finer steps of a base on its feet, whose slips
 class Accuracy:
     """Plain, corrected by a finer time step, or fine; chosen once for a problem.
 
-    finer : times finer a time step tells what the model's own gets wrong; 1 where that is nothing (plain).
+    finer : the robot's own time step over the finer one that tells what its own gets wrong; 1 where that is nothing
+        (plain).
     fine : whether what counts in the end is simulated with the finer one (contacts follow no order, and nothing can be
         extrapolated); else what it changes at a near point is taken off (corrected).
     order : of the error. What is of the first order leads a search astray, and is taken off from the calibration on;
         what is of the second costs delays and speed limits the last of their precision: it is taken off at the end.
-    slopes : times finer than the robot's own the time step is by which fine rollouts have their derivatives.
+    slopes : the robot's own time step over that of the derivatives of fine rollouts.
     width : of the differences that derivatives are taken by, in fit coordinates.
     sides : 1 for central differences; 2 for differences to one side, to the other in every second iteration.
     segment : [s] of a rollout that share a variance; None for all of it.

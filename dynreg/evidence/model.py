@@ -28,7 +28,7 @@ class Model:
     """What is held against a recording: a robot, the coordinates of its fits, and how exactly it is simulated.
 
     begun : effects of the simulator that a search begins with, of one row; None without.
-    finely : times finer than the robot's own the time step of its rollouts is.
+    finely : the robot's own time step over that of the model's rollouts; 1 for the same.
     corrections : {keys of terms: (W, T, C)} what a finer time step changes in the rollouts of a hypothesis near some
         point, in units of the spread, by the number of the window.
     """

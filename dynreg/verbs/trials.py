@@ -46,7 +46,6 @@ def _result(trials: Trials, one: Tried, share: bool, interval: bool) -> TrialRes
 
 def _scored(robot: Robot, one: Tried) -> TrialResult:
     """What was said of a hidden robot, held against its truth."""
-
     hidden, found, first, verdict = one.hidden, one.made.found, one.first, one.made.verdict
     first_round = found.rounds[0] if first else None
     stated = (
@@ -107,7 +106,6 @@ def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: in
 
 def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:
     """The terms of these keys; UsageError where one cannot act on the robot."""
-
     chosen = tuple(term(key) for key in keys)
     for t in chosen:
         unknown = set(t.joints) - {joint_of(name) for name in robot.actions}

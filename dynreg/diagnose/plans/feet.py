@@ -32,8 +32,8 @@ class Feet(Plan):
         found from there, one in a single joint from the calibrated model. behind : as in `Contact`, of the latter.
     clear : nats ahead of the calibrated model, from which what starts at the nameplate needs nothing beside it.
     gained : nats, by the finer time step, that a term from the calibrated model must have gained.
-    standing : terms that take one step by the finer time step on the windows to fit, those of them that take one on all
-        windows, and those that take `more`. away : nats behind the best, from which a term does not take these.
+    standing : of terms, by the finer time step: how many take a step on the windows to fit, how many of them one on all
+        windows, how many of these go on by `more` iterations. away : nats behind the best, from which none goes on.
     chaos : nats that an iteration must gain for another one: less is a foot that slips a moment earlier.
     alone, rival : iterations of the model without a term, and of it from where the best ended.
     """
