@@ -4,7 +4,8 @@
 process, on the same logs, by the public door alone (`timed_diagnosis.py`). Ratios are of process times, as the cores
 may be shared; wall times are kept beside them. What is imported and compiled at first use is loaded before the clock
 runs. Logs of simulated robots are those of the naming benchmarks' development, their thresholds the usual one but on
-the servo bench. The times are of whole answers: with intervals, where the errors lie, and what is left.
+the servo bench. The times are of whole answers: with intervals, where the errors lie, what is left, and the rivals of a
+cause. Beside them stands when the causes were named, which is most of what the clocks of the naming benchmarks count.
 """
 
 import argparse
@@ -157,6 +158,7 @@ def case_rows(diagnosed: Sequence[dict[str, dict]]) -> dict[str, dict[str, Any]]
             for clock in ("process", "wall"):
                 spent = [one[side][clock] for one in mine]
                 row[f"{side} {clock}"] = {"median": median(spent), "largest": max(spent)}
+            row[f"{side} named"] = median(one[side]["stages"]["causes"] for one in mine)
         if BEFORE in mine[0]:
             row["faster"] = median(one[BEFORE]["process"] / one[NOW]["process"] for one in mine)
             row["differ"] = [one[NOW]["hides"] or case for one in mine if not same(one)]
@@ -168,14 +170,17 @@ def print_cases(found: dict[str, dict[str, Any]]) -> None:
     """A line for each case: process and wall times, median and largest."""
     if not found:
         return
-    print(f"\n{'diagnoses on one core [s], process (wall)':44s} {'before':>24s} {'now':>24s}  faster    aim")
+    print(
+        f"\n{'diagnoses on one core [s], process (wall)':44s} {'before':>24s} {'now':>24s}  faster    aim"
+        "    named after"
+    )
     for case, row in found.items():
         cells = [_times(row, side) for side in (BEFORE, NOW)]
         faster = f"{row['faster']:.2f}" if "faster" in row else "-"
         aim = "-" if row["aim"] is None else f"{row['aim']:.0f} {_met(row)}"
         differ = f"  DIFFER: {', '.join(row['differ'])}" if row.get("differ") else ""
         name = f"{case}, {row['diagnoses']}" if row["diagnoses"] > 1 else case
-        print(f"{name:44s} {cells[0]:>24s} {cells[1]:>24s} {faster:>7s} {aim:>10s}{differ}")
+        print(f"{name:44s} {cells[0]:>24s} {cells[1]:>24s} {faster:>7s} {aim:>10s}{_named(row):>15s}{differ}")
 
 
 def _times(row: dict[str, Any], side: str) -> str:
@@ -184,6 +189,10 @@ def _times(row: dict[str, Any], side: str) -> str:
     spent, wall = row[f"{side} process"], row[f"{side} wall"]
     most = f" to {spent['largest']:.1f}" if row["diagnoses"] > 1 else ""
     return f"{spent['median']:.1f}{most} ({wall['median']:.1f})"
+
+
+def _named(row: dict[str, Any]) -> str:
+    return " -> ".join(f"{row[f'{side} named']:.1f}" for side in (BEFORE, NOW) if f"{side} named" in row)
 
 
 def _met(row: dict[str, Any]) -> str:
