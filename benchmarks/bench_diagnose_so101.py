@@ -18,8 +18,8 @@ import numpy as np
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.account import Account, diagnosed
-from dynreg.diagnose.diagnose import Diagnosed
+from dynreg.diagnose.account import Account, told
+from dynreg.diagnose.diagnose import Diagnosed, diagnose
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.evidence.data import Data
@@ -247,7 +247,8 @@ def rows_of(asked: Recorded, given: argparse.Namespace) -> Iterator[tuple[str, d
     how |= {"max_causes": given.max_causes, "threshold_runs": 0}
     options = [DiagnosisOptions(joints=(joint,), **how) for joint in given.joints]
     began = time.perf_counter()
-    found = answered(together([diagnosed(asked.robot, asked.recording, one) for one in options]), threads=1)
+    searches = [told(diagnose(asked.robot, asked.recording, one), one) for one in options]
+    found = answered(together(searches), threads=1)
     spent = (time.perf_counter() - began) / len(options)
     for joint, one, (made, seen) in zip(given.joints, options, found, strict=True):
         yield joint, one_joint(asked, one, made, seen, given.budget, spent)

@@ -4,15 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Recording
-from dynreg.diagnose.diagnose import Diagnosed, Progress, diagnose
+from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.leftover import Leftover
 from dynreg.diagnose.look import Look, look
 from dynreg.diagnose.loose import Loose, loose_ends
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.rest import rest
-from dynreg.diagnose.threshold import Cache
 from dynreg.diagnose.where import ErrorRow, split_errors
 from dynreg.evidence.data import Data
 from dynreg.evidence.estimate import Estimate, estimates
@@ -24,9 +22,7 @@ from dynreg.evidence.point import Point
 from dynreg.evidence.slopes import sensitivities
 from dynreg.replay.jitter import jitter
 from dynreg.replay.judged import Gain, channel_errors, gain
-from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Terms
-from dynreg.sim.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -54,17 +50,9 @@ class Account:
     simulated: int
 
 
-def diagnosed(
-    robot: Robot,
-    recording: Recording,
-    options: DiagnosisOptions,
-    start: SimConfig | None = None,
-    *,
-    cache: Cache | None = None,
-    progress: Progress | None = None,
-) -> Search[tuple[Diagnosed, Account]]:
-    """A diagnosis and its account; as `diagnose`."""
-    made = yield from diagnose(robot, recording, options, start, cache=cache, progress=progress)
+def told(search: Search[Diagnosed], options: DiagnosisOptions) -> Search[tuple[Diagnosed, Account]]:
+    """What a search for causes came to, and the account of it."""
+    made = yield from search
     return made, (yield from account(made, options))
 
 

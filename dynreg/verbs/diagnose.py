@@ -118,7 +118,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
     """
-    from dynreg.diagnose.account import diagnosed
+    from dynreg.diagnose.account import told
+    from dynreg.diagnose.diagnose import diagnose as find
     from dynreg.evidence.lockstep import counted, run
     from dynreg.results.result import Cost
     from dynreg.verbs.diagnosis import document
@@ -128,8 +129,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     start = None
     if settings.start != NOMINAL:
         start = own(simulator(registry, settings.start, robot, recording.id), robot).config
-    search = diagnosed(robot, recording, options, start, cache=registry, progress=progress)
-    (made, seen), rollouts = run(counted(search), threads=options.threads)
+    search = find(robot, recording, options, start, cache=registry, progress=progress)
+    (made, seen), rollouts = run(counted(told(search, options)), threads=options.threads)
     ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
     found = document(asked, settings.start, options, made, seen, ids, cost)

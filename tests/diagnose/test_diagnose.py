@@ -9,8 +9,8 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.account import Account, diagnosed
-from dynreg.diagnose.diagnose import Diagnosed, search
+from dynreg.diagnose.account import Account, told
+from dynreg.diagnose.diagnose import Diagnosed, diagnose, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
@@ -82,7 +82,7 @@ def logged(*keys: str, seed: int = 11) -> tuple[Hidden, Recording]:
 
 
 def whole(*keys: str) -> Search[tuple[Diagnosed, Account]]:
-    return diagnosed(load_robot("servo_pendulum"), logged(*keys)[1], ASKED)
+    return told(diagnose(load_robot("servo_pendulum"), logged(*keys)[1], ASKED), ASKED)
 
 
 def bits(value: Any) -> Any:

@@ -7,8 +7,8 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.diagnose.account import diagnosed, simulator
-from dynreg.diagnose.diagnose import offered, search
+from dynreg.diagnose.account import simulator, told
+from dynreg.diagnose.diagnose import diagnose, offered, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
@@ -77,7 +77,7 @@ def test_of_two_effects_the_one_that_is_missing_is_told_and_the_known_one_keeps_
     hidden, recording = recorded(robot, "cogging", "load_friction")
     cogging, friction = (values[0] for values in hidden.values)
     asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=2, threshold_runs=2, threads=1)
-    made, seen = run(diagnosed(robot, recording, asked, begun(robot, hidden)))
+    made, seen = run(told(diagnose(robot, recording, asked, begun(robot, hidden)), asked))
     (cause,) = seen.causes
     assert made.verdict == "named" and list(cause) == [p.name for p in hidden.terms[1].effect.parameters]
     assert next(iter(cause.values())).value == pytest.approx(friction, rel=0.15)

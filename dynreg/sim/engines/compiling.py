@@ -3,7 +3,7 @@
 One kernel holds all effects of the table, and the noise of hidden robots, so that one compilation (8 s) serves every
 robot; other effects make another. The hash of the text, with the versions of what compiles it and the processor, names
 its folder in `dynreg/kernels/` below the user's cache (XDG_CACHE_HOME, else ~/.cache), where numba keeps the machine
-code beside it. Where nothing can be written, it is compiled in memory.
+code beside it. Where nothing can be written, or others may write, it is compiled in memory.
 """
 
 import hashlib
@@ -151,7 +151,8 @@ def _written(text: str) -> Path:
     """Where a text lies in the user's cache; written unless it is there.
 
     A folder of its own for each processor: numba tells their machine code apart, too, but two processes that first
-    compile at once name its files alike.
+    compile at once name its files alike. Raises OSError where nothing can be written, or where others may write: what
+    lies there runs.
     """
     numba = _numba()
     versions = [*(version(name) for name in ("numba", "llvmlite", "numpy")), sys.version]
@@ -160,8 +161,12 @@ def _written(text: str) -> Path:
     digest = hashlib.sha256("\n".join(unlike).encode()).hexdigest()
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     path = root / "dynreg" / "kernels" / digest[:32] / "joint.py"
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if os.name == "posix":
+        place = path.parent.stat()
+        if place.st_uid != os.getuid() or place.st_mode & 0o022:
+            raise PermissionError(f"others may write to {path.parent}")
     if not path.exists() or path.read_bytes() != text.encode():
-        path.parent.mkdir(parents=True, exist_ok=True)
         with NamedTemporaryFile("wb", dir=path.parent, suffix=".new", delete=False) as file:
             file.write(text.encode())
         os.utime(file.name, (0, 0))  # numba asks when the text was written: two processes write the same

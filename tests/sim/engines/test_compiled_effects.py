@@ -188,6 +188,18 @@ def test_each_processor_has_a_folder_of_its_own(tmp_path: Path):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="permissions of another kind")
+def test_machine_code_that_others_may_write_is_not_run(tmp_path: Path):
+    assert seconds(started(str(tmp_path))) > 1.0
+    place = next(tmp_path.rglob("joint.py")).parent
+    assert not place.stat().st_mode & 0o077
+    place.chmod(0o777)
+    assert seconds(started(str(tmp_path))) > 1.0
+    place.chmod(0o700)
+    assert min(seconds(started(str(tmp_path))) for _ in range(3)) < 0.3
+
+
+@pytest.mark.slow
 def test_where_nothing_can_be_written_it_is_compiled_in_memory(tmp_path: Path):
     (tmp_path / "file").write_text("no folder")
     assert seconds(started(str(tmp_path / "file"))) > 1.0
