@@ -4,7 +4,7 @@ A search is a generator: it yields the rollouts that it wants and is sent their 
 once, and many searches advance together: a robot's own, those of its simulated robots, those of a table of trials.
 """
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -33,10 +33,10 @@ def ask(one: Ask) -> Search[np.ndarray]:
     return states
 
 
-def together(searches: Iterable[Search[T]], done: Callable[[int], None] | None = None) -> Search[list[T]]:
+def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
     """The search that advances all of these at once, and finds what each of them finds.
 
-    done : told how many of them have ended, whenever one does.
+    Raises what any of them raises.
     """
     every = list(searches)
     found: list[T | None] = [None] * len(every)
@@ -48,11 +48,7 @@ def together(searches: Iterable[Search[T]], done: Callable[[int], None] | None =
         except StopIteration as stop:
             asked.pop(number, None)
             found[number] = stop.value
-            if done:
-                done(len(every) - len(asked))
 
-    for number in range(len(every)):
-        asked[number] = []
     for number in range(len(every)):
         go(number, None)
     while asked:
@@ -80,6 +76,7 @@ def run(search: Search[T], *, threads: int = 1) -> T:
     """What a search finds; whatever it asks in one step is simulated as one batch.
 
     threads : of a batch, 0 for all cores; the numbers do not depend on it, nor on what else is in the batch.
+    Raises what the search raises, and as `rollouts` does.
     """
     states = None
     while True:

@@ -194,6 +194,15 @@ def stated(robot: Robot, folder: Path) -> Robot:
     return load_robot(folder)
 
 
+def with_gaps(recording: Recording) -> Recording:
+    """Every third position is missing."""
+
+    def edit(_: int, values: np.ndarray) -> None:
+        values[1::3, column(recording, "arm/position")] = np.nan
+
+    return edited(recording, edit)
+
+
 def planned_otherwise(case: Case) -> Case:
     return replace(case, problem=replace(case.problem, plan=Short(iterations=1)))
 
@@ -209,6 +218,8 @@ def other_engine(robot: Robot, case: Case) -> str:
 OTHERS: dict[str, Callable[[Case, Robot, Recording], Case]] = {
     "commands": lambda c, robot, log: posed(robot, logged(moves=2)),
     "windows": lambda c, robot, log: posed(robot, log, horizon=1.0),
+    "longer windows, as many": lambda c, robot, log: posed(robot, log, horizon=1.4),
+    "rows that were measured": lambda c, robot, log: posed(robot, with_gaps(log)),
     "parts": lambda c, robot, log: posed(robot, log, hold_out="fit_0"),
     "settings": lambda c, robot, log: posed(robot, log, tolerance=2.0),
     "a drive that was off": lambda c, robot, log: posed(robot, switched_off(log)),
@@ -274,6 +285,16 @@ def test_a_log_with_its_own_noise_has_a_threshold_of_its_own_beside_the_other(ro
     ]
     quiet, heard = (np.median(np.abs(np.diff(m, n=3, axis=1))) for m in measured)
     assert heard > TWICE * quiet
+
+
+def test_what_the_log_moved_is_no_unit_of_its_robots_errors(robot, case):
+    problem = case.problem
+    windows = problem.data.windows
+    wider = replace(
+        problem, data=replace(problem.data, windows=replace(windows, spread=3.0 * windows.spread))
+    )
+    one, other = (run(null_data(p, robot, 7)).windows for p in (problem, wider))
+    assert np.array_equal(one.spread, other.spread) and np.array_equal(one.measured, other.measured)
 
 
 def test_two_sets_of_commands_are_kept_under_one_key(robot, recording, case):

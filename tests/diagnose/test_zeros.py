@@ -32,7 +32,7 @@ OFF = np.array(
 SECONDS, PERIOD = 1.0, 0.002
 
 
-def _recording(robot) -> Recording:
+def _recording(robot, off: np.ndarray = OFF) -> Recording:
     rng = stream(0, "test zeros")
     time = np.arange(int(SECONDS / PERIOD) + 1) * PERIOD
     waves = 2 * np.pi * rng.uniform(0.5, 1.5, (len(OFF), 1, 2)) * time[None, :-1, None]
@@ -40,7 +40,7 @@ def _recording(robot) -> Recording:
     initial = np.zeros((len(OFF), len(robot.channels)))
     moves = Run(actions, initial=initial, period=PERIOD)
     states = rollout(robot, robot.space.nominal[None], moves, threads=1).states[0]
-    states[..., :2] -= OFF[:, None]  # the encoders read less than is true
+    states[..., :2] -= off[:, None]  # the encoders read less than is true
     names = (*robot.channels, *robot.actions)
     units = ("rad", "rad", "rad/s", "rad/s", "N*m", "N*m")
     episodes = tuple(
@@ -69,6 +69,15 @@ def test_zeros_of_episodes_are_found(posed):
     assert np.allclose(moved, OFF[raw.episode], atol=2e-3)
     assert np.allclose(found.measured[:, :, :2] - raw.measured[:, :, :2], moved[:, None])
     assert np.array_equal(found.measured[..., 2:], raw.measured[..., 2:])  # velocities have no zero to set
+
+
+def test_what_all_episodes_share_is_left_to_the_causes():
+    robot = load_robot("double_pendulum")
+    asked = DiagnosisOptions(hold_out="0", threads=1)
+    model, data = pose(robot, _recording(robot, OFF + 0.01), asked)
+    found = run(rezeroed(model, data, model.start, data.parts.chosen))
+    moved = (found.run.initial - data.windows.run.initial)[:, :2]
+    assert np.allclose(moved, OFF[data.windows.episode], atol=4e-3)
 
 
 def test_zeros_stay_where_none_is_set_anew(posed):
