@@ -203,6 +203,14 @@ def with_gaps(recording: Recording) -> Recording:
     return edited(recording, edit)
 
 
+def slower(case: Case) -> Case:
+    """The same commands, each half as long again."""
+    data = case.problem.data
+    period = 1.5 * data.windows.period
+    windows = replace(data.windows, period=period, run=replace(data.windows.run, period=period))
+    return replace(case, problem=replace(case.problem, data=replace(data, windows=windows)))
+
+
 def planned_otherwise(case: Case) -> Case:
     return replace(case, problem=replace(case.problem, plan=Short(iterations=1)))
 
@@ -218,7 +226,7 @@ def other_engine(robot: Robot, case: Case) -> str:
 OTHERS: dict[str, Callable[[Case, Robot, Recording], Case]] = {
     "commands": lambda c, robot, log: posed(robot, logged(moves=2)),
     "windows": lambda c, robot, log: posed(robot, log, horizon=1.0),
-    "longer windows, as many": lambda c, robot, log: posed(robot, log, horizon=1.4),
+    "another rate of the same commands": lambda c, robot, log: slower(c),
     "rows that were measured": lambda c, robot, log: posed(robot, with_gaps(log)),
     "parts": lambda c, robot, log: posed(robot, log, hold_out="fit_0"),
     "settings": lambda c, robot, log: posed(robot, log, tolerance=2.0),
