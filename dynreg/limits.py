@@ -1,0 +1,52 @@
+"""What foreign files may ask of this machine: a limit each, high enough for a real log of several GB, and settable.
+
+A limit is set by an environment variable: DYNREG_MAX_ROWS=200000000 sets `rows`.
+"""
+
+import os
+from dataclasses import dataclass, fields
+from typing import NoReturn
+
+from dynreg.errors import DynregError, UsageError
+
+PREFIX = "DYNREG_MAX_"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits in force. Each field is one limit, with its unit in its comment."""
+
+    rows: int = 100_000_000  # samples of one signal, rows of one table
+
+
+def limits() -> Limits:
+    """The limits, with those that the environment sets; UsageError where one is no whole number above 0."""
+    told = {f.name: os.environ.get(variable(f.name)) for f in fields(Limits)}
+    return Limits(**{name: _number(name, text) for name, text in told.items() if text is not None})
+
+
+def variable(name: str) -> str:
+    """The environment variable that sets a limit.
+
+    >>> variable("rows")
+    'DYNREG_MAX_ROWS'
+    """
+    return PREFIX + name.upper()
+
+
+def refuse(error: type[DynregError], what: str, asked: float | str, name: str) -> NoReturn:
+    """Raise `error`: `what` asks for more than the limit `name` allows, and how to raise it."""
+    allowed = getattr(limits(), name)
+    raise error(
+        f"{what}: {asked}",
+        expected=f"at most {allowed} ({name.replace('_', ' ')})",
+        do=f"if you trust it, set {variable(name)} higher",
+    )
+
+
+def _number(name: str, text: str) -> int:
+    if not text.isdecimal() or not text.isascii() or len(text) > 18 or int(text) < 1:
+        raise UsageError(
+            f"{variable(name)} = {text!r}", expected="a whole number above 0", do="correct or unset it"
+        )
+    return int(text)
