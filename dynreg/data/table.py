@@ -73,7 +73,8 @@ def write_parquet(recording: Recording, path: str | Path) -> None:
     """Write a recording; the same recording gives the same bytes."""
     import pyarrow.parquet as pq
 
-    pq.write_table(to_table(recording), path, compression="zstd", compression_level=3, version="2.6")
+    with open(path, "wb") as file:  # a stream: of a path, a colon would make an address
+        pq.write_table(to_table(recording), file, compression="zstd", compression_level=3, version="2.6")
 
 
 def read_parquet(path: str | Path) -> Recording:
@@ -82,7 +83,8 @@ def read_parquet(path: str | Path) -> Recording:
 
     path = Path(path)
     try:
-        table = pq.read_table(path, partitioning=None)
+        with path.open("rb") as file:
+            table = pq.read_table(file)
     except (pa.ArrowException, OSError) as error:
         raise LogError(
             f"{path.name!r} cannot be read: {error}", expected="a Parquet file", do="copy it again"
@@ -98,7 +100,8 @@ def write_csv(recording: Recording, path: str | Path) -> None:
     for name in sorted({s for e in recording.episodes for s in e.settings}):
         column = [np.full(len(e.time), e.settings.get(name, np.nan)) for e in recording.episodes]
         table = table.append_column(name, pa.array(np.concatenate(column)))
-    csv.write_csv(table, path)
+    with open(path, "wb") as file:
+        csv.write_csv(table, file)
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:

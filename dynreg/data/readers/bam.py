@@ -4,11 +4,11 @@ Format: https://github.com/Rhoban/bam (file written by its `record.py`).
 """
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.columns import from_columns
 from dynreg.data.series import RawLog
@@ -17,22 +17,22 @@ from dynreg.errors import LogError
 PWM_FULL = 885.0  # Present PWM register of a Dynamixel at full duty
 
 
-def read(path: Path, options: ReadOptions) -> RawLog:
+def read(file: LogFile, options: ReadOptions) -> RawLog:
     """Read one bench run: entries as columns, everything else as metadata.
 
     The raw `load` register of Dynamixel servos (uint16) is also given as "duty" [1], int16 / 885.
     Raises LogError where the file is not of this form.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(file.read().decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise LogError(
-            f"{path.name!r} is not JSON: {error}", expected="a bench log", do="copy it again"
+            f"{file.name!r} is not JSON: {error}", expected="a bench log", do="copy it again"
         ) from error
     entries = document.get("entries") if isinstance(document, dict) else None
     if not isinstance(entries, list) or not entries or not all(isinstance(e, dict) for e in entries):
         raise LogError(
-            f"{path.name!r} has no list of `entries`",
+            f"{file.name!r} has no list of `entries`",
             expected="a bench log of Rhoban/bam",
             do="convert other JSON to CSV, or to MCAP with JSON messages",
         )
@@ -45,7 +45,7 @@ def read(path: Path, options: ReadOptions) -> RawLog:
     if raw is not None and np.all(np.isfinite(raw)) and raw.min() >= 0 and raw.max() <= 0xFFFF:
         columns["duty"] = raw.astype(np.uint16).view(np.int16) / PWM_FULL
     metadata = {key: value for key, value in document.items() if key != "entries"}
-    return from_columns(path, columns, options, metadata=metadata)
+    return from_columns(file.path, columns, options, metadata=metadata)
 
 
 def _is_number(value: Any) -> bool:

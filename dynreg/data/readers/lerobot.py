@@ -20,12 +20,10 @@ def read(path: Path, options: ReadOptions) -> RawLog:
 
     Episodes are in the column `episode_index`. Raises LogError where the folder is not a dataset.
     """
-    import pyarrow.parquet as pq
-
     try:
         info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
         files = sorted((path / "data").rglob("*.parquet"))
-        tables = [pq.read_table(file, partitioning=None) for file in files]
+        tables = [_frames(file) for file in files]
         table = pa.concat_tables(tables, promote_options="default")
     except (OSError, ValueError, pa.ArrowException) as error:
         raise LogError(
@@ -41,6 +39,13 @@ def read(path: Path, options: ReadOptions) -> RawLog:
         sources.update(_by_name(feature, description, log.sources))
     metadata = {**log.metadata, **{k: info[k] for k in ("fps", "robot_type") if k in info}}
     return RawLog(path, sources, metadata, log.labels, log.findings)
+
+
+def _frames(file: Path) -> pa.Table:
+    import pyarrow.parquet as pq
+
+    with file.open("rb") as stream:  # of a path, a colon would make an address
+        return pq.read_table(stream)
 
 
 def _by_name(feature: str, description: dict, sources: dict[str, Series]) -> dict[str, Series]:

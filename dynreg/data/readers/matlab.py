@@ -7,10 +7,10 @@ Format: MathWorks, "MAT-File Format", level 5.
 import struct
 import zlib
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
+from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.columns import from_columns, time_column
 from dynreg.data.series import Finding, RawLog
@@ -23,15 +23,15 @@ _NUMERIC = range(6, 16)  # array classes double to uint64; the others are cells,
 _UNPACKED_LIMIT = 1 << 30
 
 
-def read(path: Path, options: ReadOptions) -> RawLog:
+def read(file: LogFile, options: ReadOptions) -> RawLog:
     """Read the vectors of a .mat file that are as long as its time vector.
 
     Raises LogError for version 7.3 (HDF5) files and for damaged ones.
     """
-    data = path.read_bytes()
+    data = file.read()
     if data.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise LogError(
-            f"{path.name!r} is a MATLAB 7.3 file, which is not read",
+            f"{file.name!r} is a MATLAB 7.3 file, which is not read",
             expected="a version 5 .mat file",
             do="save it with save(file, '-v7') in MATLAB",
         )
@@ -39,20 +39,20 @@ def read(path: Path, options: ReadOptions) -> RawLog:
         numeric = dict(_variables(data))
     except (ValueError, KeyError, struct.error, zlib.error) as error:
         raise LogError(
-            f"{path.name!r} cannot be read: {error}",
+            f"{file.name!r} cannot be read: {error}",
             expected="a whole version 5 .mat file",
             do="save it again",
         ) from error
     metadata = {name: float(value) for name, value in numeric.items() if value.ndim == 0}
     vectors = {name: value for name, value in numeric.items() if value.ndim == 1}
-    rows = len(vectors[time_column(path, vectors, options)])
+    rows = len(vectors[time_column(file.path, vectors, options)])
     columns = {name: value for name, value in vectors.items() if len(value) == rows}
     findings = tuple(
-        Finding("info", "left_out", f"{path.name}, {name}", f"{len(value)} values for {rows} time stamps")
+        Finding("info", "left_out", f"{file.name}, {name}", f"{len(value)} values for {rows} time stamps")
         for name, value in vectors.items()
         if len(value) != rows
     )
-    return from_columns(path, columns, options, metadata=metadata, findings=findings)
+    return from_columns(file.path, columns, options, metadata=metadata, findings=findings)
 
 
 def _variables(data: bytes) -> Iterator[tuple[str, np.ndarray]]:

@@ -1,11 +1,11 @@
 """MCAP files: ROS 2 (CDR), ROS 1, JSON and protobuf messages, whole or damaged."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 from mcap.records import Channel, Schema
 
+from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.bag_folder import bag_information, stated_counts
 from dynreg.data.readers.mcap_walk import Tally, summary_of, walk
@@ -15,7 +15,7 @@ from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
 
 
-def read(path: Path, options: ReadOptions, expected: int | None = None) -> RawLog:
+def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> RawLog:
     """Read an MCAP file; of a damaged one as much as is left.
 
     `expected` is the number of messages that a rosbag2 folder's metadata states. Where messages are lost a
@@ -26,7 +26,7 @@ def read(path: Path, options: ReadOptions, expected: int | None = None) -> RawLo
     schemas: dict[int, Schema] = {}
     channels: dict[int, _Channel] = {}
     topics: dict[str, Topic] = {}
-    for item in walk(path, tally):
+    for item in walk(file, tally):
         if isinstance(item, Schema):
             schemas.setdefault(item.id, item)
         elif isinstance(item, Channel):
@@ -36,11 +36,11 @@ def read(path: Path, options: ReadOptions, expected: int | None = None) -> RawLo
             message = channel.decode(item.data)
             if message is not None:
                 topics.setdefault(channel.topic, Topic(channel.topic)).add(message, item.log_time)
-    findings = [f for channel in channels.values() for f in channel.findings(path.name)]
-    lost, damage = _losses(path, tally, expected if expected is not None else _stated(path))
+    findings = [f for channel in channels.values() for f in channel.findings(file.name)]
+    lost, damage = _losses(file.name, tally, expected if expected is not None else _stated(file))
     if not tally.read or (not topics and options.sources is None):
         raise LogError(
-            f"{path.name!r} holds no message that can be read ({'; '.join(tally.problems[:1]) or 'no data'})",
+            f"{file.name!r} holds no message that can be read ({'; '.join(tally.problems[:1]) or 'no data'})",
             expected="ROS 2, ROS 1, JSON or protobuf messages",
             do="record it again, or convert it with `mcap recover`",
         )
@@ -48,27 +48,28 @@ def read(path: Path, options: ReadOptions, expected: int | None = None) -> RawLo
     metadata.update(
         messages_read=tally.read, messages_lost=lost, topics=sorted(c.topic for c in channels.values())
     )
-    return RawLog(path, sources, metadata, findings=(*damage, *findings, *found))
+    return RawLog(file.path, sources, metadata, findings=(*damage, *findings, *found))
 
 
-def _stated(path: Path) -> int | None:
+def _stated(file: LogFile) -> int | None:
     """Messages that the file should hold: from its own summary, else from the metadata.yaml beside it."""
-    summary = summary_of(path)
+    summary = summary_of(file)
     if summary and summary.statistics:
         return summary.statistics.message_count
-    if not (path.parent / "metadata.yaml").exists():
+    beside = file.path.parent
+    if file.data is not None or not (beside / "metadata.yaml").exists():
         return None
     try:
-        return stated_counts(bag_information(path.parent)).get(path.name)
+        return stated_counts(bag_information(beside)).get(file.name)
     except LogError:
         return None
 
 
-def _losses(path: Path, tally: Tally, stated: int | None) -> tuple[int | None, list[Finding]]:
+def _losses(name: str, tally: Tally, stated: int | None) -> tuple[int | None, list[Finding]]:
     """Messages lost (None: unknown) and the findings that say so."""
     if stated in (None, tally.read) and tally.stopped is None and not tally.problems:
         return 0, []
-    where = path.name if tally.stopped is None else f"{path.name}, byte {tally.stopped} of {tally.size}"
+    where = name if tally.stopped is None else f"{name}, byte {tally.stopped} of {tally.size}"
     cause = "; ".join(tally.problems[:3]) or "fewer messages than the summary states"
     known = tally.lost + tally.guessed
     lost: int | None = None

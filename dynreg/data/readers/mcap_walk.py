@@ -9,11 +9,12 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
+
+from dynreg.data.logfile import LogFile
 
 MAGIC_BYTES = 8
 RECORD_LIMIT = 1 << 30  # bytes of one record and of one chunk unpacked
@@ -52,13 +53,13 @@ class _Open:
     indexed: int = 0
 
 
-def walk(path: Path, tally: Tally) -> Iterator[Item]:
+def walk(source: LogFile, tally: Tally) -> Iterator[Item]:
     """Schemas, channels and messages in file order; `tally` tells afterwards what was lost."""
-    tally.size = path.stat().st_size
-    summary = summary_of(path)
+    tally.size = source.size
+    summary = summary_of(source)
     resume = sorted(c.chunk_start_offset for c in summary.chunk_indexes) if summary else []
     chunk: _Open | None = None
-    with path.open("rb") as file:
+    with source.open() as file:
         at = MAGIC_BYTES
         while True:
             file.seek(at)
@@ -173,11 +174,11 @@ def _items(opcode: int, body: bytes, tally: Tally, times: tuple[int, int] | None
         tally.problems.append(f"unreadable record of type {opcode}: {error}")
 
 
-def summary_of(path: Path):
+def summary_of(source: LogFile):
     """The mcap Summary at the end of a file; None where it is cut off or damaged."""
     from mcap.reader import SeekingReader
 
-    with path.open("rb") as file:
+    with source.open() as file:
         try:
             reader = SeekingReader(file, record_size_limit=RECORD_LIMIT)
             file.seek(0)

@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.bag_folder import bag_information, stated_counts
 from dynreg.data.readers.merge import join
@@ -64,5 +65,5 @@ def _read_mcap_folder(path: Path, info: dict[str, Any], options: ReadOptions) ->
             raise LogError(
                 f"{path.name!r} lacks its file {file.name!r}", expected="all its files", do="copy it again"
             )
-        logs.append(read_mcap(file, options, counts.get(file.name)))
+        logs.append(read_mcap(LogFile(file), options, counts.get(file.name)))
     return join(path, logs)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions, format_of
 from dynreg.data.readers.columns import from_columns
 from dynreg.data.series import RawLog
@@ -16,7 +17,7 @@ MAX_ITEMS = 64
 _TEXT = (pa.types.is_string, pa.types.is_large_string, pa.types.is_dictionary)
 
 
-def read(path: Path, options: ReadOptions) -> RawLog:
+def read(file: LogFile, options: ReadOptions) -> RawLog:
     """Read a CSV (comma, semicolon or tab; a header line) or a Parquet file.
 
     List columns become "name[0]", "name[1]", ...; text columns are kept as labels; units are taken from the
@@ -25,17 +26,20 @@ def read(path: Path, options: ReadOptions) -> RawLog:
     import pyarrow.parquet as pq
 
     try:
-        parquet = format_of(path).name == "parquet"
-        table = pq.read_table(path, partitioning=None) if parquet else _read_csv(path)
+        if format_of(file).name == "parquet":
+            with file.open() as stream:  # a stream: of a path, a colon would make an address
+                table = pq.read_table(stream)
+        else:
+            table = _read_csv(file)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise LogError(
-            f"{path.name!r} cannot be read as a table: {error}",
+            f"{file.name!r} cannot be read as a table: {error}",
             expected="a header line and equally long rows, or a whole Parquet file",
             do="export the log again",
         ) from error
     if table.num_rows == 0:
-        raise LogError(f"{path.name!r} has no rows", expected="at least two samples", do="record it again")
-    return from_table(path, table, options)
+        raise LogError(f"{file.name!r} has no rows", expected="at least two samples", do="record it again")
+    return from_table(file.path, table, options)
 
 
 def from_table(path: Path, table: pa.Table, options: ReadOptions) -> RawLog:
@@ -70,22 +74,23 @@ def _stated_settings(table: pa.Table) -> dict[str, np.ndarray]:
         return {}
 
 
-def _read_csv(path: Path) -> pa.Table:
+def _read_csv(file: LogFile) -> pa.Table:
     from pyarrow import csv
 
-    with path.open("r", encoding="utf-8-sig", errors="replace", newline="") as file:
-        first = file.readline()
+    with file.open() as stream:
+        first = stream.readline().decode("utf-8-sig", errors="replace")
     try:
         delimiter = text_csv.Sniffer().sniff(first, delimiters=",;\t").delimiter
     except text_csv.Error:
         delimiter = ","
-    table = csv.read_csv(
-        path,
-        # One thread: block boundaries must not decide a column's type.
-        read_options=csv.ReadOptions(use_threads=False),
-        parse_options=csv.ParseOptions(delimiter=delimiter),
-        convert_options=csv.ConvertOptions(null_values=["", "nan", "NaN", "NA", "null", "None"]),
-    )
+    with file.open() as stream:
+        table = csv.read_csv(
+            stream,
+            # One thread: block boundaries must not decide a column's type.
+            read_options=csv.ReadOptions(use_threads=False),
+            parse_options=csv.ParseOptions(delimiter=delimiter),
+            convert_options=csv.ConvertOptions(null_values=["", "nan", "NaN", "NA", "null", "None"]),
+        )
     return table.rename_columns([name.strip().lstrip("# ") for name in table.column_names])
 
 
