@@ -17,6 +17,8 @@ class Limits:
     """The limits in force. Each field is one limit, with its unit in its comment."""
 
     rows: int = 100_000_000  # samples of one signal, rows of one table
+    robot_files: int = 10_000  # files in a robot's folder
+    robot_bytes: int = 1_000_000_000  # bytes of a robot's folder: its model, its meshes
 
 
 def limits() -> Limits:

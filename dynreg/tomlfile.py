@@ -27,15 +27,26 @@ _PLAIN = {  # where pydantic's own words name Python classes
 def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model:
     """The file at `path` as a `model`; raises `error` that names the file, the line and the key."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        cause = problem.strerror if isinstance(problem, OSError) else "it is no text in UTF-8"
+        data = path.read_bytes()
+    except OSError as problem:
         raise error(
-            f"{str(path)!r} cannot be read: {cause}",
+            f"{str(path)!r} cannot be read: {problem.strerror}",
             expected="a readable TOML file in UTF-8",
             do="check the path and its permissions",
         ) from None
-    return parse_toml(text, path.name, model, error)
+    return parse_toml(toml_text(data, str(path), error), path.name, model, error)
+
+
+def toml_text(data: bytes, name: str, error: type[DynregError]) -> str:
+    """The text of a TOML file with these bytes; raises `error` where it is none."""
+    try:
+        return data.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError:
+        raise error(
+            f"{name!r} cannot be read: it is no text in UTF-8",
+            expected="a readable TOML file in UTF-8",
+            do="save it as UTF-8",
+        ) from None
 
 
 def parse_toml(text: str, name: str, model: type[Model], error: type[DynregError]) -> Model:

@@ -20,8 +20,8 @@ from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.acting import acting
 from dynreg.sim.excitation import excitation
-from dynreg.sim.robot import Robot, load_robot
-from dynreg.tomlfile import line_of
+from dynreg.sim.robot import TOML, Robot, load_robot
+from dynreg.tomlfile import line_of, toml_text
 
 TRIED = 4  # episodes in which a parameter must change something,
 IDLE = 1e-9  # of what a channel reaches
@@ -68,8 +68,9 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
 def _write(
     robot: Robot, config: SimConfig, values: np.ndarray, terms: Terms, folder: Path
 ) -> tuple[tuple[Written, ...], str | None]:
-    hidden = shutil.ignore_patterns(".*", "__*", "robot.toml")
-    shutil.copytree(robot.folder, folder, ignore=hidden, dirs_exist_ok=True)
+    for name, data in robot.files.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
     problem = None
     try:
         write_mjcf(robot, values, terms, (folder / robot.file.robot.model).with_name(PLAIN))
@@ -119,11 +120,11 @@ def _with_toml(
 ) -> Robot:
     """Write robot.toml and read it again; RobotError where it is not what was to be written."""
     added = [one for effect in effects for one in effect.parameters]
-    (folder / "robot.toml").write_text(_toml(robot, config, values, added), encoding="utf-8")
+    (folder / TOML).write_text(_toml(robot, config, values, added), encoding="utf-8")
     made = load_robot(folder)
     if not np.array_equal(made.space.nominal, [*values, *(one.value for one in added)]):
         raise RobotError(
-            f"{robot.folder / 'robot.toml'}: the nominal values could not be replaced",
+            f"{robot.folder / TOML}: the nominal values could not be replaced",
             expected="a [[parameters]] table for each parameter, with `nominal = NUMBER` on a line of its own",
             do="write them so",
         )
@@ -132,7 +133,7 @@ def _with_toml(
 
 def _toml(robot: Robot, config: SimConfig, values: np.ndarray, added: Sequence[Carrier]) -> str:
     """robot.toml with other nominal values, the simulator's name, and a parameter for each carrier at its end."""
-    text = (robot.folder / "robot.toml").read_text(encoding="utf-8")
+    text = toml_text(robot.files.files[TOML], TOML, RobotError)
     lines = text.splitlines()
     for i, value in enumerate(values):
         _replace(lines, line_of(text, ("parameters", i, "nominal")), "nominal", repr(float(value)))

@@ -19,6 +19,7 @@ import dynreg.registry.references as references
 import dynreg.registry.robots as robots
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
+from dynreg.folder import Folder
 from dynreg.registry.directory import Directory, open_directory, take_away
 from dynreg.registry.files import SEARCHES
 from dynreg.registry.hashes import hash_of
@@ -83,9 +84,9 @@ class Registry:
     def _id(self, ref: str, kind: str) -> str:
         return self.resolve(ref, (kind,))[1]
 
-    def put_robot(self, folder: Path, hash: str, name: str) -> None:
+    def put_robot(self, folder: Folder | Path, hash: str, name: str) -> None:
         """Copy a robot folder; see `robots.put_robot`."""
-        robots.put_robot(self.directory, Path(folder), hash, name)
+        robots.put_robot(self.directory, folder, hash, name)
 
     def robot_folder(self, ref: str) -> Path:
         """The registry's own copy of a robot folder; CorruptError when files of it are missing."""

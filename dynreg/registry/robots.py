@@ -4,36 +4,38 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from sqlalchemy import Connection, Row, insert, update
 
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import CorruptError, RegistryError, RobotError
+from dynreg.folder import Folder, is_hashed, read_folder
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import ROBOTS, canonical_json, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
 
-MAPS = "maps"  # log maps, which a robot's hash leaves out
 _HASH = re.compile(r"[0-9a-f]{8,128}")
 
 
-def put_robot(directory: Directory, folder: Path, robot_hash: str, name: str) -> None:
+def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name: str) -> None:
     """Copy a robot folder under its hash; files that were lost or changed are put right again.
 
-    The hash does not cover the log maps in `maps/` (nor names that begin with two underscores): those of the
-    folder take the place of older ones. Hidden files are left out. Raises RegistryError when the folder is
-    not there, or when this hash stands for other files.
+    folder : as it was read, so that the files copied are those that were hashed; or where it lies.
+
+    The hash does not cover the log maps in `maps/`: those of the folder take the place of older ones. Names that
+    begin with "." or "__" are left out. Raises RegistryError when the folder cannot be read, or when this hash
+    stands for other files.
     """
     directory.catalog.check_writable()
-    contents = _read_folder(folder, robot_hash)
+    contents = _contents(folder, robot_hash)
     manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
     with directory.catalog.read() as connection:
-        _check_same(row_of(connection, tables.robots, robot_hash), manifest, folder)
-    _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if _hashed(n)}, manifest)
+        _check_same(row_of(connection, tables.robots, robot_hash), manifest)
+    _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if is_hashed(n)}, manifest)
     with directory.catalog.write() as connection:
         known = row_of(connection, tables.robots, robot_hash)
-        _check_same(known, manifest, folder)
+        _check_same(known, manifest)
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
         row = {"name": name, "manifest": canonical_json(manifest)}
         if known is None:
@@ -68,10 +70,10 @@ def require_robot(connection: Connection, robot_hash: str) -> Row:
     return require(connection, tables.robots, robot_hash, "robot", "register its folder first")
 
 
-def _check_same(known: Row | None, manifest: Mapping[str, str], folder: Path) -> None:
+def _check_same(known: Row | None, manifest: Mapping[str, str]) -> None:
     if known is not None and _covered(json.loads(known.manifest)) != _covered(manifest):
         raise RegistryError(
-            f"robot {known.hash[:12]} ({known.name!r}) has other files than those of {str(folder)!r}",
+            f"robot {known.hash[:12]} ({known.name!r}) has other files than those given",
             expected="the same files under the same hash",
             do="compute the hash of the changed folder anew",
         )
@@ -79,12 +81,7 @@ def _check_same(known: Row | None, manifest: Mapping[str, str], folder: Path) ->
 
 def _covered(manifest: Mapping[str, str]) -> dict[str, str]:
     """The part of a manifest that the robot's hash covers."""
-    return {relative: sha256 for relative, sha256 in manifest.items() if _hashed(relative)}
-
-
-def _hashed(relative: str) -> bool:
-    parts = PurePosixPath(relative).parts
-    return parts[0] != MAPS and not any(part.startswith("__") for part in parts)
+    return {relative: sha256 for relative, sha256 in manifest.items() if is_hashed(relative)}
 
 
 def _write_copy(
@@ -97,16 +94,13 @@ def _write_copy(
             write_file(path, data)
 
 
-def _read_folder(folder: Path, robot_hash: str) -> dict[str, bytes]:
-    if not folder.is_dir() or not _HASH.fullmatch(robot_hash):
-        raise RegistryError(
-            f"cannot register robot {robot_hash!r} from {str(folder)!r}",
-            expected="a robot folder and its hash in hexadecimal digits",
-            do="give the folder that holds robot.toml",
-        )
-    paths = {p.relative_to(folder): p for p in sorted(folder.rglob("*")) if p.is_file()}
-    return {
-        relative.as_posix(): path.read_bytes()
-        for relative, path in paths.items()
-        if not any(part.startswith(".") or part == "__pycache__" for part in relative.parts)
-    }
+def _contents(folder: Folder | Path, robot_hash: str) -> Mapping[str, bytes]:
+    problem = f"cannot register robot {robot_hash!r}"
+    if not _HASH.fullmatch(robot_hash):
+        raise RegistryError(problem, expected="a hash in hexadecimal digits", do="give that of the folder")
+    if isinstance(folder, Folder):
+        return folder.files
+    try:
+        return read_folder(folder).files
+    except RobotError as error:
+        raise RegistryError(f"{problem}: {error.problem}", expected=error.expected, do=error.do) from None

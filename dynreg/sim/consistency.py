@@ -1,7 +1,6 @@
 """What the parts of a robot.toml say about each other: names used twice, names that lead nowhere."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from dynreg.data.names import joint_of
 from dynreg.errors import RobotError
@@ -12,11 +11,10 @@ from dynreg.tomlfile import Location, line_of
 Problem = tuple[Location, str, str, str]  # where it stands, what is wrong, what is expected, what to do
 
 
-def check_consistency(file: RobotFile, path: Path) -> None:
-    """Raise RobotError, with the line, for the first name or `sets` entry of `file` that cannot be."""
+def check_consistency(file: RobotFile, text: str, name: str) -> None:
+    """Raise RobotError, with the line of `text`, for the first name or `sets` entry of `file` that cannot be."""
     for location, problem, expected, do in _problems(file):
-        line = line_of(path.read_text(encoding="utf-8"), location)
-        raise RobotError(f"{path.name}, line {line}: {problem}", expected=expected, do=do)
+        raise RobotError(f"{name}, line {line_of(text, location)}: {problem}", expected=expected, do=do)
 
 
 def _problems(file: RobotFile) -> Iterator[Problem]:

@@ -1,6 +1,5 @@
 """Robots as folders: an MJCF model and a robot.toml."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,31 +12,39 @@ from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import LogError, RobotError, SimulationError
+from dynreg.folder import Folder, read_folder
 from dynreg.sim.consistency import check_consistency
 from dynreg.sim.engine import ENGINES, Engine
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import RobotFile
-from dynreg.tomlfile import read_toml
+from dynreg.tomlfile import parse_toml, toml_text
+
+TOML = "robot.toml"
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot that can be simulated: its folder, the checked robot.toml and a hash of both files.
+    """A robot that can be simulated: its folder's files and the checked robot.toml.
 
     Attributes
     ----------
     name, folder : as given.
+    files : those of the folder, as they were when it was loaded.
     file : the checked robot.toml.
     space : the parameters that a population randomizes, in the order of the value vector (P,).
-    hash : 64 hexadecimal digits over robot.toml and the model's files.
     """
 
     name: str
     folder: Path
+    files: Folder
     file: RobotFile
     space: ParameterSpace
-    hash: str
+
+    @property
+    def hash(self) -> str:
+        """64 hexadecimal digits over robot.toml and the model's files."""
+        return self.files.hash
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -200,27 +207,39 @@ def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
     `ranges` names one of its [populations]; raises RobotError that says what is wrong and where.
     """
     packaged = packaged_robots()
-    folder = packaged.get(str(ref), Path(ref).expanduser())
-    path = folder / "robot.toml"
-    if not path.is_file():
+    folder = packaged.get(str(ref)) or _expanded(ref)
+    if not (folder / TOML).is_file():
         raise RobotError(
             f"no robot {str(ref)!r}",
             expected=f"one of {list(packaged)} or a folder with robot.toml and its MJCF model",
             do="see `dynreg robots`",
         )
-    file = read_toml(path, RobotFile, RobotError)
-    check_consistency(file, path)
-    if not (folder / file.robot.model).is_file():
+    robot = robot_of(read_folder(folder, links=folder in packaged.values()), folder.resolve())
+    return robot if ranges is None else with_population(robot, ranges)
+
+
+def robot_of(files: Folder, folder: Path) -> Robot:
+    """The robot of these files, which were read from `folder`; RobotError as from `load_robot`."""
+    text = toml_text(files.hashed.get(TOML, b""), TOML, RobotError)
+    file = parse_toml(text, TOML, RobotFile, RobotError)
+    check_consistency(file, text, TOML)
+    if file.robot.model not in files.hashed:
         raise RobotError(
-            f"{folder / file.robot.model} does not exist",
+            f"{folder / file.robot.model} does not exist in the robot's folder",
             expected="the MJCF model that robot.toml names",
             do="add it or correct `model`",
         )
     space = ParameterSpace(
         tuple(Parameter(**dict(table) | {"sets": tuple(table.sets)}) for table in file.parameters)
     )
-    robot = Robot(file.robot.name, folder.resolve(), file, space, _hash(folder))
-    return robot if ranges is None else with_population(robot, ranges)
+    return Robot(file.robot.name, folder, files, file, space)
+
+
+def _expanded(ref: str | Path) -> Path:
+    try:
+        return Path(ref).expanduser()
+    except RuntimeError:  # of a user whom this machine does not know
+        return Path(ref)
 
 
 def with_population(robot: Robot, ranges: str) -> Robot:
@@ -244,14 +263,3 @@ def require_commands(robot: Robot, recording: Recording) -> None:
             expected=f"the channels {list(robot.actions)}",
             do="log the commands too and map them; until then it can only be checked, listed and exported",
         )
-
-
-def _hash(folder: Path) -> str:
-    """sha256 over the names and bytes of the folder's files: models, meshes, robot.toml; not the log maps."""
-    digest = hashlib.sha256()
-    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        relative = path.relative_to(folder)
-        if relative.parts[0] == "maps" or any(part.startswith((".", "__")) for part in relative.parts):
-            continue
-        digest.update(str(relative.as_posix()).encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()

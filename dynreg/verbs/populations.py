@@ -51,7 +51,7 @@ def begin(
 ) -> tuple[str, Shared]:
     """The id of a population, and what its entries share: as the registry holds it, else made."""
     identity = population_id(robot, plan.seed, plan.training)
-    registry.put_robot(robot.folder, robot.hash, robot.name)
+    registry.put_robot(robot.files, robot.hash, robot.name)
     known = {record.id: record for record in registry.populations()}.get(identity)
     if known is not None:
         if plan.n > known.size:

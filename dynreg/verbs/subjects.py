@@ -97,7 +97,7 @@ def recorded(
 
 def register(registry: Registry, robot: "Robot", recording: "Recording", name: str | None = None) -> str:
     """Keep a robot and a recording of it, under a name; its id."""
-    registry.put_robot(robot.folder, robot.hash, robot.name)
+    registry.put_robot(robot.files, robot.hash, robot.name)
     return registry.put_recording(recording, robot.hash, name)
 
 

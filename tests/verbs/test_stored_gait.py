@@ -149,7 +149,7 @@ def test_simulators_are_named_by_the_words_of_all_verbs() -> None:
 
 def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session) -> None:
     other = load_robot("leg")
-    opened.registry.put_robot(other.folder, other.hash, other.name)
+    opened.registry.put_robot(other.files, other.hash, other.name)
     stranger = opened.registry.put_simulator(SimConfig(other.hash, other.name, {}).as_dict())
     with pytest.raises(UsageError, match="is of robot 'leg'"):
         opened.gait("log", on=stranger)
