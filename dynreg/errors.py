@@ -1,10 +1,13 @@
 """The errors that dynreg raises: each says what is wrong, what was expected and what to do next."""
 
+from dynreg.foreign import visible
+
 
 class DynregError(Exception):
     """Root of every error that a user can cause or mend.
 
-    The message is always one line: the bad value, what was expected, the next step.
+    The message is always one line, in which foreign text is `visible`: the bad value, what was expected, the next
+    step.
 
     Parameters
     ----------
@@ -95,4 +98,4 @@ def taken_apart(message: str) -> tuple[str, str, str]:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(str(text).split())
+    return visible(" ".join(str(text).split()))

@@ -12,6 +12,7 @@ import typer
 
 from dynreg.cli.told import parameters, told
 from dynreg.errors import UsageError
+from dynreg.foreign import visible
 from dynreg.session import DEFAULT
 from dynreg.verbs.settings import Settings
 
@@ -112,7 +113,7 @@ class Call:
             out = console()
             out.print(render(result) if shown is None else shown)
             if hint and not self.quiet:
-                out.print(f"next: {hint}")
+                out.print(f"next: {visible(hint)}")
         if (problem := refusal(result)) is not None:
             raise problem
 

@@ -1,11 +1,14 @@
 """What a shell offers after TAB for robots, recordings and the other names in a registry."""
 
 import os
+import re
 from collections.abc import Callable, Collection
 from pathlib import Path
 
 from dynreg.session import DEFAULT
 
+MOST_OFFERED = 1000  # names: more help nobody to choose
+_PLAIN = re.compile(r"[\w@%+=:,./-]+")
 KINDS = ("population", "recording", "simulator", "result", "robot")
 
 
@@ -39,19 +42,23 @@ def stored_names(incomplete: str) -> list[str]:
 
 
 def _names(kind: str, incomplete: str) -> list[str]:
+    """Stored names that begin so and that a shell takes as they are: what it offers, it may also run."""
     import sqlite3
 
     table = {"recording": "recording_names", "population": "populations"}[kind]
     catalog = Path(os.environ.get("DYNREG_REGISTRY") or DEFAULT) / "catalog.sqlite"
+    if not catalog.is_file():
+        return []
     try:
         connection = sqlite3.connect(f"{catalog.absolute().as_uri()}?mode=ro", uri=True, timeout=0.2)
         try:
-            names = [row[0] for row in connection.execute(f"SELECT DISTINCT name FROM {table} ORDER BY name")]
+            rows = connection.execute(f"SELECT DISTINCT name FROM {table} ORDER BY name LIMIT {MOST_OFFERED}")
+            names = [row[0] for row in rows]
         finally:
             connection.close()
     except sqlite3.Error:
         return []
-    return [name for name in names if name and name.startswith(incomplete)]
+    return [n for n in names if isinstance(n, str) and n.startswith(incomplete) and _PLAIN.fullmatch(n)]
 
 
 def effect_names(incomplete: str) -> list[str]:

@@ -1,6 +1,5 @@
 """`dynreg drift`: whether a registered recording is still true of a wheeled robot."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 from dynreg.cli.call import Call, can_write
 from dynreg.cli.completion import recording_names
 from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog
+from dynreg.cli.output import say
 from dynreg.verbs.drift import DriftSettings
 
 
@@ -53,5 +53,5 @@ def drift(
             progress=progress,
         )
     if out is not None:
-        print(f"{out}: written", file=sys.stderr, flush=True)
+        say(f"{out}: written")
     call.emit_and_write(result, report)

@@ -25,9 +25,9 @@ def effects(
 
     Example: dynreg effects servo_pendulum
     """
-    from dynreg.report.effects import tables
+    from dynreg.report.tables import render
     from dynreg.session import Session
 
     result = Session.effects(robot)
-    shown = None if call.shared.json else tables(result, near)
+    shown = None if call.shared.json else render(result, near=near)
     call.emit(result, shown, hint=f"dynreg trial {robot or 'ROBOT'} --effect EFFECT")

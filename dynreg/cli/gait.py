@@ -1,6 +1,5 @@
 """`dynreg gait`: joint commands that walk, sought in the simulators that stand for a recording's robot."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from dynreg.cli.call import Call, can_write
 from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog
+from dynreg.cli.output import say
 from dynreg.errors import PictureError, UsageError
 from dynreg.verbs.gait import GaitSettings
 
@@ -55,6 +55,6 @@ def _film(session: "Session", found: "Gait", film: Path) -> None:
     try:
         session.export_gait(found, film, film.suffix.lower()[1:])
     except PictureError as problem:
-        print(f"note: {problem}", file=sys.stderr, flush=True)
+        say(f"note: {problem}")
     else:
-        print(f"{film}: written", file=sys.stderr, flush=True)
+        say(f"{film}: written")

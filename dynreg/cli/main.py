@@ -34,7 +34,9 @@ from dynreg.cli.call import (
     SettingsOption,
     Shared,
 )
+from dynreg.cli.output import say
 from dynreg.errors import DynregError, OldWord
+from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
 READER_GONE = 1  # the status that typer and rich give to a broken pipe
@@ -138,6 +140,9 @@ def run() -> None:
     if "--debug" not in sys.argv:
         _only_old_words()
     _without_opengl()
+    sys.stdout.reconfigure(
+        errors="backslashreplace"
+    )  # a letter that the terminal's encoding lacks is no error
     sys.exit(main(sys.argv[1:]))
 
 
@@ -147,7 +152,7 @@ def _only_old_words() -> None:
 
     warnings.simplefilter("ignore")
     warnings.simplefilter("default", OldWord)
-    warnings.showwarning = lambda message, *_: print(f"note: {message}", file=sys.stderr, flush=True)
+    warnings.showwarning = lambda message, *_: say(f"note: {message}")
 
 
 def _without_opengl() -> None:
@@ -161,8 +166,8 @@ def _without_opengl() -> None:
 
 def _fail(text: str, status: int, debug: bool) -> int:
     if debug:
-        traceback.print_exc()
-    print(f"error: {text}", file=sys.stderr, flush=True)
+        print(visible(traceback.format_exc(), keep="\n"), file=sys.stderr, end="")
+    say(f"error: {text}")
     return status
 
 

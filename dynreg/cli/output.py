@@ -4,9 +4,15 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from dynreg.foreign import visible
 from dynreg.verbs.verb import Progress
 
 WIDTH = 100
+
+
+def say(line: str) -> None:
+    """A line on stderr, whatever foreign text is in it."""
+    print(visible(line), file=sys.stderr, flush=True)
 
 
 def console(stream=None):
@@ -27,7 +33,12 @@ def progress_bars(wanted: bool) -> Iterator[Progress | None]:
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console(sys.stderr), transient=True) as bars:
         tasks = {}
 

@@ -29,7 +29,10 @@ def write_report(result: Result, path: str | Path) -> Path:
 
 
 def page(result: Result) -> str:
-    """The page's HTML: the template of its kind, else the usual one, filled with what its room draws."""
+    """The page's HTML: the template of its kind, else the usual one, filled with what its room draws.
+
+    The result's text is made fit to be shown before, and escaped as it is filled in.
+    """
     drawn = getattr(room(result), "page", None)
     if drawn is None:
         raise UsageError(
@@ -38,7 +41,7 @@ def page(result: Result) -> str:
             do="see `dynreg list --kind result`",
         )
     template = _environment().select_template((f"{result.schema_name()}.html", "result.html"))
-    return template.render(**drawn(result))
+    return template.render(**drawn(result.visible()))
 
 
 @cache

@@ -3,6 +3,7 @@
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
+from typing import Any
 
 from rich.console import RenderableType
 
@@ -26,12 +27,12 @@ def room(result: Result) -> ModuleType | None:
     return import_module(name) if kind and find_spec(name) else None
 
 
-def render(result: Result) -> RenderableType:
-    """The tables of a result."""
-    found = room(result)
+def render(result: Result, **how: Any) -> RenderableType:
+    """The tables of a result, its text fit to be shown. how : what its room can be told besides."""
+    found, shown = room(result), result.visible()
     if found is None:
-        return table(("", ""), [(key, value_text(value)) for key, value in result.to_dict().items()])
-    return found.tables(result)
+        return table(("", ""), [(key, value_text(value)) for key, value in shown.to_dict().items()])
+    return found.tables(shown, **how)
 
 
 def refusal(result: Result) -> DynregError | None:

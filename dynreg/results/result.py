@@ -2,9 +2,12 @@
 
 import html
 import json
-from typing import Any
+from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
+from pydantic_core import PydanticSerializationError
+
+from dynreg.foreign import visible
 
 
 class Result(BaseModel):
@@ -30,7 +33,15 @@ class Result(BaseModel):
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document as plain data."""
-        return json.loads(self.model_dump_json(by_alias=True))
+        try:
+            text = self.model_dump_json(by_alias=True)
+        except PydanticSerializationError:  # of half a surrogate pair, as a file's name has that is no UTF-8
+            text = self.visible().model_dump_json(by_alias=True)
+        return json.loads(text)
+
+    def visible(self) -> Self:
+        """The same result with all its text fit to be shown; see `foreign.visible`."""
+        return _visible(self)
 
     def rows(self) -> list[dict[str, Any]]:
         """The result as a table, one dict a row."""
@@ -50,9 +61,10 @@ class Result(BaseModel):
         import pandas as pd
 
         # a sentence of its own, not pydantic's field by field
+        shown = self.visible()
         said = type(self).__str__ is not BaseModel.__str__
-        parts = [f"<p>{html.escape(str(self))}</p>"] if said else []
-        for title, rows in self.tables().items():
+        parts = [f"<p>{html.escape(str(shown))}</p>"] if said else []
+        for title, rows in shown.tables().items():
             if title and rows:
                 parts.append(f"<h4>{html.escape(title)}</h4>")
             if rows or not title:
@@ -111,3 +123,17 @@ class Cost(Result):
     rollouts: int
     test_rollouts: int = 0
     seconds: float
+
+
+def _visible(value: Any) -> Any:
+    """A value, however deep, with its text fit to be shown; keys as well."""
+    if isinstance(value, str):
+        return visible(value)
+    if isinstance(value, BaseModel):
+        fields = {name: _visible(getattr(value, name)) for name in type(value).model_fields}
+        return value.model_copy(update=fields)
+    if isinstance(value, dict):
+        return {_visible(key): _visible(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(_visible, value))
+    return value
