@@ -7,13 +7,14 @@ very state in which it was left, its random numbers included, without evaluating
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynreg.errors import CorruptError, UsageError
+from dynreg.errors import CorruptError, RegistryError, UsageError
 
 SCHEMA = "dynreg/search/1"
 
@@ -21,8 +22,10 @@ SCHEMA = "dynreg/search/1"
 class Journal:
     """The journal of one search at `path`; `key` is what makes it this search (plain JSON).
 
+    Every line carries a checksum of its own; in a journal that was written before there were any, no line does.
     resume : go on with what is there; else begin anew. A last line that was not written to its end is left out.
-    Raises UsageError where the file is of another search, CorruptError where it does not read.
+    Raises UsageError where the file is of another search, CorruptError where it does not read as it was written, and
+    RegistryError where it cannot be written.
     """
 
     def __init__(self, path: Path, key: Mapping[str, Any], *, resume: bool):
@@ -30,11 +33,10 @@ class Journal:
         self._key = json.loads(json.dumps(dict(key)))
         self._held = self._read() if resume and path.is_file() else []
         self._next = 0
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".writing")
         lines = [{"schema": SCHEMA, "search": self._key}, *self._held]
-        temporary.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-        os.replace(temporary, path)
+        with _written(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _replace(path, "".join(map(_line, lines)))
 
     def next(self, asked: np.ndarray) -> np.ndarray | None:
         """(n, k) what the journal holds for the candidates (n, P) asked next; None at its end."""
@@ -42,30 +44,29 @@ class Journal:
             return None
         line = self._held[self._next]
         self._next += 1
-        if line["asked"] != _digest(asked):
+        grades = np.array(line["grades"], dtype=float)
+        if line["asked"] != _digest(asked) or len(grades) != len(asked):
             raise CorruptError(
                 f"{str(self.path)!r} does not belong to this search: step {self._next} asked something else",
                 expected="a journal written by these versions of dynreg and its libraries",
                 do="begin anew without --resume",
             )
-        return np.array(line["grades"], dtype=float)
+        return grades
 
     def add(self, asked: np.ndarray, grades: np.ndarray) -> None:
         """Keep what was found; on disk when this returns."""
-        line = json.dumps({"asked": _digest(asked), "grades": grades.tolist()})
-        with open(self.path, "a", encoding="utf-8") as file:
-            file.write(line + "\n")
+        line = _line({"asked": _digest(asked), "grades": grades.tolist()})
+        with _written(self.path), open(self.path, "a", encoding="utf-8") as file:
+            file.write(line)
             file.flush()
             os.fsync(file.fileno())
 
     def _read(self) -> list[dict[str, Any]]:
-        whole, _, _ = self.path.read_text(encoding="utf-8").rpartition("\n")
-        try:
-            head, *lines = [json.loads(line) for line in whole.splitlines()]
-            known = head["schema"] == SCHEMA and all({"asked", "grades"} <= set(line) for line in lines)
-        except (ValueError, KeyError, TypeError):
-            known = False
-        if not known:
+        """The steps that are held; a line that was not written to its end is none."""
+        first, *lines = self.path.read_bytes().split(b"\n")[:-1] or [b""]
+        head = _checked(first) or {}
+        known = head.keys() == {"schema", "search"} and head["schema"] == SCHEMA
+        if not known or not isinstance(head["search"], dict):
             raise CorruptError(
                 f"{str(self.path)!r} is no journal of a search",
                 expected=f"lines of JSON, the first with schema {SCHEMA!r}",
@@ -78,7 +79,71 @@ class Journal:
                 expected="the settings that it was begun with",
                 do="give those, or begin anew without --resume",
             )
-        return lines
+        steps = [_step(line) for line in lines]
+        if None in steps:
+            raise CorruptError(
+                f"line {2 + steps.index(None)} of {str(self.path)!r} is damaged",
+                expected="every line as it was written",
+                do="delete that line and all behind it to go on from there, or begin anew without --resume",
+            )
+        return steps
+
+
+def _line(document: Mapping[str, Any]) -> str:
+    """A line of the journal, with the checksum of the rest at its end."""
+    return json.dumps({**document, "check": _check(document)}) + "\n"
+
+
+def _check(document: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(document).encode()).hexdigest()[:16]
+
+
+def _checked(line: bytes) -> dict[str, Any] | None:
+    """What a line holds, without its checksum; None where that is another, or the line is no JSON object."""
+    try:
+        document = json.loads(line)
+        check = document.pop("check", None)
+    except (ValueError, AttributeError, TypeError, RecursionError):
+        return None
+    return document if check is None or check == _check(document) else None
+
+
+def _step(line: bytes) -> dict[str, Any] | None:
+    """What was asked and found, where a line tells of both and of nothing else."""
+    document = _checked(line)
+    if document is None or document.keys() != {"asked", "grades"}:
+        return None
+    try:
+        return document if np.array(document["grades"], dtype=float).ndim == 2 else None
+    except (ValueError, TypeError, OverflowError):
+        return None
+
+
+def _replace(path: Path, text: str) -> None:
+    """Put a text in a file's place: a reader or a power cut sees all of it, or what was there before."""
+    temporary = path.with_suffix(".writing")
+    with open(temporary, "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RegistryError(
+            f"cannot write {str(path)!r}: {error.strerror or error}",
+            expected="a folder that may be written, with room left",
+            do="free some space or mend its permissions, then go on with --resume",
+        ) from error
 
 
 def _digest(asked: np.ndarray) -> str:

@@ -1,16 +1,13 @@
-"""Searches on plain functions: they find the top, keep budgets, and their journal is trusted only where it fits."""
-
-from pathlib import Path
+"""Searches on plain functions: they find the top and keep budgets."""
 
 import numpy as np
 import pytest
 
-from dynreg.errors import CorruptError, UsageError
+from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.search.cmaes import CmaEs
 from dynreg.search.drive import Limits, drive
 from dynreg.search.hill import HillClimber
-from dynreg.search.journal import Journal
 from dynreg.search.screened import Screened, after, around
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
@@ -142,45 +139,6 @@ def test_a_generator_of_its_own_leaves_the_global_one_alone() -> None:
     before = np.random.get_state()[1].copy()  # noqa: NPY002
     drive(MAKE["cma"](stream(1, "a")), hump, judge, Limits(50))
     assert np.array_equal(np.random.get_state()[1], before)  # noqa: NPY002
-
-
-def journal_of(path: Path, batches: int = 2) -> None:
-    kept = Journal(path, {"seed": 1}, resume=False)
-    search = MAKE["random"](stream(1, "a"))
-    for _ in range(batches):
-        asked = search.ask()
-        kept.next(asked)
-        kept.add(asked, hump(asked))
-        search.tell(-hump(asked)[:, 0])
-
-
-def test_a_journal_gives_back_what_was_found_and_drops_a_torn_line(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    journal_of(path)
-    text = path.read_text()
-    path.write_text(text + '{"asked": "12')
-    kept, search = Journal(path, {"seed": 1}, resume=True), MAKE["random"](stream(1, "a"))
-    for _ in range(2):
-        asked = search.ask()
-        assert np.array_equal(kept.next(asked), hump(asked))
-        search.tell(-hump(asked)[:, 0])
-    assert kept.next(search.ask()) is None
-    assert path.read_text() == text
-    assert Journal(path, {"seed": 1}, resume=False).next(asked) is None  # begun anew
-
-
-def test_a_journal_of_another_search_or_of_none_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    journal_of(path)
-    with pytest.raises(UsageError, match="another search .seed differ"):
-        Journal(path, {"seed": 2}, resume=True)
-    kept = Journal(path, {"seed": 1}, resume=True)
-    with pytest.raises(CorruptError, match="asked something else"):
-        kept.next(np.zeros((8, 3)))
-    path.write_text("not json\n")
-    with pytest.raises(CorruptError, match="no journal"):
-        Journal(path, {"seed": 1}, resume=True)
-    assert path.read_text() == "not json\n"
 
 
 def test_a_screened_search_sets_out_from_the_best_that_it_saw() -> None:
