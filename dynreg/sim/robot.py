@@ -11,7 +11,7 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import LogError, RobotError, SimulationError
+from dynreg.errors import LogError, RobotError, UsageError
 from dynreg.folder import Folder, read_folder
 from dynreg.sim.consistency import check_consistency
 from dynreg.sim.engine import ENGINES, Engine
@@ -119,10 +119,10 @@ class Robot:
         return {name: ENGINES[name] for name in self.file.robot.engines}
 
     def running(self, engine: str | None = None) -> str:
-        """The engine that it runs on: this one, or its first; SimulationError where it does not offer it."""
+        """The engine that it runs on: this one, or its first; UsageError where it does not offer it."""
         offered = self.file.robot.engines
         if engine is not None and engine not in offered:
-            raise SimulationError(
+            raise UsageError(
                 f"robot {self.name!r} has no engine {engine!r}",
                 expected=f"one of {list(offered)}",
                 do="choose one of them, or add it to robot.toml",
@@ -204,7 +204,8 @@ def packaged_robots() -> dict[str, Path]:
 def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
     """The robot of a packaged name or of any folder.
 
-    `ranges` names one of its [populations]; raises RobotError that says what is wrong and where.
+    ranges : one of its [populations]; UsageError where it has no such one. Raises RobotError that says what is wrong
+    with the folder, and where.
     """
     packaged = packaged_robots()
     folder = packaged.get(str(ref)) or _expanded(ref)
@@ -243,9 +244,9 @@ def _expanded(ref: str | Path) -> Path:
 
 
 def with_population(robot: Robot, ranges: str) -> Robot:
-    """The robot with the parameter ranges that its [populations.<ranges>] gives."""
+    """The robot with the parameter ranges that its [populations.<ranges>] gives; UsageError where it has none."""
     if ranges not in robot.file.populations:
-        raise RobotError(
+        raise UsageError(
             f"robot {robot.name!r} has no population {ranges!r}",
             expected=f"one of {sorted(robot.file.populations)}",
             do="correct the name, or add it to robot.toml",

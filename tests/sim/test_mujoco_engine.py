@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from arm_robot import ARM_XML, parameter
 
-from dynreg.errors import RobotError, SimulationError
+from dynreg.errors import RobotError, SimulationError, UsageError
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
@@ -262,7 +262,7 @@ def test_no_time_step_reads_the_clock(quadruped: Robot):
 
 
 def test_a_robot_that_lacks_the_engine_says_so(quadruped: Robot):
-    with pytest.raises(SimulationError, match="no engine 'joint'.*mujoco"):
+    with pytest.raises(UsageError, match="no engine 'joint'.*mujoco"):
         rollout(quadruped, quadruped.space.nominal[None], Run(np.zeros((1, 1, 12))), engine="joint")
 
 

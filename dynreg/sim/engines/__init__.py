@@ -133,7 +133,8 @@ def rollouts(
 
     engine : one of the robot's; its first by default.
     threads : 0 for all cores. The numbers depend neither on it nor on the other cases.
-    Raises SimulationError where the robot does not offer the engine, or nothing says how long a command lasts.
+    Raises UsageError where the robot does not offer the engine, SimulationError where nothing says how long a command
+    lasts.
     """
     simulate = import_module(ENGINES[robot.running(engine)].module).simulate
     if any(case.run.period is None for case in cases) and not robot.file.robot.control_rate:

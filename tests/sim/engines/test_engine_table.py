@@ -5,7 +5,7 @@ from inspect import signature
 
 import pytest
 
-from dynreg.errors import SimulationError
+from dynreg.errors import UsageError
 from dynreg.sim.engine import ENGINES, engines_with
 from dynreg.sim.robot import load_robot, packaged_robots
 
@@ -25,5 +25,5 @@ def test_a_robot_runs_on_its_first_engine_and_on_no_other_than_its_own(name: str
     robot = load_robot(name)
     assert [robot.running(), *robot.engines] == [robot.file.robot.engines[0], *robot.file.robot.engines]
     assert robot.planar == {*robot.engines}.issubset(engines_with("planar"))
-    with pytest.raises(SimulationError, match="no engine 'steam'"):
+    with pytest.raises(UsageError, match="no engine 'steam'"):
         robot.running("steam")

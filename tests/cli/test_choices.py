@@ -1,0 +1,37 @@
+"""A setting with a choice that there is not is misuse, wherever it is found out: exit status 2, and the choices."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    "line, choice",
+    [
+        ("diagnose bench --engine bullet", "joint"),
+        ("trial servo_pendulum --engine bullet", "joint"),
+        ("populate leg -n 2 --ranges bullet", "one of"),
+        ("query bench --distance bullet", "one_sided"),
+        ("query bench --hold-out bullet", "kp=400"),
+        ("calibrate bench --method bullet", "cma"),
+        ("compare bench --models bullet", "kinematic"),
+        ("diagnose bench --effects bullet", "backlash"),
+        ("trial servo_pendulum --effect bullet", "backlash"),
+        ("trial servo_pendulum --size bullet", "weak"),
+        ("excite servo_pendulum --for payload,bullet -o next.csv", "backlash"),
+        ("excite servo_pendulum --for payload,backlash -o next.bullet", ".csv"),
+        ("gait bench --film next.bullet", ".gif"),
+        ("export bench --as bullet --to next", "robot"),
+        ("list --kind bullet", "recording"),
+    ],
+)
+def test_a_choice_that_there_is_not_is_misuse(
+    line: str, choice: str, dynreg, registry_folder: Path, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(registry_folder, "registry")
+    ended = dynreg(*line.split(), "--registry", "registry")
+    assert ended.status == 2 and ended.out == "", ended.err
+    assert re.fullmatch(r"error: .*bullet.*; expected .+; .+\n", ended.err) and choice in ended.err
