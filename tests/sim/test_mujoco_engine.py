@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from arm_robot import ARM_XML, parameter
 
-from dynreg.errors import RobotError, SimulationError, UsageError
+from dynreg.errors import RobotError, UsageError
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot

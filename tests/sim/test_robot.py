@@ -8,7 +8,7 @@ from arm_robot import ARM_XML, parameter
 
 from dynreg.data.ingest import read_recording
 from dynreg.data.maps import check_map, read_map
-from dynreg.errors import LogError, MapError, RobotError
+from dynreg.errors import LogError, MapError, RobotError, UsageError
 from dynreg.sim.robot import load_robot, packaged_robots, require_commands
 
 PACKAGED = tuple(packaged_robots())
@@ -115,7 +115,7 @@ def test_named_ranges_replace_the_parameters_own(write_robot: Callable[..., Path
     weak = load_robot(folder, "weak")
     np.testing.assert_array_equal(weak.space.bounds, [[1.0, 10.0]])
     assert weak.hash == load_robot(folder).hash
-    with pytest.raises(RobotError, match="'strong'.*weak"):
+    with pytest.raises(UsageError, match="'strong'.*weak"):
         load_robot(folder, "strong")
 
 
