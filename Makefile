@@ -18,12 +18,13 @@ CASES ?=
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo test slow golden bench $(BENCHES) lint clean
+.PHONY: help env demo test test-wheel slow golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        a real servo log (or a hidden simulated servo) against 1000 simulators'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
-	@echo 'make slow        the longer runs'
+	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
+	@echo 'make slow        the longer runs, that one included'
 	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
 	@echo 'make bench       every benchmark; results under benchmarks/results/'
 	@for name in $(BENCHES); do echo "make $$name"; done
@@ -52,6 +53,9 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	@$(BIN)/python -m pytest $(SPREAD) $(ARGS)
+
+test-wheel: $(STAMP)
+	@$(BIN)/python -m pytest -m 'slow or not slow' tests/test_wheel.py $(ARGS)
 
 slow: $(STAMP)
 	@$(BIN)/python -m pytest -m slow $(ARGS)
