@@ -1,6 +1,7 @@
 """Recordings as Arrow tables, Parquet, CSV and MCAP files, and back."""
 
 import json
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -69,8 +70,8 @@ def from_table(table: pa.Table, name: str = "table") -> Recording:
         ) from error
 
 
-def write_parquet(recording: Recording, path: str | Path) -> None:
-    """Write a recording; the same recording gives the same bytes."""
+def write_parquet(recording: Recording, path: str | Path | BytesIO) -> None:
+    """Write a recording to a file or to memory; the same recording gives the same bytes."""
     import pyarrow.parquet as pq
 
     with open(path, "wb") as file:  # a stream: of a path, a colon would make an address
