@@ -19,8 +19,8 @@ def verify(
 ) -> None:
     """Check that all that was stored is still there.
 
-    Compares the catalogue and the ledger with the stored files, hash by hash. Exit status 3 when data are lost or changed.
-    A repair moves what it cannot use to lost+found/ in the registry; it deletes nothing but caches.
+    Compares the catalogue and the ledger with the stored files, hash by hash. Exit status 3 when data are lost or
+    changed. A repair moves what it cannot use to lost+found/ in the registry; it deletes nothing but caches.
 
     Example: dynreg verify --dry-run
     """

@@ -1,7 +1,6 @@
 """Recordings: what a robot did, stored under the hash of its numbers and under names."""
 
 import re
-from io import BytesIO
 
 from sqlalchemy import Connection, Row, select
 
@@ -85,11 +84,9 @@ def list_recordings(directory: Directory, recording_id: str | None = None) -> tu
 
 
 def _encode(recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
-    from dynreg.data.table import write_parquet
+    from dynreg.data.table import to_parquet
 
-    sink = BytesIO()
-    write_parquet(recording, sink)
-    data = sink.getvalue()
+    data = to_parquet(recording)
     # Both hashes in the name let a lost catalogue row be written again.
     return content_name("recordings", f"{recording.id[:16]}-{robot_hash[:16]}", data, "parquet"), data
 
