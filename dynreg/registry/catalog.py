@@ -114,7 +114,7 @@ class Catalog:
             connection, transaction = self._begun(begin)
             with connection, transaction:
                 yield connection
-        except (DBAPIError, sqlite3.Error) as error:
+        except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
             raise explained(self.path, error) from error
 
     def _begun(self, begin: str) -> tuple[Connection, RootTransaction]:

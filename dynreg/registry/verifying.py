@@ -135,7 +135,7 @@ def _read(path: Path, connection: Connection) -> _Stored:
         }
         pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
         return _Stored(rows, pages, tuple(broken or broken_seals(connection)), usable=not broken)
-    except (DBAPIError, sqlite3.Error) as error:
+    except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
         problem = explained(path / FILE, error)
         if not isinstance(problem, CorruptError):
             raise problem from error
