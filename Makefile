@@ -15,16 +15,20 @@ PYTHON ?= $(shell for p in python3 python3.12 python3.11 python3.13; do \
 BENCHES := $(patsubst benchmarks/bench_%.py,bench-%,$(sort $(wildcard benchmarks/bench_*.py)))
 ARGS ?=
 CASES ?=
+SECONDS ?= 60
+TARGETS ?=
+SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo test test-wheel slow golden bench $(BENCHES) lint clean
+.PHONY: help env demo test test-wheel slow fuzz golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        a real servo log (or a hidden simulated servo) against 1000 simulators'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
 	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
 	@echo 'make slow        the longer runs, that one included'
+	@echo 'make fuzz        odd inputs for every reader; SECONDS=3600 TARGETS=mcap,csv JOBS=2, findings under .fuzz/'
 	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
 	@echo 'make bench       every benchmark; results under benchmarks/results/'
 	@for name in $(BENCHES); do echo "make $$name"; done
@@ -59,6 +63,10 @@ test-wheel: $(STAMP)
 
 slow: $(STAMP)
 	@$(BIN)/python -m pytest -m slow $(ARGS)
+
+# Goes on where the last run of the same SEED ended; tests/fuzz/run.py --help has the rest.
+fuzz: $(STAMP)
+	@$(BIN)/python tests/fuzz/run.py --seconds $(SECONDS) --targets '$(TARGETS)' --jobs $(JOBS) --seed $(SEED) $(ARGS)
 
 golden: $(STAMP)
 	@$(BIN)/python tests/golden/write.py $(CASES)

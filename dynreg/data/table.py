@@ -1,7 +1,6 @@
 """Recordings as Arrow tables, Parquet, CSV and MCAP files, and back."""
 
 import json
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -70,18 +69,12 @@ def from_table(table: pa.Table, name: str = "table") -> Recording:
         ) from error
 
 
-def to_parquet(recording: Recording) -> bytes:
-    """A recording as the bytes of a Parquet file; the same recording gives the same bytes."""
-    import pyarrow.parquet as pq
-
-    sink = BytesIO()
-    pq.write_table(to_table(recording), sink, compression="zstd", compression_level=3, version="2.6")
-    return sink.getvalue()
-
-
 def write_parquet(recording: Recording, path: str | Path) -> None:
     """Write a recording; the same recording gives the same bytes."""
-    Path(path).write_bytes(to_parquet(recording))
+    import pyarrow.parquet as pq
+
+    with open(path, "wb") as file:  # a stream: of a path, a colon would make an address
+        pq.write_table(to_table(recording), file, compression="zstd", compression_level=3, version="2.6")
 
 
 def read_parquet(path: str | Path) -> Recording:

@@ -1,0 +1,1 @@
+"""A fuzzer of everything that dynreg reads from strangers; `run.py` beside this package is its command."""

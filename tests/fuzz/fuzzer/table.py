@@ -1,0 +1,7 @@
+"""The table of targets: every reader of what strangers wrote."""
+
+from fuzzer.formats import bags, mcap, others, robots, tables
+from fuzzer.target import Target
+
+_ALL = (*mcap.TARGETS, *bags.TARGETS, *tables.TARGETS, *others.TARGETS, *robots.TARGETS)
+TARGETS: dict[str, Target] = {target.name: target for target in _ALL}
