@@ -86,6 +86,10 @@ class OldWord(FutureWarning):
     """A word that is called something else today; it still works."""
 
 
+class NotStored(UserWarning):
+    """A result that is shown and not kept, as the registry may only be read."""
+
+
 def taken_apart(message: str) -> tuple[str, str, str]:
     """(problem, expected, do) of an error's message; the last two are "" where it does not say them.
 

@@ -35,7 +35,7 @@ from dynreg.cli.call import (
     Shared,
 )
 from dynreg.cli.output import say
-from dynreg.errors import DynregError, OldWord
+from dynreg.errors import DynregError, NotStored, OldWord
 from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
@@ -138,7 +138,7 @@ def main(arguments: Sequence[str]) -> int:
 def run() -> None:
     """The console script."""
     if "--debug" not in sys.argv:
-        _only_old_words()
+        _only_own_warnings()
     _without_opengl()
     sys.stdout.reconfigure(
         errors="backslashreplace"
@@ -146,12 +146,13 @@ def run() -> None:
     sys.exit(main(sys.argv[1:]))
 
 
-def _only_old_words() -> None:
-    """Warnings of the libraries below are kept back; that a word is called something else now is one line."""
+def _only_own_warnings() -> None:
+    """Warnings of the libraries below are kept back; dynreg's own are one line each."""
     import warnings
 
     warnings.simplefilter("ignore")
     warnings.simplefilter("default", OldWord)
+    warnings.simplefilter("default", NotStored)
     warnings.showwarning = lambda message, *_: say(f"note: {message}")
 
 

@@ -13,22 +13,29 @@ def verify(
     repair: Annotated[
         bool, typer.Option("--repair", help="Bring the catalogue in line with the files.")
     ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what --repair would do, and change nothing.")
+    ] = False,
 ) -> None:
     """Check that all that was stored is still there.
 
-    Compares the catalogue with the stored files, hash by hash. Exit status 3 when data are lost or changed.
+    Compares the catalogue and the ledger with the stored files, hash by hash. Exit status 3 when data are lost or
+    changed. A repair moves what it cannot use to lost+found/ in the registry; it deletes nothing but caches.
 
-    Example: dynreg verify --repair
+    Example: dynreg verify --dry-run
     """
     from dynreg.report.words import count
     from dynreg.verbs.verify import verification
 
-    result = verification(call.registry, repair)  # a session could not open a damaged registry
-    call.emit(result, hint=None if result.clean or repair else "dynreg verify --repair")
-    left = result.lost if repair else result.faults
+    result = verification(call.registry, repair, dry_run)  # a session could not open a damaged registry
+    repaired = repair and not dry_run
+    call.emit(result, hint=None if result.clean or repaired else "dynreg verify --repair")
+    left = result.lost if repaired else result.faults
     if left:
         raise CorruptError(
             f"{count(len(left), 'fault')}, the first: {left[0]}",
             expected="every stored file as it was registered",
-            do="populate or ingest again what was lost" if repair else "run `dynreg verify --repair`",
+            do="populate or ingest again what was lost"
+            if repaired
+            else "run `dynreg verify --dry-run` to see what a repair would do, then `dynreg verify --repair`",
         )

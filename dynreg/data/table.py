@@ -1,6 +1,7 @@
 """Recordings as Arrow tables, Parquet, CSV and MCAP files, and back."""
 
 import json
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -69,12 +70,18 @@ def from_table(table: pa.Table, name: str = "table") -> Recording:
         ) from error
 
 
-def write_parquet(recording: Recording, path: str | Path) -> None:
-    """Write a recording; the same recording gives the same bytes."""
+def to_parquet(recording: Recording) -> bytes:
+    """A recording as the bytes of a Parquet file; the same recording gives the same bytes."""
     import pyarrow.parquet as pq
 
-    with open(path, "wb") as file:  # a stream: of a path, a colon would make an address
-        pq.write_table(to_table(recording), file, compression="zstd", compression_level=3, version="2.6")
+    sink = BytesIO()
+    pq.write_table(to_table(recording), sink, compression="zstd", compression_level=3, version="2.6")
+    return sink.getvalue()
+
+
+def write_parquet(recording: Recording, path: str | Path) -> None:
+    """Write a recording; the same recording gives the same bytes."""
+    Path(path).write_bytes(to_parquet(recording))
 
 
 def read_parquet(path: str | Path) -> Recording:

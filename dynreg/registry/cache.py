@@ -9,15 +9,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import dynreg.registry.disk as disk
+from dynreg.registry.codec import strict_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import CACHE, strict_json, write_file
+from dynreg.registry.files import CACHE, open_regular, write_file
 
 
 def put_cached(directory: Directory, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
     """Keep `document` under `key` (both plain JSON), in place of what stood there; RegistryError where it cannot."""
-    directory.catalog.check_writable()
-    path = _path(directory, kind, key)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = directory.home / _name(kind, key)
+    disk.make_folder(path.parent)
     content = {"key": dict(key), "document": dict(document)}
     write_file(path, strict_json(content | {"sha256": _hash(content)}))
 
@@ -25,15 +26,21 @@ def put_cached(directory: Directory, kind: str, key: Mapping[str, Any], document
 def get_cached(directory: Directory, kind: str, key: Mapping[str, Any]) -> dict[str, Any] | None:
     """What was kept under `key`; None where there is nothing or its file is damaged."""
     try:
-        stored = json.loads(_path(directory, kind, key).read_bytes())
+        with open_regular(_found(directory, kind, key)) as stream:
+            stored = json.loads(stream.read())
         sound = stored["sha256"] == _hash({"key": dict(key), "document": stored["document"]})
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return stored["document"] if sound else None
 
 
-def _path(directory: Directory, kind: str, key: Mapping[str, Any]) -> Path:
-    return directory.path / CACHE / kind / f"{_hash(key)}.json"
+def _found(directory: Directory, kind: str, key: Mapping[str, Any]) -> Path:
+    put_here = directory.home / _name(kind, key)
+    return put_here if put_here.exists() else directory.path / _name(kind, key)
+
+
+def _name(kind: str, key: Mapping[str, Any]) -> Path:
+    return Path(CACHE) / kind / f"{_hash(key)}.json"
 
 
 def _hash(document: Mapping[str, Any]) -> str:

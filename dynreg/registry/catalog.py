@@ -1,139 +1,187 @@
-"""The catalogue: one SQLite file, opened so that several processes may read and write at once."""
+"""The catalogue: one SQLite file, opened so that several processes may read and write at once.
 
-import os
+It follows the ledger, page by page, and is compared with its own seals whenever its file has changed.
+"""
+
 import sqlite3
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, RootTransaction, select
 from sqlalchemy.exc import DBAPIError
-from sqlalchemy.pool import NullPool
 
+import dynreg.registry.disk as disk
 import dynreg.registry.migrations as migrations
-from dynreg.errors import CorruptError, DynregError, RegistryError
+import dynreg.registry.tables as tables
+from dynreg.errors import CorruptError
+from dynreg.registry.database import engine_for, explained
+from dynreg.registry.files import LEDGER
+from dynreg.registry.ledger import Page, Values, pages_after, read_page, write_page
+from dynreg.registry.seal import broken_seals, broken_structure, strange_objects
+from dynreg.registry.writing import Writing
 
 FILE = "catalog.sqlite"
-BUSY_SECONDS = 60.0
+BESIDE = (f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal")  # files that SQLite keeps beside it
+
+State = tuple[tuple[int, int, int] | None, ...]
 
 
 class Catalog:
-    """Transactions on `catalog.sqlite`; migrates an older one when it is opened.
+    """Transactions on `catalog.sqlite` in `folder`, which migrate an older one and follow the ledger beside it.
 
-    Raises RegistryError (newer version, locked, read-only) and CorruptError (not a sound database).
+    Raises RegistryError (newer version, locked, no room) and CorruptError (not a sound database, changed from outside).
     """
 
     def __init__(self, folder: Path):
         self.path = folder / FILE
-        self.writable = os.access(folder, os.W_OK)
-        self._engine = _engine(self.path, self.writable)
+        self._engine = engine_for(self.path)
+        self._sound: State | None = None
         try:
-            with self.read() as connection:
-                names = migrations.pending(connection)
-            if names:
-                with self.write() as connection:
-                    migrations.apply(connection, migrations.pending(connection))
-        except DynregError:
+            self.migrate()
+        except BaseException:
             self.close()
             raise
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
-        """One consistent view of the catalogue."""
-        with self._transaction("BEGIN") as connection:
+        """One consistent view of the catalogue, compared with its seals where its file has changed since the last.
+
+        Raises CorruptError where it is not as dynreg left it.
+        """
+        state = self._state()
+        if state != self._sound and pages_after(self.path.parent, self.last_page()):
+            with self.write():
+                state = self._state()
+        with self.transaction("BEGIN") as connection:
+            self._check(connection, state)
             yield connection
 
     @contextmanager
-    def write(self) -> Iterator[Connection]:
-        """One transaction that holds the write lock from its start; rolled back on any error."""
-        self.check_writable()
-        with self._transaction("BEGIN IMMEDIATE") as connection:
-            yield connection
+    def write(self) -> Iterator[Writing]:
+        """One transaction that holds the write lock from its start; rolled back on any error.
 
-    def check_writable(self) -> None:
-        """RegistryError where the registry can only be read."""
-        if not self.writable:
-            raise RegistryError(
-                f"the registry {str(self.path.parent)!r} is read-only",
-                expected="a directory that may be written",
-                do="copy it to a place of your own, or mend its permissions",
-            )
+        What it puts is on a page of the ledger before it is in the catalogue. Raises CorruptError as `read` does.
+        """
+        state = self._state()
+        with self.transaction("BEGIN IMMEDIATE") as connection:
+            self._check(connection, state)
+            writing = Writing(connection)
+            self._follow(writing)
+            yield writing
+            if writing.changed:
+                page = writing.page()
+                writing.enter(page.number, write_page(self.path.parent, page))
+        if state == self._sound:  # no one else has written since, as far as can be told
+            self._sound = self._state()
 
     def close(self) -> None:
         """Let go of the file; the write-ahead log is folded in by the last one who leaves."""
         self._engine.dispose()
 
-    @contextmanager
-    def _transaction(self, begin: str) -> Iterator[Connection]:
-        try:
-            with self._engine.connect() as connection:
-                connection.execution_options(dynreg_begin=begin)
-                with connection.begin():
-                    yield connection
-        except (DBAPIError, sqlite3.Error) as error:
-            raise _explained(self.path, str(getattr(error, "orig", error))) from error
-
-
-def _engine(path: Path, writable: bool) -> Engine:
-    def connect() -> sqlite3.Connection:
-        # Without write access SQLite cannot keep its shared memory file; with nothing in the write-ahead log
-        # the database may be read as one that never changes.
-        log = path.with_name(path.name + "-wal")
-        mode = "rwc" if writable else "ro" if log.exists() and log.stat().st_size else "ro&immutable=1"
-        return sqlite3.connect(
-            f"{path.absolute().as_uri()}?mode={mode}",
-            uri=True,
-            timeout=BUSY_SECONDS,
-            isolation_level=None,
-            check_same_thread=False,
-        )
-
-    engine = create_engine("sqlite://", creator=connect, poolclass=NullPool)
-
-    @event.listens_for(engine, "connect")
-    def _settings(connection: sqlite3.Connection, record: object) -> None:
-        if writable:
-            _use_write_ahead_log(connection)
-            connection.execute("PRAGMA synchronous=FULL")
-        connection.execute("PRAGMA foreign_keys=ON")
-        connection.execute("PRAGMA trusted_schema=OFF")
-
-    @event.listens_for(engine, "begin")
-    def _begin(connection: Connection) -> None:
-        connection.exec_driver_sql(connection.get_execution_options().get("dynreg_begin", "BEGIN"))
-
-    return engine
-
-
-def _use_write_ahead_log(connection: sqlite3.Connection) -> None:
-    # The change of mode does not wait for other processes as a transaction does.
-    for _ in range(100):
-        try:
-            if connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
-                connection.execute("PRAGMA journal_mode=WAL")
+    def migrate(self) -> None:
+        """Bring an older catalogue up to date; what one without a ledger holds becomes the ledger's first page."""
+        with self.transaction("BEGIN") as connection:
+            strange = strange_objects(connection, migrations.known_tables())
+            if strange:
+                raise self._changed(f"it holds {strange[0]}")
+            names = migrations.pending(connection)
+        if not names:
             return
-        except sqlite3.OperationalError as error:
-            if "locked" not in str(error):
+        with self.transaction("BEGIN IMMEDIATE") as connection:
+            names = migrations.pending(connection)  # another process may have been quicker
+            migrations.apply(connection, names)
+            if migrations.LEDGER in names:
+                disk.make_folder(self.path.parent / LEDGER)
+                rows = rows_of(connection)
+                if any(rows.values()):
+                    self.begin_anew(Writing(connection), rows)
+
+    def begin_anew(self, writing: Writing, rows: dict[str, list[Values]], after: int = 0) -> None:
+        """Put these rows in place of all that the catalogue holds, and begin its ledger anew with them.
+
+        after : number of a page that the new one has to come after, beside those in the ledger's folder.
+        """
+        pages = [int(path.name.split("-")[0]) for path in pages_after(self.path.parent, 0)]
+        number = max(after, writing.last_page()[0], *pages, 0) + 1
+        page = Page(number, put={name: tuple(values) for name, values in rows.items()}, whole=True)
+        writing.follow(page, write_page(self.path.parent, page))
+
+    @contextmanager
+    def transaction(self, begin: str) -> Iterator[Connection]:
+        """A transaction without any check; errors of SQLite become those of dynreg by their codes."""
+        try:
+            connection, transaction = self._begun(begin)
+            with connection, transaction:
+                yield connection
+        except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
+            raise explained(self.path, error) from error
+
+    def _begun(self, begin: str) -> tuple[Connection, RootTransaction]:
+        """A connection in a transaction on the file that has the name now: a repair may have replaced it meanwhile."""
+        while True:
+            identity = _identity(self.path)
+            connection = self._engine.connect().execution_options(dynreg_begin=begin)
+            try:
+                transaction = connection.begin()
+            except BaseException:
+                connection.close()
                 raise
-            time.sleep(0.05)
+            if identity is None or identity == _identity(self.path):
+                return connection, transaction
+            connection.close()
+
+    def _check(self, connection: Connection, state: State) -> None:
+        if state == self._sound:
+            return
+        faults = broken_structure(connection) or broken_seals(connection)
+        if faults:
+            raise self._changed(faults[0])
+        self._sound = state
+
+    def _changed(self, fault: str) -> CorruptError:
+        return CorruptError(
+            f"the catalogue {str(self.path)!r} was changed from outside: {fault}",
+            expected="the rows that dynreg wrote",
+            do="run `dynreg verify --repair` to write it again from the ledger and the stored files",
+        )
+
+    def last_page(self) -> int:
+        """Number of the last page of the ledger that the catalogue holds; 0 where it holds none."""
+        with self.transaction("BEGIN") as connection:
+            return Writing(connection).last_page()[0]
+
+    def _follow(self, writing: Writing) -> None:
+        """Take over the pages of puts that were cut short after their page was written."""
+        number, before = writing.last_page()
+        for path in pages_after(self.path.parent, number):
+            try:
+                page, sha256 = read_page(path)
+                if not page.whole and (page.number, page.before) != (number + 1, before):
+                    raise ValueError(f"it does not follow page {number}")
+            except (OSError, ValueError) as error:
+                raise CorruptError(
+                    f"the page {path.name!r} of the ledger cannot be used: {error}",
+                    expected="the next page, as it was written",
+                    do="run `dynreg verify --repair` to see what is lost and what can be rebuilt",
+                ) from error
+            writing.follow(page, sha256)
+            number, before = page.number, sha256
+
+    def _state(self) -> State:
+        """What changes when the catalogue or its ledger does: identities of their files."""
+        root = self.path.parent
+        return tuple(_identity(p) for p in (self.path, root / BESIDE[0], root / LEDGER))
 
 
-def _explained(path: Path, cause: str) -> RegistryError:
-    if "locked" in cause or "busy" in cause:
-        return RegistryError(
-            f"the catalogue {str(path)!r} stayed locked for {BUSY_SECONDS:.0f} s",
-            expected="short transactions of other processes",
-            do="wait for the other dynreg processes, or end the one that hangs",
-        )
-    if "readonly" in cause or "unable to open" in cause or "full" in cause:
-        return RegistryError(
-            f"the catalogue {str(path)!r} cannot be written: {cause}",
-            expected="a writable directory with room left",
-            do="mend its permissions or free some space, then run the same command again",
-        )
-    return CorruptError(
-        f"the catalogue {str(path)!r} is damaged: {cause}",
-        expected="a sound SQLite database",
-        do="restore it from a copy, or run `dynreg verify --repair` to rebuild it from the stored files",
-    )
+def _identity(path: Path) -> tuple[int, int, int] | None:
+    try:
+        told = path.stat()
+    except OSError:
+        return None
+    return told.st_ino, told.st_size, told.st_mtime_ns
+
+
+def rows_of(connection: Connection) -> dict[str, list[Values]]:
+    """All rows that the catalogue holds, by table."""
+    return {table.name: list(map(tuple, connection.execute(select(table)))) for table in tables.HELD}

@@ -1,13 +1,12 @@
 """What differs between the catalogue's rows and what the files hold."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import dynreg.registry.tables as tables
-from dynreg.registry.files import ROBOTS, StoredFile
-from dynreg.registry.rebuild import Rows, paths_in
+from dynreg.registry.files import INDEX, ROBOTS, StoredFile
+from dynreg.registry.rebuild import Rows, manifest_of, paths_in
 from dynreg.registry.scan import Found
 
 
@@ -15,7 +14,7 @@ from dynreg.registry.scan import Found
 class Fault:
     """One thing that is not as it was registered.
 
-    `kind` is "catalog", "robot", "population", "shard", "entries", "recording", "simulator", "result",
+    `kind` is "catalog", "ledger", "robot", "population", "shard", "entries", "recording", "simulator", "result",
     "index", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot
     bring back by itself; `mended` says what a repair did, None where it did nothing.
     """
@@ -32,10 +31,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class VerifyReport:
-    """Faults, how many things of each kind were checked, and sound files that no catalogue row knows.
+    """Faults, how many things of each kind were checked, and sound files that nothing put refers to.
 
-    Such leftovers come from a process that was killed between its files and its transaction; they are no
-    fault, and a repair adopts them.
+    Such leftovers come from a process that was killed before its put was done; they are no fault, and a repair
+    adopts them.
     """
 
     faults: tuple[Fault, ...]
@@ -53,7 +52,7 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     faults = [*faults, *_file_faults(held, found), *_entry_faults(held, found), *_row_faults(held, found)]
     known = paths_in(held)
     faults += [
-        Fault("stray", name, reason, lost=False)
+        Fault("index" if name.startswith(f"{INDEX}/") else "stray", name, reason, lost=False)
         for name, reason in sorted(found.bad.items())
         if name not in known
     ]
@@ -61,7 +60,7 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     robots = {row["hash"] for row in held["robots"]}
     unknown = sorted(set(found.files) - known - set(found.bad))
     leftovers = [n for n in unknown if not (n.startswith(f"{ROBOTS}/") and n.split("/")[1] in robots)]
-    checked = {name: len(rows) for name, rows in held.items() if name != "migrations"}
+    checked = {name: len(rows) for name, rows in held.items()}
     return VerifyReport(tuple(faults), checked, tuple(leftovers))
 
 
@@ -71,7 +70,6 @@ _FOLDER_KINDS = {
     "recordings": "recording",
     "simulators": "simulator",
     "results": "result",
-    "index": "index",
 }
 
 
@@ -88,7 +86,7 @@ def _file_faults(held: Rows, found: Found) -> Iterator[Fault]:
             problem = "its bytes are not those that were registered"
         else:
             continue
-        yield Fault(kind, path, problem, lost=kind != "index")
+        yield Fault(kind, path, problem, lost=True)
 
 
 def _robot_faults(held: Rows, found: Found) -> Iterator[Fault]:
@@ -96,7 +94,7 @@ def _robot_faults(held: Rows, found: Found) -> Iterator[Fault]:
     for row in held["robots"]:
         prefix = f"{ROBOTS}/{row['hash']}/"
         present = {n.removeprefix(prefix): f.sha256 for n, f in found.files.items() if n.startswith(prefix)}
-        manifest = json.loads(row["manifest"])
+        manifest = manifest_of(row)
         for name in sorted({*present, *manifest}):
             if name not in manifest:
                 yield Fault("stray", prefix + name, "no file of the robot as it was registered", lost=False)
@@ -106,7 +104,7 @@ def _robot_faults(held: Rows, found: Found) -> Iterator[Fault]:
                 )
                 yield Fault("robot", prefix + name, problem, lost=True)
         if not manifest:
-            yield Fault("robot", prefix, "its folder is missing", lost=True)
+            yield Fault("robot", prefix, "nothing tells which files it had", lost=True)
 
 
 def _entry_faults(held: Rows, found: Found) -> Iterator[Fault]:
@@ -130,26 +128,36 @@ def _entry_faults(held: Rows, found: Found) -> Iterator[Fault]:
 
 
 def _row_faults(held: Rows, found: Found) -> Iterator[Fault]:
-    """Rows that refer to rows which are gone, and rows that do not say what their files say.
-
-    Indexes of a population whose entries have changed are stale, no fault.
-    """
-    for row in held["indexes"]:
-        sound = found.indexes.get((row["population_id"], row["key"]))
-        if sound is not None and sound != row:
-            yield Fault("index", row["path"], "its row is not what its file says", lost=False)
+    """Rows that refer to rows which are gone, and rows that do not say what their files say."""
     keys = {name: {_first_key(name, row) for row in rows} for name, rows in held.items()}
-    for name, table in tables.metadata.tables.items():
+    for table in tables.HELD:
         for key in table.foreign_keys:
             parent = key.column.table.name
-            for row in held[name]:
+            for row in held[table.name]:
                 if row[key.parent.name] not in keys[parent]:
-                    what = f"{name} {_first_key(name, row)!s:.24}"
+                    what = f"{table.name} {_first_key(table.name, row)!s:.24}"
                     yield Fault("row", what, f"its row in {parent} is gone", lost=False)
     for row in held["shards"]:
         sound = found.shards.get((row["population_id"], row["start"]))
         if sound is not None and sound.row != row:
             yield Fault("row", f"shard from {row['start']}", "its row is not what its files say", lost=False)
+
+
+def differing_rows(stored: Rows, told: Rows) -> Iterator[Fault]:
+    """What the catalogue's rows say and the ledger's pages do not, and the other way round."""
+    for table in tables.HELD:
+        keys = [column.name for column in table.primary_key]
+        sides = [{tuple(r[k] for k in keys): r for r in rows[table.name]} for rows in (stored, told)]
+        for key in sorted({*sides[0], *sides[1]}, key=repr):
+            mine, right = (side.get(key) for side in sides)
+            kind = "entries" if table is tables.entries else "row"
+            what = f"{table.name} {' '.join(str(part)[:24] for part in key)}"
+            if mine is None or right is None:
+                problem = "its row is gone" if mine is None else "a row that nobody put"
+                yield Fault(kind, what, problem, lost=False)
+            elif mine != right:
+                names = [name for name in right if mine[name] != right[name]]
+                yield Fault(kind, what, f"{', '.join(names)} differs from what was put", lost=False)
 
 
 def _first_key(name: str, row: dict[str, Any]) -> Any:

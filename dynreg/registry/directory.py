@@ -1,60 +1,92 @@
-"""The registry as a directory: its marker, its folders, and files registered with their hashes."""
+"""The registry as a directory: its marker, its folders, and its files, each compared with its hash before use."""
 
 import json
 import os
 import shutil
+import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-from sqlalchemy import Connection, func, insert, select
+from sqlalchemy import func, select
 
+import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
-from dynreg.registry.catalog import FILE, Catalog
+from dynreg.registry.catalog import BESIDE, FILE, Catalog
 from dynreg.registry.files import (
+    CACHE,
+    CONTENTS,
     FOLDERS,
+    LEDGER,
     LOCKS,
+    LOST_AND_FOUND,
+    SEARCHES,
     StoredFile,
+    content_hash,
     is_temporary,
+    open_regular,
     sha256_of,
-    sync_folder,
     temporary_name,
     unreadable,
     write_file,
 )
-from dynreg.registry.rows import row_of
+from dynreg.registry.ledger import pages_after
+from dynreg.registry.writing import Writing
 
 MARKER = "dynreg.json"
-VERSION = 1
+VERSION = 2  # 2 came with the ledger
+
+Identity = tuple[int, int, int, int, int]
+_CHECKED: dict[
+    Identity, str
+] = {}  # sha256 of the files that this process has read whole, as long as they stay so
 
 
 class Directory:
-    """An open registry directory and its catalogue; `made` where this opening made it."""
+    """An open registry directory and its catalogue.
 
-    def __init__(self, path: Path, catalog: Catalog, made: bool = False):
+    Attributes
+    ----------
+    path : where the registry lies.
+    home : where it is written: `path`; of a registry that may only be read, a temporary folder that goes when it is
+        closed.
+    made : whether this opening made it.
+    """
+
+    def __init__(self, path: Path, catalog: Catalog, home: Path | None = None, made: bool = False):
         self.path = path
+        self.home = home or path
         self.catalog = catalog
         self.made = made
 
+    @property
+    def read_only(self) -> bool:
+        """Whether what is put goes no further than to a temporary folder."""
+        return self.home != self.path
+
+    def close(self) -> None:
+        """Let go of the catalogue, and of what was put into a registry that may only be read."""
+        self.catalog.close()
+        if self.read_only:
+            shutil.rmtree(self.home, ignore_errors=True)
+
     def stage(self, file: StoredFile, data: bytes) -> None:
         """Bring `data` to disk, before the transaction that registers it."""
-        self.catalog.check_writable()
         if not self.holds(file):
-            write_file(self.path / file.path, data)
+            write_file(self.home / file.path, data)
 
-    def register(self, connection: Connection, file: StoredFile, data: bytes) -> None:
+    def register(self, writing: Writing, file: StoredFile, data: bytes) -> None:
         """Enter a staged file into the catalogue, inside the caller's transaction."""
-        if not (self.path / file.path).exists():  # a repair took it for an orphan in the meantime
-            write_file(self.path / file.path, data)
-        if row_of(connection, tables.files, file.path) is None:
-            connection.execute(
-                insert(tables.files).values(path=file.path, sha256=file.sha256, size=file.size)
-            )
+        if not self.locate(file.path).exists():  # a repair took it for an orphan in the meantime
+            write_file(self.home / file.path, data)
+        writing.put(tables.files, {"path": file.path, "sha256": file.sha256, "size": file.size})
 
     def holds(self, file: StoredFile) -> bool:
         """True when the file is on disk with exactly these bytes."""
-        path = self.locate(file.path)
-        return path.is_file() and path.stat().st_size == file.size and sha256_of(path) == file.sha256
+        with suppress(OSError):
+            return _hash_of(self.locate(file.path)) == file.sha256
+        return False
 
     def locate(self, relative: str) -> Path:
         """Where a registered file lies; CorruptError for a path that leads out of the registry."""
@@ -65,53 +97,169 @@ class Directory:
                 expected="a path inside the registry",
                 do="do not use this registry: its catalogue was changed from outside",
             )
-        return self.path / relative
+        put_here = self.home / relative
+        return put_here if self.read_only and put_here.exists() else self.path / relative
+
+    def checked(self, *relative: str) -> list[Path]:
+        """Where registered files lie, after their bytes were compared with their hashes.
+
+        A process reads a file for that once, as long as the file stays as it is (about 2 GB/s). Raises CorruptError
+        where one is missing, is no regular file, or has other bytes than were registered.
+        """
+        hashes = self._registered(relative)
+        found = [self.locate(name) for name in relative]
+        for path, sha256 in zip(found, hashes, strict=True):
+            try:
+                right = _hash_of(path) == sha256
+            except OSError as error:
+                raise unreadable(path, error) from error
+            if not right:
+                raise unreadable(path, "its bytes are not those that were registered")
+        return found
+
+    def read_bytes(self, relative: str) -> bytes:
+        """A registered file's bytes, compared with their hash; CorruptError where they are lost or changed."""
+        (sha256,), path = self._registered([relative]), self.locate(relative)
+        try:
+            with open_regular(path) as stream:
+                data = stream.read()
+        except OSError as error:
+            raise unreadable(path, error) from error
+        if content_hash(data) != sha256:
+            raise unreadable(path, "its bytes are not those that were registered")
+        return data
 
     def read_json(self, relative: str) -> dict:
         """A registered JSON document; CorruptError when it is missing or no JSON object."""
-        path = self.locate(relative)
+        data, path = self.read_bytes(relative), self.locate(relative)
         try:
-            document = json.loads(path.read_bytes())
-        except (OSError, ValueError) as error:
+            document = json.loads(data)
+        except (ValueError, RecursionError) as error:
             raise unreadable(path, error) from error
         if not isinstance(document, dict):
             raise unreadable(path, "it is not a JSON object")
         return document
 
+    def _registered(self, relative: Iterable[str]) -> list[str]:
+        """sha256 of registered files; CorruptError for one that the catalogue does not know."""
+        table, known = tables.files, {}
+        names = list(relative)
+        with self.catalog.read() as connection:
+            for at in range(0, len(names), 500):
+                among = table.c.path.in_(names[at : at + 500])
+                known.update(connection.execute(select(table.c.path, table.c.sha256).where(among)).all())
+        missing = [name for name in names if name not in known]
+        if missing:
+            raise unreadable(self.path / missing[0], "the catalogue does not know its hash")
+        return [known[name] for name in names]
+
 
 def open_directory(path: Path, create: bool) -> Directory:
-    """Open (or create) the registry at `path`.
+    """Open (or create) the registry at `path`; one that may only be read gets a temporary folder for what is put.
 
     Raises
     ------
-    RegistryError : nothing there, not a registry, written by a newer version, locked, not writable.
+    RegistryError : nothing there, not a registry, written by a newer version, locked, no room, a link in it.
     CorruptError : the catalogue is lost or damaged.
     """
     made = not path.exists()
     if not (path / MARKER).is_file():
         _create(path, create)
     check_marker(path)
-    stored = any(any((path / name).glob("*")) for name in FOLDERS)
-    if not (path / FILE).exists() and stored:
+    check_links(path)
+    if lost_catalog(path):
         raise CorruptError(
-            f"the catalogue {str(path / FILE)!r} is lost",
+            f"the catalogue {str(path / FILE)!r} is lost or empty",
             expected="a registry with its catalogue",
             do="restore it from a copy, or run `dynreg verify --repair` to rebuild it from the stored files",
         )
-    if os.access(path, os.W_OK):
-        make_folders(path)
-    return Directory(path, Catalog(path), made)
+    if not may_write(path):
+        return beside(path)
+    make_folders(path)
+    catalog = Catalog(path)
+    if _version(path) != VERSION:
+        _write_marker(path)
+    return Directory(path, catalog, made=made)
 
 
 def take_away(directory: Directory) -> None:
     """Close a registry, and remove it where its own opening made it and at most robots were stored in it since."""
     unused = directory.made and not _holds_any(directory.catalog)
-    directory.catalog.close()
+    directory.close()
     if unused:
         gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
         with suppress(OSError):  # an empty registry that stays does no harm
-            directory.path.rename(gone)
+            disk.rename(directory.path, gone)
             shutil.rmtree(gone)
+
+
+def may_write(path: Path) -> bool:
+    """Whether a registry may be written: by its permissions, and by its mount."""
+    mount = os.statvfs(path).f_flag if hasattr(os, "statvfs") else 0
+    catalog = path / FILE
+    return (
+        os.access(path, os.W_OK)
+        and not mount & getattr(os, "ST_RDONLY", 1)
+        and (not catalog.exists() or os.access(catalog, os.W_OK))
+    )
+
+
+def lost_catalog(path: Path) -> bool:
+    """Whether things are stored at `path`, and the catalogue that tells of them is missing or empty."""
+    catalog = path / FILE
+    if catalog.exists() and catalog.stat().st_size:
+        return False
+    if any((path / name).exists() and (path / name).stat().st_size for name in BESIDE[::2]):
+        return False  # its first pages are still in the log
+    folders = [path / name for name in (*CONTENTS, LEDGER)]
+    return any(not is_temporary(p.name) for f in folders if f.is_dir() for p in f.iterdir())
+
+
+def check_marker(path: Path) -> None:
+    """RegistryError when `dynreg.json` is not the marker of a registry that this version can read."""
+    version = _version(path)
+    if version is None or not 1 <= version <= VERSION:
+        what = "not the marker of a registry" if version is None else f"of format {version}"
+        raise RegistryError(
+            f"{str(path / MARKER)!r} is {what}",
+            expected=f"a registry of format {VERSION} or older",
+            do="upgrade dynreg" if version else "give the directory of a registry",
+        )
+
+
+def check_links(path: Path) -> None:
+    """RegistryError when a part of the registry is a link: it would be written, or cleared, somewhere else."""
+    names = (MARKER, FILE, *BESIDE, *FOLDERS, LOCKS, CACHE, SEARCHES, LOST_AND_FOUND)
+    links = [name for name in names if (path / name).is_symlink()]
+    if links:
+        raise RegistryError(
+            f"{links[0]!r} in the registry {str(path)!r} is a link",
+            expected="a registry whose parts lie in its own directory",
+            do="put the folder itself in the link's place, or move the whole registry and link to that",
+        )
+
+
+def make_folders(path: Path) -> None:
+    """The folders of a registry, made where they are missing (an archive may drop empty ones)."""
+    for name in (*FOLDERS, LOCKS):
+        disk.make_folder(path / name)
+
+
+def beside(path: Path) -> Directory:
+    """A registry that may only be read: its catalogue is copied to a temporary folder, where it can be brought up."""
+    home = Path(tempfile.mkdtemp(prefix="dynreg-"))
+    try:
+        make_folders(home)
+        for name in (FILE, BESIDE[0]):
+            if (path / name).exists():
+                shutil.copyfile(path / name, home / name)
+        catalog = Catalog(home)
+        for page in pages_after(path, catalog.last_page()):
+            shutil.copyfile(page, home / LEDGER / page.name)
+        return Directory(path, catalog, home)
+    except BaseException:
+        shutil.rmtree(home, ignore_errors=True)
+        raise
 
 
 def _holds_any(catalog: Catalog) -> bool:
@@ -122,20 +270,17 @@ def _holds_any(catalog: Catalog) -> bool:
     return any(counts)
 
 
-def check_marker(path: Path) -> None:
-    """RegistryError when `dynreg.json` is not the marker of a registry that this version can read."""
+def _version(path: Path) -> int | None:
     try:
         marker = json.loads((path / MARKER).read_bytes())
-        version = int(marker["version"]) if marker["format"] == "dynreg-registry" else None
-    except (OSError, ValueError, KeyError, TypeError):
-        version = None
-    if version is None or version > VERSION:
-        what = "not the marker of a registry" if version is None else f"of format {version}"
-        raise RegistryError(
-            f"{str(path / MARKER)!r} is {what}",
-            expected=f"a registry of format {VERSION} or older",
-            do="upgrade dynreg" if version else "give the directory of a registry",
-        )
+        return int(marker["version"]) if marker["format"] == "dynreg-registry" else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _write_marker(path: Path) -> None:
+    marker = {"format": "dynreg-registry", "version": VERSION}
+    write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
 
 def _create(path: Path, create: bool) -> None:
@@ -149,15 +294,14 @@ def _create(path: Path, create: bool) -> None:
         problem = f"there is no registry at {str(path)!r}"
     else:
         try:
-            path.mkdir(parents=True, exist_ok=True)
+            disk.make_folder(path.absolute())
         except OSError as error:
             raise RegistryError(
                 f"cannot create {str(path)!r}: {error.strerror}",
                 expected="a place that may be written",
                 do="name another directory with --registry",
             ) from error
-        marker = {"format": "dynreg-registry", "version": VERSION}
-        write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
+        _write_marker(path)
         return
     raise RegistryError(
         problem,
@@ -166,8 +310,17 @@ def _create(path: Path, create: bool) -> None:
     )
 
 
-def make_folders(path: Path) -> None:
-    """The folders of a registry, made where they are missing (an archive may drop empty ones)."""
-    for name in (*FOLDERS, LOCKS):
-        (path / name).mkdir(exist_ok=True)
-    sync_folder(path)
+def _hash_of(path: Path) -> str:
+    """sha256 of a regular file's bytes, read once as long as the file stays as it is; OSError where it is none."""
+    before = _identity(path)
+    if before not in _CHECKED:
+        sha256 = sha256_of(path)
+        if _identity(path) != before:
+            return sha256
+        _CHECKED[before] = sha256
+    return _CHECKED[before]
+
+
+def _identity(path: Path) -> Identity:
+    told = path.lstat()
+    return told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns

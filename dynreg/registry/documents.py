@@ -3,16 +3,16 @@
 import re
 from typing import Any
 
-from sqlalchemy import insert, select, update
+from sqlalchemy import select
 
 import dynreg.registry.tables as tables
 from dynreg.errors import NoMatchError, RegistryError
+from dynreg.registry.codec import strict_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import StoredFile, content_name, strict_json
+from dynreg.registry.files import StoredFile, content_name
 from dynreg.registry.hashes import result_id
-from dynreg.registry.recordings import next_ordinal
 from dynreg.registry.records import ResultRecord
-from dynreg.registry.rows import require, row_of
+from dynreg.registry.rows import require
 
 _KIND = re.compile(r"[a-z][a-z_]*")
 
@@ -21,11 +21,9 @@ def put_simulator(directory: Directory, config: dict[str, Any]) -> str:
     """Store a simulator's configuration; its id is the hash of its canonical JSON."""
     file, data = _encode("simulators", "simulator", config)
     directory.stage(file, data)
-    table = tables.simulators
-    with directory.catalog.write() as connection:
-        directory.register(connection, file, data)
-        if row_of(connection, table, file.sha256) is None:
-            connection.execute(insert(table).values(id=file.sha256, path=file.path))
+    with directory.catalog.write() as writing:
+        directory.register(writing, file, data)
+        writing.put(tables.simulators, {"id": file.sha256, "path": file.path})
     return file.sha256
 
 
@@ -49,15 +47,10 @@ def put_result(directory: Directory, kind: str, recording_id: str, document: dic
     file, data = _encode("results", f"{kind}-{recording_id[:16]}", document)
     identity = result_id(kind, recording_id, file.sha256)
     directory.stage(file, data)
-    table = tables.results
-    with directory.catalog.write() as connection:
-        directory.register(connection, file, data)
-        ordinal = next_ordinal(connection, table)
-        if row_of(connection, table, identity) is None:
-            row = {"id": identity, "kind": kind, "recording_id": recording_id, "path": file.path}
-            connection.execute(insert(table).values(**row, ordinal=ordinal))
-        else:
-            connection.execute(update(table).where(table.c.id == identity).values(ordinal=ordinal))
+    row = {"id": identity, "kind": kind, "recording_id": recording_id, "path": file.path}
+    with directory.catalog.write() as writing:
+        directory.register(writing, file, data)
+        writing.put(tables.results, row | {"ordinal": writing.last_ordinal(tables.results, identity)})
     return identity
 
 

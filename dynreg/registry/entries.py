@@ -1,16 +1,15 @@
 """Entries into their shards: encoded, written, registered."""
 
-import json
-import math
 from collections.abc import Sequence
 from typing import Any
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, select
 
 import dynreg.registry.tables as tables
 from dynreg.errors import RegistryError
+from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import canonical_json, content_name
+from dynreg.registry.files import content_name
 from dynreg.registry.populations import gaps_between, get_population, held_spans
 from dynreg.registry.records import PopulationRecord, ShardData
 from dynreg.registry.rows import require
@@ -65,32 +64,22 @@ def _put_span(
     directory.stage(states, states_data)
     row = {"population_id": record.id, "start": start, "stop": stop}
     row |= {"states_path": states.path, "arrays_path": rest.path}
-    with directory.catalog.write() as connection:
+    with directory.catalog.write() as writing:
+        connection = writing.connection
         if gaps_between(held_spans(connection, record.id), start, stop) != [(start, stop)]:
             return  # another process was quicker; the caller looks again
-        directory.register(connection, rest, rest_data)
-        directory.register(connection, states, states_data)
+        directory.register(writing, rest, rest_data)
+        directory.register(writing, states, states_data)
         _check_ids(connection, record.id, start, ids)
-        layout, table = _check_layout(connection, record.id, data), tables.populations
-        connection.execute(update(table).where(table.c.id == record.id).values(layout=layout))
-        connection.execute(insert(tables.shards).values(**row))
-        connection.execute(insert(tables.entries), entry_rows(record.id, start, data, ids))
+        known = require(connection, tables.populations, record.id, "population")._asdict()
+        writing.put(tables.populations, known | {"layout": _check_layout(connection, record.id, data)})
+        writing.put(tables.shards, row)
+        writing.put(tables.entries, *entry_rows(record.id, start, ids))
 
 
-def entry_rows(population_id: str, start: int, data: ShardData, ids: Sequence[str]) -> list[dict[str, Any]]:
-    """What the catalogue says of each entry of a shard (losses that are no number are left out)."""
-    return [
-        {
-            "id": entry_id,
-            "population_id": population_id,
-            "number": start + i,
-            "parameter_values": json.dumps(data.values[i].tolist()),
-            "own_loss": _finite(data.own_loss[i]),
-            "train_loss": _finite(data.train_loss[i]),
-            "extra": canonical_json({name: _finite(array[i]) for name, array in data.extra.items()}),
-        }
-        for i, entry_id in enumerate(ids)
-    ]
+def entry_rows(population_id: str, start: int, ids: Sequence[str]) -> list[dict[str, Any]]:
+    """What the catalogue says of each entry of a shard."""
+    return [{"id": entry, "population_id": population_id, "number": start + i} for i, entry in enumerate(ids)]
 
 
 def _check_layout(connection: Connection, population_id: str, data: ShardData) -> str:
@@ -130,7 +119,3 @@ def _check_ids(connection: Connection, population_id: str, start: int, ids: Sequ
             expected="entries that differ in their values or their states",
             do="give every entry its own draw of the parameters",
         )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

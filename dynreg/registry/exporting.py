@@ -1,14 +1,13 @@
 """A part of a registry as a registry of its own."""
 
-import os
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import dynreg.registry.disk as disk
 from dynreg.errors import NoMatchError, RegistryError
 from dynreg.registry.entries import put_shard
-from dynreg.registry.files import sync_folder, temporary_name
+from dynreg.registry.files import sweep_beside, temporary_folder
 from dynreg.registry.loading import load_shards
 from dynreg.registry.registry import Registry
 
@@ -36,16 +35,13 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
             do="name what to export and a new directory",
         )
     wanted = [registry.resolve(ref, _KINDS) for ref in refs]
-    half_done = temporary_name(destination.absolute())
-    try:
+    sweep_beside(destination.absolute())
+    with temporary_folder(destination.absolute()) as half_done:
         with Registry.open(half_done, create=True) as copy:
             for kind, identity in wanted:
                 _COPY[kind](registry, copy, identity)
-        os.rename(half_done, destination)
-    except BaseException:
-        shutil.rmtree(half_done, ignore_errors=True)
-        raise
-    sync_folder(destination.absolute().parent)
+        disk.rename(half_done, destination)
+    disk.sync_folder(destination.absolute().parent)
     return tuple(identity for _, identity in wanted)
 
 

@@ -1,21 +1,25 @@
 """Files that survive a crash: written under a temporary name, synced, renamed; named by what they hold."""
 
 import fcntl
+import glob
 import hashlib
-import json
 import os
 import secrets
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import BinaryIO
 
-import numpy as np
-
+import dynreg.registry.disk as disk
 from dynreg.errors import CorruptError, RegistryError
 
-FOLDERS = ("shards", "populations", "recordings", "robots", "simulators", "results", "index")
+CONTENTS = ("shards", "populations", "recordings", "robots", "simulators", "results")
+INDEX = "index"  # what indexes computed; the catalogue knows nothing of it
+LEDGER = "ledger"  # what was put, in order
+FOLDERS = (*CONTENTS, INDEX, LEDGER)
 ROBOTS = "robots"
 LOCKS = "locks"
 CACHE = "cache"  # what can be computed again; the catalogue knows nothing of it
@@ -26,22 +30,37 @@ _TEMPORARY = ".tmp-"
 
 @dataclass(frozen=True)
 class StoredFile:
-    """One file as the catalogue knows it: path relative to the registry, sha256, size in bytes."""
+    """One file as the catalogue knows it: path in the registry, sha256, size in bytes (0 where no one asks)."""
 
     path: str
     sha256: str
-    size: int
+    size: int = 0
 
 
 def content_name(folder: str, stem: str, data: bytes, suffix: str) -> StoredFile:
     """The name under which `data` is stored: it ends in the data's own hash, so no two contents meet."""
-    digest = hashlib.sha256(data).hexdigest()
+    digest = content_hash(data)
     return StoredFile(f"{folder}/{stem}-{digest[:16]}.{suffix}", digest, len(data))
 
 
+def content_hash(data: bytes) -> str:
+    """Hash of bytes, 64 hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """A file opened for reading; OSError for a link, a folder, a pipe or a device, which no registry holds."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    stream = open(path, "rb", opener=lambda name, _: os.open(name, flags | getattr(os, "O_CLOEXEC", 0)))
+    if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+        stream.close()
+        raise OSError(f"{path.name!r} is no regular file")
+    return stream
+
+
 def sha256_of(path: Path) -> str:
-    """Hash of a file's bytes, 64 hexadecimal digits."""
-    with open(path, "rb") as stream:
+    """Hash of a regular file's bytes, 64 hexadecimal digits; OSError where it is none."""
+    with open_regular(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
@@ -61,18 +80,27 @@ def write_file(path: Path, data: bytes) -> None:
         ) from error
 
 
-def sync_folder(folder: Path) -> None:
-    """Make the renames done in `folder` last through a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 def temporary_name(path: Path) -> Path:
     """A hidden name beside `path` that no other writer uses."""
     return path.with_name(f".{path.name}{_TEMPORARY}{secrets.token_hex(6)}")
+
+
+@contextmanager
+def temporary_folder(path: Path) -> Iterator[Path]:
+    """A new folder under a hidden name beside `path`, which goes with the block; a killed one is swept by the next."""
+    place = temporary_name(path)
+    disk.make_folder(place)
+    try:
+        with try_lock(place):
+            yield place
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def sweep_beside(path: Path) -> None:
+    """Remove the temporary files and folders beside `path` whose writers are gone."""
+    for found in path.parent.glob(f".{glob.escape(path.name)}{_TEMPORARY}*"):
+        _remove_unlocked(found)
 
 
 def is_temporary(name: str) -> bool:
@@ -81,20 +109,15 @@ def is_temporary(name: str) -> bool:
 
 
 def sweep(root: Path) -> int:
-    """Remove the temporary files of writers that are gone; returns how many.
+    """Remove the temporary files and folders of writers that are gone; returns how many.
 
     A living writer holds a lock on its file, so its work is left alone.
     """
-    swept = 0
     found = [*root.glob(f".*{_TEMPORARY}*")]
     for folder in (*FOLDERS, CACHE):
-        found += (root / folder).rglob(f".*{_TEMPORARY}*")
-    for path in found:
-        with try_lock(path, create=False) as mine:
-            if mine:
-                path.unlink(missing_ok=True)
-                swept += 1
-    return swept
+        if not (root / folder).is_symlink():
+            found += (root / folder).rglob(f".*{_TEMPORARY}*")
+    return sum(map(_remove_unlocked, found))
 
 
 @contextmanager
@@ -103,7 +126,7 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
 
     The operating system lets the lock go when its process ends, however it ends.
     """
-    flags = os.O_RDWR | (os.O_CREAT if create else 0)
+    flags = os.O_RDONLY if path.is_dir() else os.O_RDWR | (os.O_CREAT if create else 0)
     try:
         descriptor = os.open(path, flags, 0o644)
     except FileNotFoundError:
@@ -121,48 +144,6 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
         os.close(descriptor)
 
 
-def encode_arrays(arrays: Mapping[str, np.ndarray], header: Mapping[str, Any]) -> bytes:
-    """Safetensors bytes of named arrays with a JSON header; the same arrays give the same bytes."""
-    from safetensors.numpy import save
-
-    # One metadata key: safetensors writes several in no fixed order.
-    tensors = {name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}
-    return save(tensors, metadata={"dynreg": canonical_json(header)})
-
-
-def decode_arrays(path: Path, skip: str = "/") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Header and arrays of a safetensors file, without those whose name starts with `skip`.
-
-    Raises CorruptError when the file is missing or not what `encode_arrays` writes.
-    """
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(str(path), framework="numpy") as stream:
-            header = json.loads(stream.metadata()["dynreg"])
-            return header, {key: stream.get_tensor(key) for key in stream.keys() if not key.startswith(skip)}
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
-        raise unreadable(path, error) from error
-
-
-def canonical_json(document: Any, allow_nan: bool = True) -> str:
-    """JSON with sorted keys and no spaces: the form that is hashed."""
-    form = {"sort_keys": True, "separators": (",", ":"), "ensure_ascii": False, "allow_nan": allow_nan}
-    return json.dumps(document, default=_plain, **form)
-
-
-def strict_json(document: Any) -> bytes:
-    """Canonical JSON that every reader takes, as bytes; RegistryError where the document is no plain JSON."""
-    try:
-        return canonical_json(document, allow_nan=False).encode()
-    except (TypeError, ValueError) as error:
-        raise RegistryError(
-            f"a document that is not plain JSON: {error}",
-            expected="objects, lists, text, finite numbers, true, false and null",
-            do="put null where there is no number",
-        ) from error
-
-
 def unreadable(path: Path, error: Exception | str) -> CorruptError:
     """The error for a stored file that cannot be read."""
     return CorruptError(
@@ -172,21 +153,34 @@ def unreadable(path: Path, error: Exception | str) -> CorruptError:
     )
 
 
+def _remove_unlocked(path: Path) -> bool:
+    if path.is_symlink() or not (path.is_file() or path.is_dir()):
+        return False
+    with try_lock(path, create=False) as mine:
+        if mine and path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        elif mine:
+            disk.remove(path)
+    return mine
+
+
 def _write_once(path: Path, data: bytes) -> bool:
     temporary = temporary_name(path)
-    with open(temporary, "xb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX)
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-            os.replace(temporary, path)
-        except FileNotFoundError:
-            return False  # swept in the instant between its creation and its lock
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
-    sync_folder(path.parent)
+    descriptor = disk.create(temporary)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        disk.write(descriptor, data)
+        disk.sync(descriptor)
+        disk.rename(temporary, path)
+    except FileNotFoundError:
+        return False  # swept in the instant between its creation and its lock
+    except BaseException:
+        with suppress(OSError):  # the first error says why
+            disk.remove(temporary)
+        raise
+    finally:
+        os.close(descriptor)
+    disk.sync_folder(path.parent)
     return True
 
 
@@ -195,9 +189,3 @@ def _same_file(descriptor: int, path: Path) -> bool:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     except FileNotFoundError:
         return False
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} has no JSON form")

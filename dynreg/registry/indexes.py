@@ -1,17 +1,20 @@
-"""What was computed for all entries of a population, such as a graph: kept for as long as they are the same."""
+"""What indexes computed: files of their own that tell for which entries, of which the catalogue knows nothing."""
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, delete, insert, select
 
+import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
+from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import StoredFile, content_name, decode_arrays, encode_arrays
+from dynreg.registry.files import INDEX, content_hash, content_name, open_regular, unreadable
 from dynreg.registry.hashes import entries_hash, hash_of
-from dynreg.registry.rows import require, row_of
+from dynreg.registry.rows import require
 
 _KEY = re.compile(r"[A-Za-z0-9_.]+")
 
@@ -27,8 +30,7 @@ def put_index(
 
     entries : ids of the entries that it was computed for, in the order of their numbers; without them, those
         that the population holds now, which is only safe where no other process populates.
-    False where the population holds other entries by now: nothing changes then, so that an index which
-    another process has put for them stays.
+    False where the population holds other entries by now: an index that another process has put for them stays.
     """
     if not _KEY.fullmatch(key):
         raise RegistryError(
@@ -41,19 +43,16 @@ def put_index(
     if fingerprint != present:
         return False
     data = encode_arrays(arrays, {"population": population_id, "key": key, "entries": fingerprint})
-    file = content_name("index", f"{population_id[:16]}-{key}", data, "safetensors")
+    file = content_name(INDEX, f"{population_id[:16]}-{key}", data, "safetensors")
     directory.stage(file, data)
-    with directory.catalog.write() as connection:
-        if entries_hash(connection, population_id) != fingerprint:  # they came while this was encoded
-            _remove_unregistered(directory, connection, file.path)
-            return False
-        old = _drop(connection, population_id, key)
-        directory.register(connection, file, data)
-        row = {"population_id": population_id, "key": key, "entries_hash": fingerprint, "path": file.path}
-        connection.execute(insert(tables.indexes).values(**row))
-    if old is not None:
-        with directory.catalog.write() as connection:
-            _remove_unregistered(directory, connection, old)
+    with directory.catalog.read() as connection:
+        present = entries_hash(connection, population_id)
+    if present != fingerprint:  # others came while this was encoded
+        disk.remove(directory.home / file.path)
+        return False
+    for path in _files(directory.home, population_id, key):
+        if path.name != Path(file.path).name:
+            disk.remove(path)
     return True
 
 
@@ -65,35 +64,34 @@ def get_index(
     entries : ids of the entries that it must have been computed for, in the order of their numbers: those that
         the caller has read. Without them, those that the population holds now.
     """
-    table = tables.indexes
     with directory.catalog.read() as connection:
         require(connection, tables.populations, population_id, "population")
-        query = select(table).where(table.c.population_id == population_id, table.c.key == key)
-        row = connection.execute(query).first()
         wanted = entries_hash(connection, population_id) if entries is None else hash_of(entries)
-        if row is None or row.entries_hash != wanted:
-            return None
-        stored = row_of(connection, tables.files, row.path)
-    if stored is None or not directory.holds(StoredFile(stored.path, stored.sha256, stored.size)):
-        return None
+    homes = dict.fromkeys((directory.home, directory.path))
+    for path in (path for home in homes for path in _files(home, population_id, key)):
+        try:
+            header, arrays = read_index(path)
+        except CorruptError:
+            continue
+        if (header["population"], header["key"], header["entries"]) == (population_id, key, wanted):
+            return arrays
+    return None
+
+
+def read_index(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Header and arrays of an index's file; CorruptError where its bytes do not fit the hash in its name."""
     try:
-        return decode_arrays(directory.locate(row.path))[1]
-    except CorruptError:
-        return None
+        with open_regular(path) as stream:
+            data = stream.read()
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if not path.stem.endswith(f"-{content_hash(data)[:16]}"):
+        raise unreadable(path, "its bytes do not fit the hash in its name")
+    header, arrays = arrays_of(path, data)
+    if not {"population", "key", "entries"} <= header.keys():
+        raise unreadable(path, "it does not say what it was computed for")
+    return header, arrays
 
 
-def _drop(connection: Connection, population_id: str, key: str) -> str | None:
-    """Forget an index; returns the path of its file, which is the caller's to remove."""
-    table = tables.indexes
-    mine = (table.c.population_id == population_id) & (table.c.key == key)
-    path = connection.execute(select(table.c.path).where(mine)).scalar()
-    if path is not None:
-        connection.execute(delete(table).where(mine))
-        connection.execute(delete(tables.files).where(tables.files.c.path == path))
-    return path
-
-
-def _remove_unregistered(directory: Directory, connection: Connection, path: str) -> None:
-    """Remove a file unless the catalogue (meanwhile) knows it; inside a write transaction."""
-    if row_of(connection, tables.files, path) is None:
-        directory.locate(path).unlink(missing_ok=True)
+def _files(home: Path, population_id: str, key: str) -> list[Path]:
+    return sorted((home / INDEX).glob(f"{population_id[:16]}-{key}-*.safetensors"))

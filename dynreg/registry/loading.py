@@ -8,8 +8,8 @@ from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import decode_arrays
 from dynreg.registry.populations import get_population
 from dynreg.registry.records import EntryRecord, PopulationArrays, ShardData
 from dynreg.registry.rows import require
@@ -42,7 +42,8 @@ def load_population(
     numbers = np.array([row.number for row in entries], dtype=np.int64)
     _check_whole(population_id, shards, numbers)
     skip = "/" if "weights" in columns else "weights/"
-    parts = [decode_arrays(directory.locate(shard.arrays_path), skip)[1] for shard in shards]
+    paths = directory.checked(*(shard.arrays_path for shard in shards))
+    parts = [decode_arrays(path, skip)[1] for path in paths]
     return PopulationArrays(
         ids=tuple(row.id for row in entries),
         numbers=numbers,
@@ -63,10 +64,10 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
         holds = [s for s in _shards(connection, entry.population_id) if s.start <= entry.number < s.stop]
     _check_whole(entry.population_id, holds, np.array([entry.number]), alone=True)
     position = entry.number - holds[0].start
-    states_path = directory.locate(holds[0].states_path)
+    states_path, arrays_path = directory.checked(holds[0].states_path, holds[0].arrays_path)
     states = np.empty((1, *read_states_header(states_path)["shape"][1:]), np.float32)
     read_states(states_path, states, position)
-    _, arrays = decode_arrays(directory.locate(holds[0].arrays_path))
+    _, arrays = decode_arrays(arrays_path)
     row = {name: array[position] for name, array in arrays.items()}
     parameters = get_population(directory, entry.population_id).parameters
     return EntryRecord(
@@ -87,7 +88,7 @@ def load_shards(directory: Directory, population_id: str) -> Iterator[tuple[int,
     with directory.catalog.read() as connection:
         shards = _shards(connection, population_id)
     for shard in shards:
-        _, data = read_shard(directory.locate(shard.states_path), directory.locate(shard.arrays_path))
+        _, data = read_shard(*directory.checked(shard.states_path, shard.arrays_path))
         yield shard.start, data
 
 
@@ -105,17 +106,24 @@ def _check_whole(population_id: str, shards: Sequence[Row], numbers: np.ndarray,
             expected="at least one shard",
             do="run `dynreg populate` first",
         )
-    held = [number for shard in shards for number in range(shard.start, shard.stop)]
-    if not (numbers[0] in held if alone else np.array_equal(held, numbers)):
+    count = sum(shard.stop - shard.start for shard in shards)
+    whole = (
+        bool(shards) if alone else count == len(numbers)
+    )  # numbers are unique: they fill the shards, or not
+    if whole and not alone:
+        at = np.searchsorted([shard.start for shard in shards], numbers, side="right") - 1
+        stops = np.array([shard.stop for shard in shards])
+        whole = bool((at >= 0).all() and (numbers < stops[at]).all())
+    if not whole:
         raise CorruptError(
             f"the catalogue's entries and shards of population {population_id[:12]} do not fit together",
-            expected=f"one row for each of the {len(held)} entries in its shards",
+            expected=f"one row for each of the {count} entries in its shards",
             do="run `dynreg verify --repair`",
         )
 
 
 def _states(directory: Directory, shards: Sequence[Row]) -> np.ndarray:
-    paths = [directory.locate(shard.states_path) for shard in shards]
+    paths = directory.checked(*(shard.states_path for shard in shards))
     offsets = np.cumsum([0, *(shard.stop - shard.start for shard in shards)])
     out = np.empty((offsets[-1], *read_states_header(paths[0])["shape"][1:]), np.float32)
     with ThreadPoolExecutor(_THREADS) as pool:

@@ -3,10 +3,13 @@
 A released step is never edited: the next change of the tables is a new step at the end.
 """
 
+import re
+
 from sqlalchemy import Connection, inspect, text
 
 from dynreg.errors import RegistryError
 
+LEDGER = "0004_ledger_and_seals"  # what a catalogue held before it becomes the first page of the ledger
 STEPS: dict[str, tuple[str, ...]] = {
     "0001_entries": (
         "CREATE TABLE files (path TEXT PRIMARY KEY, sha256 TEXT NOT NULL, size INTEGER NOT NULL)",
@@ -35,7 +38,26 @@ STEPS: dict[str, tuple[str, ...]] = {
            entries_hash TEXT NOT NULL, path TEXT NOT NULL REFERENCES files (path),
            PRIMARY KEY (population_id, key))""",
     ),
+    # What is derived from the files goes: indexes tell of themselves, numbers of entries lie in their shards.
+    LEDGER: (
+        "DROP TABLE indexes",
+        "DELETE FROM files WHERE path LIKE 'index/%'",
+        """CREATE TABLE plain_entries (id TEXT PRIMARY KEY,
+           population_id TEXT NOT NULL REFERENCES populations (id), number INTEGER NOT NULL,
+           UNIQUE (population_id, number))""",
+        "INSERT INTO plain_entries SELECT id, population_id, number FROM entries",
+        "DROP TABLE entries",
+        "ALTER TABLE plain_entries RENAME TO entries",
+        "CREATE TABLE seals (name TEXT PRIMARY KEY, rows INTEGER NOT NULL, digest TEXT NOT NULL)",
+        "CREATE TABLE pages (number INTEGER PRIMARY KEY, sha256 TEXT NOT NULL)",
+    ),
 }
+
+
+def known_tables() -> set[str]:
+    """Names of the tables that a catalogue of any age may have."""
+    made = re.findall(r"CREATE TABLE (\w+)", " ".join(sum(STEPS.values(), ())))
+    return {"migrations", *made}
 
 
 def pending(connection: Connection) -> list[str]:

@@ -3,13 +3,15 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import Connection, Row, select
 
+import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
 from dynreg.errors import RegistryError
+from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import LOCKS, content_name, decode_arrays, encode_arrays, sweep, try_lock
+from dynreg.registry.files import LOCKS, content_name, sweep, try_lock
 from dynreg.registry.records import PopulationRecord
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
@@ -34,27 +36,23 @@ def put_population(directory: Directory, record: PopulationRecord) -> None:
     }
     data = encode_arrays(record.arrays, header)
     file = content_name("populations", record.id[:16], data, "safetensors")
-    directory.catalog.check_writable()
-    sweep(directory.path)
+    sweep(directory.home)
     with directory.catalog.read() as connection:
         _check_same(connection, record, file.path)
     directory.stage(file, data)
-    with directory.catalog.write() as connection:
-        known = _check_same(connection, record, file.path)
-        directory.register(connection, file, data)
-        table = tables.populations
-        if known is None:
-            row = {"id": record.id, "robot_hash": record.robot_hash, "name": record.name}
-            connection.execute(insert(table).values(**row, size=record.size, path=file.path))
-        elif record.size > known.size:
-            connection.execute(update(table).where(table.c.id == record.id).values(size=record.size))
+    with directory.catalog.write() as writing:
+        known = _check_same(writing.connection, record, file.path)
+        directory.register(writing, file, data)
+        row = {"id": record.id, "robot_hash": record.robot_hash, "name": record.name, "path": file.path}
+        row = known._asdict() if known else row | {"size": record.size}
+        writing.put(tables.populations, row | {"size": max(record.size, row["size"])})
 
 
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
     """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged."""
     with directory.catalog.read() as connection:
         row = require(connection, tables.populations, population_id, "population")
-    header, arrays = decode_arrays(directory.locate(row.path))
+    header, arrays = arrays_of(directory.locate(row.path), directory.read_bytes(row.path))
     return PopulationRecord(
         id=header["id"],
         robot_hash=header["robot"],
@@ -92,14 +90,13 @@ def claim(directory: Directory, population_id: str, start: int) -> Iterator[bool
 
     A killed process lets go of its claims. Claims only spare work: two writers do no harm.
     """
-    directory.catalog.check_writable()
-    path = directory.path / LOCKS / f"{population_id[:16]}-{start:08d}.lock"
+    path = directory.home / LOCKS / f"{population_id[:16]}-{start:08d}.lock"
     with try_lock(path) as mine:
         try:
             yield mine and any(span[0] == start for span in missing_spans(directory, population_id))
         finally:
             if mine:
-                path.unlink(missing_ok=True)
+                disk.remove(path)
 
 
 def held_spans(connection: Connection, population_id: str) -> list[Span]:

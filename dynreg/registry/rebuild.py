@@ -6,11 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, delete, insert, text
-
 import dynreg.registry.tables as tables
-from dynreg.registry.files import ROBOTS, canonical_json
-from dynreg.registry.hashes import hash_of, result_id
+from dynreg.registry.codec import canonical_json
+from dynreg.registry.files import ROBOTS
+from dynreg.registry.hashes import result_id
 from dynreg.registry.scan import Found
 
 Row = dict[str, Any]
@@ -23,23 +22,27 @@ def paths_in(held: Rows) -> set[str]:
     return {row[column] for rows in held.values() for row in rows for column in columns if row.get(column)}
 
 
-def replace_rows(connection: Connection, root: Path, held: Rows, found: Found) -> list[str]:
-    """Put rows for all sound files in place of the present ones, inside the caller's transaction.
-
-    `held` are the old rows. Returns the files that no row knows afterwards, for the caller to put away.
-    """
+def new_rows(root: Path, held: Rows, found: Found) -> Rows:
+    """Rows for all that is sound, by table: those of `held` whose files are, and new ones for files without any."""
     rows = _new_rows(root, held, found)
-    connection.execute(text("PRAGMA defer_foreign_keys = ON"))
-    for table in reversed(tables.metadata.sorted_tables):
-        if table.name != "migrations":
-            connection.execute(delete(table))
-    for table in tables.metadata.sorted_tables:
-        if rows.get(table.name):
-            connection.execute(insert(table), rows[table.name])
+    return {table.name: rows.get(table.name, []) for table in tables.HELD}
+
+
+def unknown_files(rows: Rows, found: Found) -> list[str]:
+    """The files that none of these rows knows, sound ones and others."""
     known = {row["path"] for row in rows["files"]} | {
-        f"{ROBOTS}/{row['hash']}/{name}" for row in rows["robots"] for name in json.loads(row["manifest"])
+        f"{ROBOTS}/{row['hash']}/{name}" for row in rows["robots"] for name in manifest_of(row)
     }
     return sorted(name for name in {*found.files, *found.bad} if name not in known)
+
+
+def manifest_of(row: Row) -> dict[str, str]:
+    """sha256 of each file of a robot's folder; of a row that does not tell them, none."""
+    try:
+        manifest = json.loads(row["manifest"])
+    except (ValueError, TypeError, RecursionError):
+        return {}
+    return manifest if isinstance(manifest, dict) else {}
 
 
 def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
@@ -47,7 +50,6 @@ def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
     alive = {row["id"] for row in populations}
     shards = [shard for key, shard in sorted(found.shards.items()) if key[0] in alive]
     entries = [row for shard in shards for row in shard.entries]
-    present = {p: hash_of(row["id"] for row in entries if row["population_id"] == p) for p in alive}
     hashes = {name.split("/")[1] for name in found.files if name.startswith(f"{ROBOTS}/")}
     hashes |= {row["hash"] for row in held["robots"]} | {row["robot_hash"] for row in populations}
     recordings = _recordings(held, found, hashes)
@@ -64,9 +66,6 @@ def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
         "recording_names": [row for row in held["recording_names"] if row["recording_id"] in stored],
         "simulators": list(found.simulators.values()),
         "results": _results(held, found, stored),
-        "indexes": [
-            row for row in found.indexes.values() if row["entries_hash"] == present.get(row["population_id"])
-        ],  # others are stale
     }
     registered = {row["path"]: row for row in held["files"]}
     sound = {path: {"path": path, "sha256": f.sha256, "size": f.size} for path, f in found.files.items()}

@@ -1,18 +1,17 @@
 """Recordings: what a robot did, stored under the hash of its numbers and under names."""
 
 import re
-from pathlib import Path
 
-from sqlalchemy import Connection, Row, Table, delete, func, insert, select, update
+from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
 from dynreg.errors import RegistryError
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import StoredFile, content_name, temporary_name, unreadable
+from dynreg.registry.files import StoredFile, content_name, unreadable
 from dynreg.registry.records import RecordingInfo
 from dynreg.registry.robots import require_robot
-from dynreg.registry.rows import require, row_of
+from dynreg.registry.rows import require
 
 _IS_HASH = re.compile(r"[0-9a-f]{64}")
 
@@ -30,33 +29,29 @@ def put_recording(
         robot.
     NoMatchError : the robot is unknown.
     """
-    directory.catalog.check_writable()
     _check_name(name)
-    file, data = _encode(directory, recording, robot_hash)
-    recording_id, table = recording.id, tables.recordings
-    mine = table.c.id == recording_id
+    file, data = _encode(recording, robot_hash)
+    table = tables.recordings
     with directory.catalog.read() as connection:
         require_robot(connection, robot_hash)
-        known = _check_robot(_known(connection, recording_id), robot_hash)
-        _check_free(connection, name, recording_id)
+        known = _check_robot(_known(connection, recording.id), robot_hash)
+        _check_free(connection, name, recording.id)
     if not _is_sound(directory, known):
         directory.stage(file, data)
-    with directory.catalog.write() as connection:
-        _check_free(connection, name, recording_id)
-        known = _check_robot(_known(connection, recording_id), robot_hash)
-        if not _is_sound(directory, known):
-            directory.register(connection, file, data)
-            row = {"id": recording_id, "robot_hash": robot_hash, "path": file.path, "ordinal": 0}
-            if known is None:
-                connection.execute(insert(table).values(**row))
-            elif known.path != file.path:  # its own was damaged
-                connection.execute(update(table).where(mine).values(path=file.path))
-                connection.execute(delete(tables.files).where(tables.files.c.path == known.path))
-        connection.execute(update(table).where(mine).values(ordinal=next_ordinal(connection, table)))
-        if name is not None and row_of(connection, tables.recording_names, name) is None:
-            row = {"name": name, "recording_id": recording_id}
-            connection.execute(insert(tables.recording_names).values(**row))
-    return recording_id
+    with directory.catalog.write() as writing:
+        _check_free(writing.connection, name, recording.id)
+        known = _check_robot(_known(writing.connection, recording.id), robot_hash)
+        sound = _is_sound(directory, known)
+        if not sound:
+            directory.register(writing, file, data)
+        path = known.path if sound else file.path
+        row = {"id": recording.id, "robot_hash": robot_hash, "path": path}
+        writing.put(table, row | {"ordinal": writing.last_ordinal(table, recording.id)})
+        if known is not None and known.path != path:  # its own was damaged
+            writing.remove(tables.files, (known.path,))
+        if name is not None:
+            writing.put(tables.recording_names, {"name": name, "recording_id": recording.id})
+    return recording.id
 
 
 def get_recording(directory: Directory, recording_id: str) -> Recording:
@@ -64,7 +59,8 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
     from dynreg.data.table import read_parquet
 
     with directory.catalog.read() as connection:
-        path = directory.locate(require(connection, tables.recordings, recording_id, "recording").path)
+        relative = require(connection, tables.recordings, recording_id, "recording").path
+    (path,) = directory.checked(relative)
     try:
         recording = read_parquet(path)
     except Exception as error:  # whatever a damaged file makes the reader raise
@@ -87,20 +83,10 @@ def list_recordings(directory: Directory, recording_id: str | None = None) -> tu
     return tuple(RecordingInfo(*key, tuple(held)) for key, held in names.items())
 
 
-def next_ordinal(connection: Connection, table: Table) -> int:
-    """One more than the highest ordinal of a table."""
-    return (connection.execute(select(func.max(table.c.ordinal))).scalar() or 0) + 1
+def _encode(recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
+    from dynreg.data.table import to_parquet
 
-
-def _encode(directory: Directory, recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
-    from dynreg.data.table import write_parquet
-
-    temporary = temporary_name(directory.path / "recordings" / "recording")
-    try:
-        write_parquet(recording, temporary)
-        data = Path(temporary).read_bytes()
-    finally:
-        temporary.unlink(missing_ok=True)
+    data = to_parquet(recording)
     # Both hashes in the name let a lost catalogue row be written again.
     return content_name("recordings", f"{recording.id[:16]}-{robot_hash[:16]}", data, "parquet"), data
 

@@ -1,5 +1,6 @@
 """The store of populations, entries, recordings and results: one directory that can be moved."""
 
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -19,6 +20,7 @@ import dynreg.registry.references as references
 import dynreg.registry.robots as robots
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
+from dynreg.errors import NotStored, RegistryError
 from dynreg.folder import Folder
 from dynreg.registry.directory import Directory, open_directory, take_away
 from dynreg.registry.files import SEARCHES
@@ -48,7 +50,8 @@ class Registry:
     def open(cls, path: Path | str, create: bool = False) -> "Registry":
         """Open the registry at `path`, or make a new one there with `create`.
 
-        Older catalogues are brought up to date. A directory without write access can be read.
+        Older catalogues are brought up to date. Of a directory without write access everything can be read and asked;
+        what is put there lasts until it is closed (`read_only`).
 
         Raises
         ------
@@ -65,7 +68,7 @@ class Registry:
 
     def close(self) -> None:
         """Let go of the catalogue."""
-        self.directory.catalog.close()
+        self.directory.close()
 
     def take_away(self) -> None:
         """Close, and remove what this opening made where nothing has come of it; see `directory.take_away`."""
@@ -75,6 +78,20 @@ class Registry:
     def path(self) -> Path:
         """The registry's directory."""
         return self.directory.path
+
+    @property
+    def read_only(self) -> bool:
+        """Whether the directory may only be read: what is put is gone when it is closed."""
+        return self.directory.read_only
+
+    def check_writable(self) -> None:
+        """RegistryError where the registry may only be read: for what is asked for the sake of being stored."""
+        if self.read_only:
+            raise RegistryError(
+                f"the registry {str(self.path)!r} is read-only",
+                expected="a directory that may be written",
+                do="copy it to a place of your own, or mend its permissions",
+            )
 
     def resolve(self, ref: str, kinds: Collection[str] = references.KINDS) -> tuple[str, str]:
         """(kind, id) of a hash, a unique prefix of one, a name or `@last`; else NoMatchError."""
@@ -175,6 +192,10 @@ class Registry:
 
     def put_result(self, kind: str, recording_ref: str | None, document: Mapping[str, Any]) -> str:
         """Store a result (plain JSON) about a recording, None for one about no recording, and return its id."""
+        if self.read_only:
+            warnings.warn(
+                f"{str(self.path)!r} is read-only: the result is shown, and not stored", NotStored, 2
+            )
         recording_id = self._id(recording_ref, "recording") if recording_ref else ""
         return documents.put_result(self.directory, kind, recording_id, dict(document))
 
@@ -207,7 +228,7 @@ class Registry:
 
     def journal_path(self, name: str) -> Path:
         """Where a search that has not ended keeps its journal; `name` says which search."""
-        return self.directory.path / SEARCHES / f"{name}.jsonl"
+        return self.directory.home / SEARCHES / f"{name}.jsonl"
 
     def ids(self, kind: str) -> tuple[str, ...]:
         """Ids of all simulators (sorted), or of all results in the order in which they came."""

@@ -6,13 +6,15 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from sqlalchemy import Connection, Row, insert, update
+from sqlalchemy import Connection, Row
 
+import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError, RobotError
 from dynreg.folder import Folder, is_hashed, read_folder
+from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import ROBOTS, canonical_json, sha256_of, write_file
+from dynreg.registry.files import ROBOTS, StoredFile, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
 
 _HASH = re.compile(r"[0-9a-f]{8,128}")
@@ -27,24 +29,19 @@ def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name
     begin with "." or "__" are left out. Raises RegistryError when the folder cannot be read, or when this hash
     stands for other files.
     """
-    directory.catalog.check_writable()
     contents = _contents(folder, robot_hash)
     manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
     with directory.catalog.read() as connection:
         _check_same(row_of(connection, tables.robots, robot_hash), manifest)
     _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if is_hashed(n)}, manifest)
-    with directory.catalog.write() as connection:
-        known = row_of(connection, tables.robots, robot_hash)
+    with directory.catalog.write() as writing:
+        known = row_of(writing.connection, tables.robots, robot_hash)
         _check_same(known, manifest)
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
-        row = {"name": name, "manifest": canonical_json(manifest)}
-        if known is None:
-            connection.execute(insert(tables.robots).values(hash=robot_hash, **row))
-        elif known.manifest != row["manifest"]:
-            mine = tables.robots.c.hash == robot_hash
-            connection.execute(update(tables.robots).where(mine).values(manifest=row["manifest"]))
-            for relative in json.loads(known.manifest).keys() - manifest.keys():
-                directory.locate(f"{ROBOTS}/{robot_hash}/{relative}").unlink(missing_ok=True)
+        kept = known.name if known else name
+        writing.put(tables.robots, {"hash": robot_hash, "name": kept, "manifest": canonical_json(manifest)})
+        for relative in json.loads(known.manifest).keys() - manifest.keys() if known else ():
+            disk.remove(directory.home / ROBOTS / robot_hash / relative)
 
 
 def robot_folder(directory: Directory, robot_hash: str) -> Path:
@@ -55,14 +52,14 @@ def robot_folder(directory: Directory, robot_hash: str) -> Path:
     with directory.catalog.read() as connection:
         manifest = json.loads(require_robot(connection, robot_hash).manifest)
     for relative, sha256 in _covered(manifest).items():
-        path = directory.locate(f"{ROBOTS}/{robot_hash}/{relative}")
-        if not path.is_file() or sha256_of(path) != sha256:
+        if not directory.holds(StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", sha256)):
             raise CorruptError(
                 f"robot {robot_hash[:12]} has lost its {relative!r}",
                 expected="the folder as it was registered",
                 do="register the robot again from its own folder",
             )
-    return directory.path / ROBOTS / robot_hash
+    put_here = directory.home / ROBOTS / robot_hash
+    return put_here if put_here.is_dir() else directory.path / ROBOTS / robot_hash
 
 
 def require_robot(connection: Connection, robot_hash: str) -> Row:
@@ -88,10 +85,17 @@ def _write_copy(
     directory: Directory, robot_hash: str, contents: Mapping[str, bytes], manifest: Mapping[str, str]
 ) -> None:
     for relative, data in contents.items():
-        path = directory.locate(f"{ROBOTS}/{robot_hash}/{relative}")
-        if not path.is_file() or sha256_of(path) != manifest[relative]:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        path = directory.home / ROBOTS / robot_hash / relative
+        if not _is_sound(path, manifest[relative]):
+            disk.make_folder(path.parent)
             write_file(path, data)
+
+
+def _is_sound(path: Path, sha256: str) -> bool:
+    try:
+        return sha256_of(path) == sha256
+    except OSError:
+        return False
 
 
 def _contents(folder: Folder | Path, robot_hash: str) -> Mapping[str, bytes]:

@@ -9,36 +9,28 @@ from pathlib import Path
 from typing import Any
 
 from dynreg.errors import DynregError
-from dynreg.registry.catalog import FILE
+from dynreg.registry.catalog import BESIDE, FILE
+from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import MARKER
 from dynreg.registry.entries import entry_rows
 from dynreg.registry.files import (
     CACHE,
+    CONTENTS,
     FOLDERS,
+    INDEX,
     LOCKS,
     LOST_AND_FOUND,
     ROBOTS,
     SEARCHES,
     StoredFile,
-    decode_arrays,
     is_temporary,
     sha256_of,
     unreadable,
 )
+from dynreg.registry.indexes import read_index
 from dynreg.registry.shards import read_shard, read_states_header
 
-_KNOWN_AT_TOP = {
-    MARKER,
-    FILE,
-    f"{FILE}-wal",
-    f"{FILE}-shm",
-    f"{FILE}-journal",
-    CACHE,
-    LOCKS,
-    LOST_AND_FOUND,
-    SEARCHES,
-    *FOLDERS,
-}
+_KNOWN_AT_TOP = {MARKER, FILE, *BESIDE, CACHE, LOCKS, LOST_AND_FOUND, SEARCHES, *FOLDERS}
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,6 @@ class Found:
     recordings: dict[str, dict[str, Any]] = field(default_factory=dict)
     simulators: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, dict[str, Any]] = field(default_factory=dict)
-    indexes: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
     bad: dict[str, str] = field(default_factory=dict)
 
 
@@ -71,7 +62,10 @@ def scan(root: Path, registered: set[str]) -> Found:
         if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
             found.bad[path.name] = "no part of a registry"
     states, rest = {}, {}
-    files = (path for folder in FOLDERS for path in (root / folder).rglob("*") if not path.is_dir())
+    folders = [root / name for name in (*CONTENTS, INDEX)]
+    files = (
+        path for folder in folders for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
+    )
     names = [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
     for relative in sorted(names, key=lambda name: (name not in registered, name)):
         path, folder = root / relative, relative.split("/")[0]
@@ -82,6 +76,9 @@ def scan(root: Path, registered: set[str]) -> Found:
             file = StoredFile(relative, sha256_of(path), path.stat().st_size)
         except FileNotFoundError:
             continue  # an index that was replaced in the meantime
+        except OSError as error:
+            found.bad[relative] = str(error)
+            continue
         try:
             if folder != ROBOTS and not path.stem.endswith(f"-{file.sha256[:16]}"):
                 raise unreadable(path, "its bytes do not fit the hash in its name")
@@ -90,10 +87,13 @@ def scan(root: Path, registered: set[str]) -> Found:
                 header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
                 span = (header["population"], int(header["start"]), int(header["stop"]))
                 (states if is_states else rest).setdefault(span, []).append(relative)
+            elif folder == INDEX:
+                read_index(path)
+                continue  # a cache, which no row knows
             elif folder != ROBOTS:
                 _READERS[folder](found, path, file)
             found.files[relative] = file
-        except (DynregError, KeyError, TypeError, ValueError) as error:
+        except (DynregError, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
             found.bad[relative] = getattr(error, "problem", str(error))
     _pair(root, found, states, rest)
     return found
@@ -108,8 +108,9 @@ def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
         states_path, rest_path = states[span][0], rest[span][0]
         try:
             _, data = read_shard(root / states_path, root / rest_path)
-        except DynregError as error:
-            found.bad[states_path] = found.bad[rest_path] = error.problem
+        except (DynregError, KeyError, TypeError, ValueError) as error:
+            reason = getattr(error, "problem", str(error))
+            found.bad[states_path] = found.bad[rest_path] = reason
             continue
         taken = [s.row for (owner, _), s in found.shards.items() if owner == population]
         if len(data) != stop - start or any(start < row["stop"] and row["start"] < stop for row in taken):
@@ -117,7 +118,7 @@ def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
             continue
         row = {"population_id": population, "start": start, "stop": stop}
         row |= {"states_path": states_path, "arrays_path": rest_path}
-        entries = entry_rows(population, start, data, data.entry_ids(population))
+        entries = entry_rows(population, start, data.entry_ids(population))
         found.shards[population, start] = FoundShard(row, entries, data.layout)
 
 
@@ -150,16 +151,9 @@ def _read_result(found: Found, path: Path, file: StoredFile) -> None:
     }
 
 
-def _read_index(found: Found, path: Path, file: StoredFile) -> None:
-    header, _ = decode_arrays(path)
-    row = {"population_id": header["population"], "key": header["key"], "entries_hash": header["entries"]}
-    found.indexes.setdefault((row["population_id"], row["key"]), row | {"path": file.path})
-
-
 _READERS = {
     "populations": _read_population,
     "recordings": _read_recording,
     "simulators": _read_simulator,
     "results": _read_result,
-    "index": _read_index,
 }

@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dynreg.data.recording import Channel
-from dynreg.registry.files import canonical_json, decode_arrays, encode_arrays, unreadable
+from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
+from dynreg.registry.files import unreadable
 from dynreg.registry.records import ShardData
 
 _READ_TOGETHER = 20  # row groups decoded before they are copied out: small enough to stay in the cache

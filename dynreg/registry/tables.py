@@ -4,11 +4,28 @@ Portable SQL only (no SQLite types or functions), so that the same code can stan
 JSON is stored as text.
 """
 
-from sqlalchemy import Column, Float, ForeignKey, Integer, MetaData, Table, Text, UniqueConstraint, select
+from sqlalchemy import Column, ForeignKey, Integer, MetaData, Table, Text, UniqueConstraint, select
 
 metadata = MetaData()
 
 migrations = Table("migrations", metadata, Column("name", Text, primary_key=True))
+
+# How many rows each table below has and the sum of their hashes: what is read is compared with it.
+seals = Table(
+    "seals",
+    metadata,
+    Column("name", Text, primary_key=True),
+    Column("rows", Integer, nullable=False),
+    Column("digest", Text, nullable=False),
+)
+
+# The pages of the ledger that the other tables follow, each with the sha256 of its file.
+pages = Table(
+    "pages",
+    metadata,
+    Column("number", Integer, primary_key=True),
+    Column("sha256", Text, nullable=False),
+)
 
 files = Table(
     "files",
@@ -53,10 +70,6 @@ entries = Table(
     Column("id", Text, primary_key=True),
     Column("population_id", ForeignKey("populations.id"), nullable=False),
     Column("number", Integer, nullable=False),  # index in the population; row group = number - shard's start
-    Column("parameter_values", Text, nullable=False),
-    Column("own_loss", Float),
-    Column("train_loss", Float),
-    Column("extra", Text, nullable=False),
     UniqueConstraint("population_id", "number"),
 )
 
@@ -96,11 +109,5 @@ results = Table(
 # Thresholds were results once. They are in the cache now; where an older registry holds some, nobody meets them.
 results_of_verbs = select(results).where(results.c.kind != "threshold").subquery("results_of_verbs")
 
-indexes = Table(
-    "indexes",
-    metadata,
-    Column("population_id", ForeignKey("populations.id"), primary_key=True),
-    Column("key", Text, primary_key=True),
-    Column("entries_hash", Text, nullable=False),
-    Column("path", ForeignKey("files.path"), nullable=False),
-)
+SEALED = tuple(t for t in metadata.sorted_tables if t.name not in ("migrations", "seals"))
+HELD = tuple(t for t in SEALED if t.name != "pages")  # what the pages of the ledger tell, parents first

@@ -28,6 +28,7 @@ def ingest(
     Raises LogError, MapError with what is wrong and where, NoMatchError and UsageError for a gait that is not there or
     another robot's; nothing is registered then.
     """
+    registry.check_writable()
     recording = logs if isinstance(logs, Recording) else read_log(logs, robot, log_map)
     if gait is not None:
         from dynreg.verbs.gaits import trial_of

@@ -53,6 +53,7 @@ def populate(
 
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
+    registry.check_writable()
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)

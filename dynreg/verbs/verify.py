@@ -6,14 +6,14 @@ from dynreg.registry import verify
 from dynreg.results.stored import Verification
 
 
-def verification(path: Path, repair: bool) -> Verification:
+def verification(path: Path, repair: bool, dry_run: bool = False) -> Verification:
     """`verify` of the registry at `path`, as a result."""
-    report = verify(path, repair)
+    report = verify(path, repair, dry_run)
     return Verification(
         registry=str(path),
         clean=not report.faults,
         checked=dict(report.checked),
         faults=tuple(str(fault) for fault in report.faults),
-        repaired=tuple(str(f) for f in report.faults if getattr(f, "mended", None)),
+        repaired=() if dry_run else tuple(str(f) for f in report.faults if f.mended),
         lost=tuple(str(f) for f in report.lost),
     )

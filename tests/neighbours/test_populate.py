@@ -1,6 +1,7 @@
 """What a population holds depends on the robot, the seed and the number of each entry alone."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,9 +109,7 @@ def test_a_populate_waits_for_what_another_one_has_claimed(registry, monkeypatch
 
 def test_other_seeds_ranges_and_training_are_other_populations():
     robot = load_robot("servo_pendulum")
-    narrower = type(robot)(
-        robot.name, robot.folder, robot.file, robot.space.with_ranges({"tip_mass": (0.45, 0.55)}), robot.hash
-    )
+    narrower = replace(robot, space=robot.space.with_ranges({"tip_mass": (0.45, 0.55)}))
     all_ids = [
         population_id(*told)
         for told in (

@@ -8,8 +8,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import pytest
-from registry_contents import ROBOT, fill, make_recording
+from registry_contents import ROBOT, make_recording, make_shard
 from sqlalchemy import create_engine, inspect
 
 from dynreg.errors import CorruptError, RegistryError
@@ -42,24 +43,42 @@ def test_migrations_lead_to_the_tables_of_the_code(path, tmp_path):
         assert rest == list(migrated[name][1:]), name
 
 
-@pytest.mark.parametrize("steps", range(len(migrations.STEPS)))
-def test_older_catalogue_is_brought_up_to_date_and_keeps_its_content(path, robot, monkeypatch, steps):
-    """The data of a registry that was written when only the first `steps` migrations existed."""
-    known = dict(list(migrations.STEPS.items())[:steps])
-    with monkeypatch.context() as older:
-        older.setattr(migrations, "STEPS", known)
-        with Registry.open(path, create=True) as registry:
-            if steps:
-                fill(registry, robot)
-                content = registry.content_hash()
+LATER = {  # what the steps after the first brought to format 1
+    "0003_indexes": ("indexes",),
+    "0002_simulators_and_results": ("simulators", "results"),
+}
+
+
+@pytest.mark.parametrize("without", range(len(LATER) + 1))
+def test_registry_of_format_1_is_brought_up_to_date_and_keeps_its_content(path, without):
+    """The fixture was filled by the last version that wrote format 1, with what `conftest.filled` holds and more."""
+    shutil.unpack_archive(Path(__file__).with_name("format_1.zip"), path)
+    connection = sqlite3.connect(path / "catalog.sqlite")
+    with connection:
+        for step, names in list(LATER.items())[:without]:
+            for name in names:
+                if name in ("simulators", "results"):
+                    connection.execute(f"DELETE FROM files WHERE path LIKE '{name}/%'")
+                    shutil.rmtree(path / name)
+                connection.execute(f"DROP TABLE {name}")
+            connection.execute("DELETE FROM migrations WHERE name = ?", (step,))
+    connection.close()
+    for _ in range(2):
+        with Registry.open(path) as registry:
+            assert (
+                registry.content_hash() == "1fb48489fce0b83fb5e23fc7804c3a676c917d0f54eccd1df831282ba1b99c46"
+            )
+            np.testing.assert_array_equal(registry.load("bench").states, make_shard(0, 10).states)
+            assert [info.names for info in registry.recordings()] == [("second run",), ("again", "first run")]
+            assert registry.index("bench", "landmarks") is not None
+            if without < 2:
+                assert registry.latest().document == {"k": 5} and len(registry.ids("result")) == 2
+        assert verify(path).faults == () and verify(path).leftovers == ()
+    assert json.loads((path / "dynreg.json").read_text())["version"] == 2
+    (path / "catalog.sqlite").unlink()
+    verify(path, repair=True)
     with Registry.open(path) as registry:
-        if steps:
-            assert registry.content_hash() == content and len(registry.load("bench")) == 10
-        else:
-            fill(registry, robot)
-        registry.put_index("bench", "graph", {})
-        registry.put_simulator({})
-    assert verify(path).faults == ()
+        assert [info.names for info in registry.recordings()] == [("second run",), ("again", "first run")]
 
 
 def test_failed_migration_changes_nothing(registry, monkeypatch):
@@ -167,10 +186,14 @@ if os.getuid() == 0:
 from dynreg.errors import RegistryError
 with Registry.open(sys.argv[1]) as registry:
     print(len(registry.load("bench")))
+    simulator = registry.put_simulator({"a": 1})
+    print(registry.simulator(simulator), registry.read_only)
     try:
-        registry.put_simulator({"a": 1})
+        registry.check_writable()
     except RegistryError as error:
         print(error)
+with Registry.open(sys.argv[1]) as registry:
+    print(len(registry.ids("simulator")))
 """
 
 
@@ -195,7 +218,8 @@ def test_registry_without_write_access_can_be_read(registry, open_folder):
         [sys.executable, "-c", READ_ONLY, place], capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[0] == "10" and "read-only" in done.stdout.splitlines()[1]
+    read, put, refused, kept = done.stdout.splitlines()
+    assert (read, put, kept) == ("10", "{'a': 1} True", "1") and "read-only" in refused
 
 
 def test_importing_the_package_loads_nothing_heavy():

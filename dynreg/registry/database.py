@@ -1,0 +1,92 @@
+"""SQLite as the catalogue uses it: how a connection is made, and what its errors mean."""
+
+import sqlite3
+import time
+from pathlib import Path
+
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.pool import NullPool
+
+from dynreg.errors import CorruptError, RegistryError
+
+BUSY_SECONDS = 60.0
+_LONGEST = 1 << 26  # bytes of one value: the manifest of a robot with some 500,000 files
+
+_NO_PLACE = {"SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_AUTH"}
+_LOCKED = {"SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_PROTOCOL"}
+_CUT_SHORT = "SQLITE_IOERR_SHORT_READ"  # the file ends before it should: damage, and not the disk's
+
+
+def engine_for(path: Path) -> Engine:
+    """Connections to the database at `path`; each transaction has one of its own."""
+
+    def connect() -> sqlite3.Connection:
+        return sqlite3.connect(
+            f"{path.absolute().as_uri()}?mode=rwc",
+            uri=True,
+            timeout=BUSY_SECONDS,
+            isolation_level=None,
+            check_same_thread=False,
+        )
+
+    engine = create_engine("sqlite://", creator=connect, poolclass=NullPool)
+
+    @event.listens_for(engine, "connect")
+    def _settings(connection: sqlite3.Connection, record: object) -> None:
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
+        connection.execute("PRAGMA trusted_schema=OFF")  # before anything of the file is read
+        _use_write_ahead_log(connection)
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("PRAGMA foreign_keys=ON")
+
+    @event.listens_for(engine, "begin")
+    def _begin(connection: Connection) -> None:
+        connection.exec_driver_sql(connection.get_execution_options().get("dynreg_begin", "BEGIN"))
+
+    return engine
+
+
+def explained(path: Path, error: Exception) -> RegistryError:
+    """What an error of SQLite (or of SQLAlchemy about one) means for the catalogue at `path`, by SQLite's own code.
+
+    Only a damaged file is a CorruptError: a full or failing disk, a lock and a lack of rights leave it as it is.
+    """
+    cause = getattr(error, "orig", None) or error
+    name = getattr(cause, "sqlite_errorname", "") or ""
+    kind = "_".join(name.split("_")[:2])
+    if kind in _LOCKED:
+        return RegistryError(
+            f"the catalogue {str(path)!r} stayed locked for {BUSY_SECONDS:.0f} s",
+            expected="short transactions of other processes",
+            do="wait for the other dynreg processes, or end the one that hangs",
+        )
+    if kind in _NO_PLACE:
+        return RegistryError(
+            f"the catalogue {str(path)!r} cannot be opened or written: {cause} ({name})",
+            expected="a directory and a catalogue that may be written",
+            do="mend their permissions, then run the same command again",
+        )
+    if kind in ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_NOMEM") and name != _CUT_SHORT:
+        return RegistryError(
+            f"the disk or the memory failed under the catalogue {str(path)!r}: {cause} ({name})",
+            expected="room for a few MB more, and a disk that reads and writes",
+            do="free some space or look after the disk, then run the same command again; nothing is lost by this",
+        )
+    return CorruptError(
+        f"the catalogue {str(path)!r} is damaged: {cause}" + (f" ({name})" if name else ""),
+        expected="a sound SQLite database",
+        do="restore it from a copy, or run `dynreg verify --repair` to rebuild it from the ledger and the stored files",
+    )
+
+
+def _use_write_ahead_log(connection: sqlite3.Connection) -> None:
+    # The change of mode does not wait for other processes as a transaction does.
+    for _ in range(100):
+        try:
+            if connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
+                connection.execute("PRAGMA journal_mode=WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if getattr(error, "sqlite_errorname", "").split("_")[1:2] not in (["BUSY"], ["LOCKED"]):
+                raise
+            time.sleep(0.05)

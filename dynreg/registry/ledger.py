@@ -1,0 +1,153 @@
+"""The ledger: what was put into a registry, in order, a page for each put.
+
+A page is a small file that is never changed: the rows that the put wrote to the catalogue, and the hash of the page
+before. So the catalogue can be written again from the pages whole, with the names and the order that no other file
+tells; a page whose rows did not reach the catalogue is taken over when the registry is opened.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import dynreg.registry.tables as tables
+from dynreg.registry.codec import canonical_json
+from dynreg.registry.files import LEDGER, content_name, open_regular, write_file
+
+Key = tuple[Any, ...]
+Values = tuple[Any, ...]  # of one row, in the order of its table's columns
+_NAME = re.compile(r"(\d{8,12})-([0-9a-f]{16})\.json")
+
+
+@dataclass(frozen=True)
+class Page:
+    """One put.
+
+    Attributes
+    ----------
+    number : 1 for the first page of a ledger.
+    before : sha256 of the page before, "" for a page that begins anew.
+    put : rows that were written, by table; a row takes the place of one with the same key.
+    removed : keys of the rows that were taken out, by table.
+    whole : whether it holds every row, so that the pages before it count no more.
+    """
+
+    number: int
+    before: str = ""
+    put: Mapping[str, tuple[Values, ...]] = field(default_factory=dict)
+    removed: Mapping[str, tuple[Key, ...]] = field(default_factory=dict)
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """The pages that could be read, each with its sha256, in order; and why others could not, by path."""
+
+    pages: tuple[tuple[Page, str], ...]
+    bad: Mapping[str, str]
+
+
+def write_page(root: Path, page: Page) -> str:
+    """Bring a page to the disk; returns its sha256."""
+    document = {
+        "schema": "dynreg/ledger/1",
+        "number": page.number,
+        "before": page.before,
+        "whole": page.whole,
+        "put": {
+            name: {"columns": [c.name for c in tables.metadata.tables[name].c], "rows": rows}
+            for name, rows in page.put.items()
+        },
+        "removed": dict(page.removed),
+    }
+    data = canonical_json(document).encode()
+    file = content_name(LEDGER, f"{page.number:08d}", data, "json")
+    write_file(root / file.path, data)
+    return file.sha256
+
+
+def pages_after(root: Path, number: int) -> list[Path]:
+    """The files of the pages that come after `number`, in order."""
+    found = (_NAME.fullmatch(path.name) for path in _files(root))
+    later = sorted((int(m[1]), m[0]) for m in found if m and int(m[1]) > number)
+    return [root / LEDGER / name for _, name in later]
+
+
+def read_page(path: Path) -> tuple[Page, str]:
+    """A page and its sha256; ValueError or OSError where the file is not as it was written."""
+    with open_regular(path) as stream:
+        data = stream.read()
+    named = _NAME.fullmatch(path.name)
+    if named is None:
+        raise ValueError("no name of a page")
+    sha256 = content_name(LEDGER, named[1], data, "json").sha256
+    if sha256[:16] != named[2]:
+        raise ValueError("its bytes do not fit the hash in its name")
+    try:
+        document = json.loads(data)
+        put = {
+            name: tuple(_in_order(name, told["columns"], row) for row in told["rows"])
+            for name, told in document["put"].items()
+        }
+        removed = {name: tuple(map(tuple, keys)) for name, keys in document["removed"].items()}
+        page = Page(int(document["number"]), document["before"], put, removed, bool(document["whole"]))
+    except (KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(f"it does not hold a page: {error!r}") from error
+    if page.number != int(named[1]):
+        raise ValueError("its number is not the one in its name")
+    return page, sha256
+
+
+def read_ledger(root: Path) -> Ledger:
+    """Every page from the last whole one on; a page that is missing between two others is in `bad`, too."""
+    pages, bad = [], {}
+    for path in pages_after(root, 0):
+        try:
+            pages.append(read_page(path))
+        except (OSError, ValueError) as error:
+            bad[f"{LEDGER}/{path.name}"] = str(error)
+    bad |= {f"{LEDGER}/{path.name}": "no page" for path in _files(root) if not _NAME.fullmatch(path.name)}
+    begins = max((i for i, (page, _) in enumerate(pages) if page.whole), default=0)
+    pages = pages[begins:]
+    expected, before = 1, ""
+    for page, sha256 in pages:
+        if not page.whole and (page.number, page.before) != (expected, before):
+            missing = f"page {expected}" if page.number > expected else f"what page {page.number} follows"
+            bad[f"{LEDGER}/{page.number:08d}"] = f"{missing} is missing"
+        expected, before = page.number + 1, sha256
+    return Ledger(tuple(pages), bad)
+
+
+def replay(pages: Iterable[Page]) -> dict[str, dict[Key, Values]]:
+    """The rows that the pages leave, by table and key."""
+    rows: dict[str, dict[Key, Values]] = {table.name: {} for table in tables.HELD}
+    for page in pages:
+        if page.whole:
+            rows = {name: {} for name in rows}
+        for name, keys in page.removed.items():
+            for key in keys:
+                rows[name].pop(key, None)
+        for name, values in page.put.items():
+            rows[name].update((key_of(name, row), row) for row in values)
+    return rows
+
+
+def key_of(name: str, row: Values) -> Key:
+    """The primary key of a row of a table."""
+    columns = tables.metadata.tables[name].c
+    return tuple(value for column, value in zip(columns, row, strict=True) if column.primary_key)
+
+
+def _in_order(name: str, columns: list[str], row: list[Any]) -> Values:
+    table = tables.metadata.tables.get(name)
+    if table is None or sorted(columns) != sorted(c.name for c in table.c):
+        raise ValueError(f"rows of {name!r} with the columns {columns}")
+    told = dict(zip(columns, row, strict=True))
+    return tuple(told[c.name] for c in table.c)
+
+
+def _files(root: Path) -> list[Path]:
+    folder = root / LEDGER
+    return [p for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []

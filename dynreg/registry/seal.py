@@ -1,0 +1,88 @@
+"""A seal over each table of the catalogue: a change that dynreg did not make is seen when the table is read.
+
+The sum of the rows' hashes does not depend on their order, so that a transaction changes it by its own rows alone
+(Bellare and Micciancio, "A New Paradigm for Collision-free Hashing", 1997: AdHash).
+"""
+
+import hashlib
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, Table, delete, insert, select, text
+
+import dynreg.registry.tables as tables
+
+_MODULUS = 1 << 256
+
+
+@dataclass(frozen=True)
+class Seal:
+    """How many rows a table has, and the sum of their hashes modulo 2^256."""
+
+    rows: int = 0
+    digest: int = 0
+
+    def with_rows(self, added: Iterable[Sequence], removed: Iterable[Sequence] = ()) -> "Seal":
+        """The seal when these rows (values in the order of the table's columns) come and go."""
+        came, went = [_hash(row) for row in added], [_hash(row) for row in removed]
+        return Seal(
+            self.rows + len(came) - len(went),
+            (self.digest + sum(came) - sum(went)) % _MODULUS,
+        )
+
+
+def seal_of(connection: Connection, table: Table) -> Seal:
+    """The seal of the rows that a table has."""
+    return Seal().with_rows(map(tuple, connection.execute(select(table))))
+
+
+def read_seals(connection: Connection) -> dict[str, Seal]:
+    """{name of a table: its seal as it was written}; the seal of nothing where there is none."""
+    rows = connection.execute(select(tables.seals)).all()
+    written = {row.name: _written(row.rows, row.digest) for row in rows}
+    return {table.name: written.get(table.name, Seal()) for table in tables.SEALED}
+
+
+def write_seals(connection: Connection, seals: Mapping[str, Seal]) -> None:
+    """Put seals in place of those that were written for the same tables."""
+    if seals:
+        connection.execute(delete(tables.seals).where(tables.seals.c.name.in_(list(seals))))
+        rows = [{"name": n, "rows": seal.rows, "digest": f"{seal.digest:064x}"} for n, seal in seals.items()]
+        connection.execute(insert(tables.seals), rows)
+
+
+def broken_structure(connection: Connection) -> list[str]:
+    """What shows that the catalogue is no sound database of dynreg's, a line each; empty where it is."""
+    strange = strange_objects(connection, tables.metadata.tables)
+    if strange:
+        return [f"it holds {name}" for name in strange]
+    return [row[0] for row in connection.execute(text("PRAGMA integrity_check")) if row[0] != "ok"]
+
+
+def broken_seals(connection: Connection) -> list[str]:
+    """What shows that rows are not as dynreg left them, a line for each table; empty where they are."""
+    seals = read_seals(connection)
+    return [
+        f"the table {table.name!r} is not as dynreg left it"
+        for table in tables.SEALED
+        if seal_of(connection, table) != seals[table.name]
+    ]
+
+
+def strange_objects(connection: Connection, known: Collection[str]) -> list[str]:
+    """Views, triggers and tables of a catalogue that are none of the `known` tables."""
+    rows = connection.execute(
+        text("SELECT type, name FROM sqlite_master WHERE name NOT LIKE 'sqlite_%'")
+    ).all()
+    return [f"the {row.type} {row.name!r}" for row in rows if row.type != "table" or row.name not in known]
+
+
+def _written(rows: object, digest: object) -> Seal:
+    try:
+        return Seal(int(rows), int(digest, 16))
+    except (TypeError, ValueError):
+        return Seal(-1)  # no table has it
+
+
+def _hash(row: Sequence) -> int:
+    return int.from_bytes(hashlib.sha256(repr(tuple(row)).encode("utf-8", "surrogatepass")).digest(), "big")
