@@ -17,6 +17,17 @@ class Limits:
     """The limits in force. Each field is one limit, with its unit in its comment."""
 
     rows: int = 100_000_000  # samples of one signal, rows of one table
+    columns: int = 100_000  # columns of one table, signals of one log
+    numbers: int = 250_000_000  # numbers that are kept of one log, 8 bytes each
+    messages: int = 100_000_000  # messages of one log
+    items: int = 4_000_000  # items of all lists in one message
+    episodes: int = 100_000  # episodes of one log
+    log_files: int = 100_000  # files of one log: of a LeRobot dataset, of a rosbag2 folder
+    chunk_bytes: int = 256 << 20  # bytes that are unpacked at once: a chunk, a record, a variable, a line
+    unpacked_bytes: int = 64 << 30  # bytes that are unpacked of one log, one after the other
+    whole_bytes: int = 1 << 30  # bytes of a log that is held whole: a .mat file
+    json_bytes: int = 64 << 20  # bytes of one JSON document, which takes many times as much when it is read
+    settings_bytes: int = 1 << 20  # bytes of a map, a metadata.yaml, an info.json, a definition of messages
     robot_files: int = 10_000  # files in a robot's folder
     robot_bytes: int = 1_000_000_000  # bytes of a robot's folder: its model, its meshes
 

@@ -183,7 +183,8 @@ def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where
     for name, series in episode.channels.items():
         if specs[name].kind != "state" or len(series) < 3 or _position_of(name) in episode.channels:
             continue
-        start, run = longest_run(np.diff(series.values) == 0)
+        now, before = series.values[1:], series.values[:-1]
+        start, run = longest_run((now == before) & np.isfinite(now))
         begin, end = series.time[start], series.time[start + run]
         if end - begin < max(STUCK_SECONDS, STUCK_SHARE * (series.time[-1] - series.time[0])):
             continue

@@ -64,7 +64,7 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
     else:
         raise LogError(
             f"{log.path.name!r} has no episode column {column!r}",
-            expected=f"one of {[*log.labels, *log.sources][:20]}",
+            expected=f"one of {[*log.names][:20]}",
             do="correct `column` under [episodes]",
         )
     _, first = np.unique(keys, return_index=True)
@@ -100,8 +100,8 @@ def _channels(log: RawLog, log_map: LogMap, spec: RecordingSpec, select: Select)
                 values[good] = np.unwrap(values[good])
             out[channel.name] = Series(series.time - entry.delay, values, channel.unit)
         elif not channel.optional:
-            near = [name for name in log.sources if name.split(".")[0] == entry.source.split(".")[0]]
-            near = near or log.metadata.get("topics") or list(log.sources)
+            near = [name for name in log.names if name.split(".")[0] == entry.source.split(".")[0]]
+            near = near or log.metadata.get("topics") or [*log.names]
             raise MapError(
                 f"{log.path.name!r} has no source {entry.source!r} for channel {channel.name!r}",
                 expected=f"one of {near[:30]}",

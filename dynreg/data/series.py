@@ -79,6 +79,7 @@ class RawLog:
     metadata : settings found in the log (a gain, a mass); `start` [s] is the first stamp in absolute time.
     labels : text columns of tables, (T,) each, in the table's row order: names of episodes.
     findings : what the reader itself saw (lost messages, a damaged chunk).
+    names : of every signal that the log holds, also where only those asked for are in `sources`.
     """
 
     path: Path
@@ -86,3 +87,7 @@ class RawLog:
     metadata: Mapping[str, Any] = field(default_factory=dict)
     labels: Mapping[str, np.ndarray] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        object.__setattr__(self, "names", tuple(self.names) or (*self.labels, *self.sources))

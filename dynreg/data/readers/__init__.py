@@ -42,7 +42,7 @@ _PACKAGED = (
         ("metadata.yaml", "rosbag2"),
     ),
     LogFormat("csv", f"{__name__}.tables", (), (".csv", ".tsv"), streams=True),
-    LogFormat("parquet", f"{__name__}.tables", (b"PAR1",), (".parquet",), streams=True),
+    LogFormat("parquet", f"{__name__}.parquet", (b"PAR1",), (".parquet",), streams=True),
     LogFormat("matlab", f"{__name__}.matlab", (b"MATLAB 5.0", b"MATLAB 7.3", _HDF), (".mat",), streams=True),
     LogFormat("bam", f"{__name__}.bam", (), (".json",), streams=True),
     LogFormat("lerobot", f"{__name__}.lerobot", folder=("meta/info.json", "LeRobot")),
@@ -80,6 +80,10 @@ class ReadOptions:
     def wants(self, topic: str) -> bool:
         """Whether any source asked for is of this topic."""
         return self.sources is None or any(s.startswith(f"{topic}.") for s in self.sources)
+
+    def wants_signal(self, name: str) -> bool:
+        """Whether this signal is asked for, or an item of this column's lists."""
+        return self.sources is None or any(s == name or s.startswith(f"{name}[") for s in self.sources)
 
 
 def format_of(source: str | Path | LogFile) -> LogFormat:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from dynreg.data.readers.budget import Budget
 from dynreg.errors import LogError
 
 
@@ -10,11 +11,13 @@ def bag_information(folder: Path) -> dict[str, Any]:
     """The `rosbag2_bagfile_information` of a folder's metadata.yaml; LogError where it is not one."""
     from ruamel.yaml import YAML
 
+    file = folder / "metadata.yaml"
+    Budget(folder.name).check("settings_bytes", file.stat().st_size)
     try:
-        document = YAML(typ="safe", pure=True).load((folder / "metadata.yaml").read_text())
+        document = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
         info = document["rosbag2_bagfile_information"]
         names = info["relative_file_paths"]
-        if not isinstance(names, list) or not names:
+        if not isinstance(names, list) or not names or not isinstance(info, dict):
             raise ValueError("no files are listed")
         return info
     except Exception as error:  # any malformed YAML

@@ -1,14 +1,17 @@
 """From named columns (CSV, Parquet, MATLAB, JSON) to series on the table's own clock."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.numbers import doubles, seconds
 from dynreg.data.series import Finding, RawLog, Series
 from dynreg.errors import LogError
+from dynreg.limits import limits, refuse
 
 TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T")
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -23,42 +26,56 @@ def from_columns(
     labels: Mapping[str, np.ndarray] | None = None,
     units: Mapping[str, str] | None = None,
     findings: tuple[Finding, ...] = (),
+    names: Sequence[str] = (),
 ) -> RawLog:
     """A RawLog of equally long columns, one of which is the time.
 
-    Raises LogError where there is no time column, or it holds no number.
+    `names` are the columns that the table holds, where only some were read.
+    A column is an array of numbers, dates or spans; one with empty cells is masked (numpy.ma), or NaN or NaT there.
+    Raises LogError where there is no time column, it holds no number, or all are more than may be kept.
     """
-    name = time_column(path, columns, options)
-    stamps = np.asarray(columns[name])
-    finite = stamps[np.isfinite(stamps.astype(float))] if stamps.size else stamps
-    if not finite.size:
+    name = time_column(path, columns, options, names)
+    stamps = columns[name]
+    if len(stamps) * len(columns) > limits().numbers:
+        refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
+    scale = TIME_UNITS[options.time_unit]
+    time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
+    if math.isnan(start):
         raise LogError(
             f"{path.name!r}: the time column {name!r} holds no number",
             expected="a stamp a row",
             do="check the log",
         )
-    start, scale = finite[0], TIME_UNITS[options.time_unit]
-    # Whole numbers (nanoseconds since 1970) are subtracted before they lose digits as floats.
-    time = (stamps - start).astype(float) * scale
     sources = {
-        key: Series(time, np.asarray(values, dtype=float), (units or {}).get(key))
+        key: Series(time, doubles(values), (units or {}).get(key))
         for key, values in columns.items()
         if key != name
     }
-    metadata = {**(metadata or {}), "start": float(start) * scale}
-    return RawLog(path, sources, metadata, labels or {}, findings)
+    return RawLog(
+        path,
+        sources,
+        {**(metadata or {}), "start": start},
+        labels or {},
+        findings,
+        tuple(names) or tuple(columns),
+    )
 
 
-def time_column(path: Path, columns: Mapping[str, np.ndarray], options: ReadOptions) -> str:
+def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
     """Name of the column that is the clock: the map's, else the first of the usual names."""
     wanted = (options.time,) if options.time else TIME_NAMES
     for name in wanted:
         if name in columns:
             return name
+    held = next((name for name in wanted if name in names), None)
+    if held is not None:
+        told = f"{path.name!r}: the time column {held!r} does not hold numbers"
+    elif options.time:
+        told = f"{path.name!r} has no time column {options.time!r}"
+    else:
+        told = f"{path.name!r} has no column that looks like time"
     raise LogError(
-        f"{path.name!r} has no time column {options.time!r}"
-        if options.time
-        else f"{path.name!r} has no column that looks like time",
-        expected=f"one of its numeric columns {list(columns)[:30]}",
+        told,
+        expected=f"one of its columns {[*(names or columns)][:30]}",
         do='name it in the map: time = "..." under [map]',
     )

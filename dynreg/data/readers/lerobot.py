@@ -3,14 +3,18 @@
 Format: https://github.com/huggingface/lerobot (dataset versions 2 and 3).
 """
 
-import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from dynreg.data.readers import ReadOptions
-from dynreg.data.readers.tables import from_table
+from dynreg.data.readers.batches import MAX_ITEMS, Columns
+from dynreg.data.readers.budget import Budget
+from dynreg.data.readers.numbers import parse_json
+from dynreg.data.readers.parquet import gather
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError
 
@@ -20,43 +24,82 @@ def read(path: Path, options: ReadOptions) -> RawLog:
 
     Episodes are in the column `episode_index`. Raises LogError where the folder is not a dataset.
     """
+    budget = Budget(path.name)
     try:
-        info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
-        files = sorted((path / "data").rglob("*.parquet"))
-        tables = [_frames(file) for file in files]
-        table = pa.concat_tables(tables, promote_options="default")
-    except (OSError, ValueError, pa.ArrowException) as error:
+        info = _info(path, budget)
+        names = {feature: _names(about) for feature, about in (info.get("features") or {}).items()}
+        table = Columns(path, budget, _by_column(options, names))
+        for file in _files(path, budget):
+            with file.open("rb") as stream:
+                gather(stream, table)
+    except (OSError, ValueError, AttributeError, RecursionError, pa.ArrowException) as error:
         raise LogError(
             f"{path.name!r} is not a LeRobot dataset: {error}",
             expected="meta/info.json and data/**/*.parquet",
             do="download it again",
         ) from error
-    if table.num_rows == 0:
+    if table.rows == 0:
         raise LogError(f"{path.name!r} has no frames", expected="data/**/*.parquet", do="download it again")
-    log = from_table(path, table, options)
+    log = table.log({})
     sources = dict(log.sources)
-    for feature, description in info.get("features", {}).items():
-        sources.update(_by_name(feature, description, log.sources))
+    for feature, items in names.items():
+        sources.update(_by_name(feature, items, log.sources))
     metadata = {**log.metadata, **{k: info[k] for k in ("fps", "robot_type") if k in info}}
-    return RawLog(path, sources, metadata, log.labels, log.findings)
+    return replace(
+        log, sources=sources, metadata=metadata, names=tuple(dict.fromkeys((*log.names, *sources)))
+    )
 
 
-def _frames(file: Path) -> pa.Table:
-    import pyarrow.parquet as pq
+def _info(path: Path, budget: Budget) -> dict[str, Any]:
+    file = path / "meta" / "info.json"
+    budget.check("settings_bytes", file.stat().st_size)
+    info = parse_json(file.read_text(encoding="utf-8"))
+    if not isinstance(info, dict) or not isinstance(info.get("features") or {}, dict):
+        raise ValueError("meta/info.json does not hold names with what they stand for")
+    return info
 
-    with file.open("rb") as stream:  # of a path, a colon would make an address
-        return pq.read_table(stream)
+
+def _files(path: Path, budget: Budget) -> list[Path]:
+    out = []
+    for file in (path / "data").rglob("*.parquet"):
+        if file.is_file():
+            budget.spend("log_files")
+            out.append(file)
+    return sorted(out)
 
 
-def _by_name(feature: str, description: dict, sources: dict[str, Series]) -> dict[str, Series]:
-    names = description.get("names") if isinstance(description, dict) else None
-    if isinstance(names, dict):  # older versions: {"motors": [...]}
+def _names(about: Any) -> list[str]:
+    """What the items of a feature are called; older versions have {"motors": [...]}."""
+    names = about.get("names") if isinstance(about, Mapping) else None
+    if isinstance(names, Mapping):
         names = next((v for v in names.values() if isinstance(v, list)), None)
-    if not isinstance(names, list):
-        return {}
-    flat = [str(name) for name in np.ravel(names)]
+    return [str(name) for name in _flat(names)] if isinstance(names, list) else []
+
+
+def _flat(names: list[Any]) -> Iterator[Any]:
+    """The names in lists of any shape, in order."""
+    left = [iter(names)]
+    while left:
+        name = next(left[-1], left)
+        if name is left:
+            left.pop()
+        elif isinstance(name, list):
+            left.append(iter(name))
+        else:
+            yield name
+
+
+def _by_column(options: ReadOptions, names: Mapping[str, list[str]]) -> ReadOptions:
+    """Options that ask for the columns of the items that are asked for by name."""
+    if options.sources is None:
+        return options
+    columns = tuple(f"{feature}[0]" for feature in names if options.wants_signal(feature))
+    return replace(options, sources=(*options.sources, *columns))
+
+
+def _by_name(feature: str, names: list[str], sources: Mapping[str, Series]) -> dict[str, Series]:
     return {
         f"{feature}[{n}]": sources[f"{feature}[{i}]"]
-        for i, n in enumerate(flat)
+        for i, n in enumerate(names[:MAX_ITEMS])
         if f"{feature}[{i}]" in sources
     }

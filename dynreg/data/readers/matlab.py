@@ -12,6 +12,7 @@ import numpy as np
 
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.columns import from_columns, time_column
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
@@ -20,7 +21,6 @@ _HEADER = 128  # bytes: 116 of text, subsystem offset, version, endian indicator
 _MATRIX, _COMPRESSED = 14, 15
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _NUMERIC = range(6, 16)  # array classes double to uint64; the others are cells, structs, text, sparse
-_UNPACKED_LIMIT = 1 << 30
 
 
 def read(file: LogFile, options: ReadOptions) -> RawLog:
@@ -28,6 +28,8 @@ def read(file: LogFile, options: ReadOptions) -> RawLog:
 
     Raises LogError for version 7.3 (HDF5) files and for damaged ones.
     """
+    budget = Budget(file.name)
+    budget.check("whole_bytes", file.size)
     data = file.read()
     if data.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise LogError(
@@ -36,7 +38,7 @@ def read(file: LogFile, options: ReadOptions) -> RawLog:
             do="save it with save(file, '-v7') in MATLAB",
         )
     try:
-        numeric = dict(_variables(data))
+        numeric = dict(_variables(data, budget))
     except (ValueError, KeyError, struct.error, zlib.error) as error:
         raise LogError(
             f"{file.name!r} cannot be read: {error}",
@@ -55,31 +57,42 @@ def read(file: LogFile, options: ReadOptions) -> RawLog:
     return from_columns(file.path, columns, options, metadata=metadata, findings=findings)
 
 
-def _variables(data: bytes) -> Iterator[tuple[str, np.ndarray]]:
+def _variables(data: bytes, budget: Budget) -> Iterator[tuple[str, np.ndarray]]:
     """Names and squeezed values of the real numeric matrices that are not empty."""
     order = {b"IM": "<", b"MI": ">"}.get(data[126:_HEADER])
     if order is None:
         raise ValueError("no endian indicator")
-    for kind, body in _elements(data[_HEADER:], order):
+    for kind, body in _elements(memoryview(data)[_HEADER:], order):
         if kind == _COMPRESSED:
-            unpack = zlib.decompressobj()
-            inner = unpack.decompress(body, _UNPACKED_LIMIT)
-            if not unpack.eof:
-                raise ValueError("a variable is cut off or too large")
-            kind, body = next(_elements(inner, order), (0, b""))
+            inner = _unpacked(body, budget)
+            kind, body = next(_elements(memoryview(inner), order), (0, memoryview(b"")))
         if kind == _MATRIX:
             variable = _matrix(body, order)
             if variable is not None:
+                budget.spend("columns")
+                budget.spend("numbers", variable[1].size)
                 yield variable
 
 
-def _matrix(body: bytes, order: str) -> tuple[str, np.ndarray] | None:
+def _unpacked(body: memoryview, budget: Budget) -> bytes:
+    """What was packed into one variable; all variables together are held, so they are counted together."""
+    unpack = zlib.decompressobj()
+    inner = unpack.decompress(body, budget.allowed("chunk_bytes"))
+    budget.spend("whole_bytes", len(inner))
+    if unpack.eof:
+        return inner
+    if len(inner) >= budget.allowed("chunk_bytes"):
+        budget.refuse("chunk_bytes", len(inner) + 1)
+    raise ValueError("a variable is cut off")
+
+
+def _matrix(body: memoryview, order: str) -> tuple[str, np.ndarray] | None:
     parts = _elements(body, order)
     flags = next(parts, (0, b""))[1]
     if len(flags) < 4 or struct.unpack_from(f"{order}I", flags)[0] & 0xFF not in _NUMERIC:
         return None
     shape = np.frombuffer(next(parts, (0, b""))[1], f"{order}i4")
-    name = next(parts, (0, b""))[1].decode("latin-1")
+    name = bytes(next(parts, (0, b""))[1]).decode("latin-1")
     kind, numbers = next(parts, (9, b""))
     values = np.frombuffer(numbers, order + _TYPES[kind])
     if np.any(shape < 0) or int(np.prod(shape, dtype=object)) != len(values):
@@ -90,7 +103,7 @@ def _matrix(body: bytes, order: str) -> tuple[str, np.ndarray] | None:
     return name, np.squeeze(values.reshape(shape, order="F").astype(values.dtype.newbyteorder("=")))
 
 
-def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
     """Type and content of the data elements that lie one after the other."""
     at = 0
     while at + 8 <= len(data):

@@ -1,15 +1,21 @@
 """MCAP files: ROS 2 (CDR), ROS 1, JSON and protobuf messages, whole or damaged."""
 
-import json
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from mcap.records import Channel, Schema
+from mcap.records import Channel as Record
+from mcap.records import Schema
 
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.bag_folder import bag_information, stated_counts
-from dynreg.data.readers.mcap_walk import Tally, summary_of, walk
+from dynreg.data.readers.budget import Budget
+from dynreg.data.readers.channel import Channel
+from dynreg.data.readers.mcap_summary import Summary, summary_of
+from dynreg.data.readers.mcap_walk import Tally, walk
 from dynreg.data.readers.messages import Topic, gather
+from dynreg.data.readers.numbers import parse_json
 from dynreg.data.readers.ros_types import Decode, ros_decoder
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
@@ -22,40 +28,45 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
     finding tells how many; `messages_read` and `messages_lost` (None where it cannot be known) are in the
     log's metadata. Raises LogError where not one message could be read.
     """
+    budget = Budget(file.name)
     tally = Tally()
     schemas: dict[int, Schema] = {}
-    channels: dict[int, _Channel] = {}
+    channels: dict[int, Channel] = {}
     topics: dict[str, Topic] = {}
-    for item in walk(file, tally):
+    summary = summary_of(file, budget)
+    for item in walk(file, tally, summary, options.wants, budget):
         if isinstance(item, Schema):
             schemas.setdefault(item.id, item)
-        elif isinstance(item, Channel):
-            channels.setdefault(item.id, _Channel(item, schemas.get(item.schema_id)))
-        elif item.channel_id in channels and options.wants(channels[item.channel_id].topic):
+        elif isinstance(item, Record):
+            make = partial(_decoder, item, schemas.get(item.schema_id), budget)
+            channels.setdefault(item.id, Channel(item.topic, make))
+        elif item.channel_id in channels:
             channel = channels[item.channel_id]
             message = channel.decode(item.data)
             if message is not None:
-                topics.setdefault(channel.topic, Topic(channel.topic)).add(message, item.log_time)
+                topic = topics.setdefault(channel.topic, Topic(channel.topic, options, budget))
+                topic.add(message, item.log_time)
     findings = [f for channel in channels.values() for f in channel.findings(file.name)]
-    lost, damage = _losses(file.name, tally, expected if expected is not None else _stated(file))
+    lost, damage = _losses(file.name, tally, expected if expected is not None else _stated(file, summary))
     if not tally.read or (not topics and options.sources is None):
         raise LogError(
             f"{file.name!r} holds no message that can be read ({'; '.join(tally.problems[:1]) or 'no data'})",
             expected="ROS 2, ROS 1, JSON or protobuf messages",
             do="record it again, or convert it with `mcap recover`",
         )
-    sources, metadata, found = gather(topics, options.time != "log")
-    metadata.update(
-        messages_read=tally.read, messages_lost=lost, topics=sorted(c.topic for c in channels.values())
-    )
-    return RawLog(file.path, sources, metadata, findings=(*damage, *findings, *found))
+    log = gather(file.path, topics, options.time != "log")
+    told = {
+        "messages_read": tally.read,
+        "messages_lost": lost,
+        "topics": sorted(c.topic for c in channels.values()),
+    }
+    return replace(log, metadata={**log.metadata, **told}, findings=(*damage, *findings, *log.findings))
 
 
-def _stated(file: LogFile) -> int | None:
+def _stated(file: LogFile, summary: Summary) -> int | None:
     """Messages that the file should hold: from its own summary, else from the metadata.yaml beside it."""
-    summary = summary_of(file)
-    if summary and summary.statistics:
-        return summary.statistics.message_count
+    if summary.messages is not None:
+        return summary.messages
     beside = file.path.parent
     if file.data is not None or not (beside / "metadata.yaml").exists():
         return None
@@ -70,7 +81,7 @@ def _losses(name: str, tally: Tally, stated: int | None) -> tuple[int | None, li
     if stated in (None, tally.read) and tally.stopped is None and not tally.problems:
         return 0, []
     where = name if tally.stopped is None else f"{name}, byte {tally.stopped} of {tally.size}"
-    cause = "; ".join(tally.problems[:3]) or "fewer messages than the summary states"
+    cause = "; ".join(tally.problems) or "fewer messages than the summary states"
     known = tally.lost + tally.guessed
     lost: int | None = None
     if stated is not None:
@@ -91,46 +102,22 @@ def _losses(name: str, tally: Tally, stated: int | None) -> tuple[int | None, li
     return lost, [Finding("warning", "lost", where, f"{tally.read} messages read, {text} ({cause})")]
 
 
-class _Channel:
-    """One channel of the file: how its messages are decoded, and how many could not be."""
-
-    def __init__(self, channel: Channel, schema: Schema | None):
-        self.topic = channel.topic
-        self.failed = 0
-        self.problem = ""
-        self._decode: Decode | None = None
-        try:
-            self._decode = _decoder(channel, schema)
-            if self._decode is None:
-                self.problem = f"encoding {channel.message_encoding!r} is not read"
-        except Exception as error:  # the schema comes from the file: its parser may fail in any way
-            self.problem = f"its schema cannot be used: {error}"
-
-    def decode(self, data: bytes) -> Any:
-        if self._decode is None:
-            self.failed += 1
-            return None
-        try:
-            return self._decode(data)
-        except Exception as error:  # so may the message's decoder
-            self.failed += 1
-            self.problem = f"cannot be decoded: {error}"
-            return None
-
-    def findings(self, name: str) -> list[Finding]:
-        if not self.failed:
-            return []
-        text = f"{self.failed} messages left out: {' '.join(self.problem.split())}"
-        return [Finding("warning", "decode", f"{name}, {self.topic}", text)]
-
-
-def _decoder(channel: Channel, schema: Schema | None) -> Decode | None:
+def _decoder(channel: Record, schema: Schema | None, budget: Budget) -> Decode | None:
     if channel.message_encoding == "json":
-        return json.loads
+        return _json_decoder(budget)
     if schema is None:
         return None
     if channel.message_encoding == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory
 
-        return DecoderFactory().decoder_for("protobuf", schema)
-    return ros_decoder(schema.name, schema.data.decode(), schema.encoding, channel.message_encoding)
+        decode = DecoderFactory().decoder_for("protobuf", schema)
+        return decode and (lambda data: decode(bytes(data)))
+    return ros_decoder(schema.name, schema.data.decode(), schema.encoding, channel.message_encoding, budget)
+
+
+def _json_decoder(budget: Budget) -> Decode:
+    def decode(data: memoryview) -> Any:
+        budget.check("json_bytes", len(data))
+        return parse_json(bytes(data))
+
+    return decode

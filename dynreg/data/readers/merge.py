@@ -24,7 +24,10 @@ def join(path: Path, logs: Sequence[RawLog]) -> RawLog:
     for count in ("messages_read", "messages_lost"):
         parts = [log.metadata.get(count) for log in logs]
         metadata[count] = None if None in parts else sum(parts)
-    return RawLog(path, sources, metadata, findings=tuple(f for log in logs for f in log.findings))
+    names = tuple(dict.fromkeys(name for log in logs for name in log.names))
+    return RawLog(
+        path, sources, metadata, findings=tuple(f for log in logs for f in log.findings), names=names
+    )
 
 
 def side_by_side(path: Path, logs: Mapping[str, RawLog]) -> RawLog:
@@ -38,4 +41,5 @@ def side_by_side(path: Path, logs: Mapping[str, RawLog]) -> RawLog:
         labels.update({f"{member}.{name}": texts for name, texts in log.labels.items()})
         metadata.update(log.metadata)
     findings = tuple(f for log in logs.values() for f in log.findings)
-    return RawLog(path, sources, metadata | {"start": start}, labels, findings)
+    names = tuple(f"{member}.{name}" for member, log in logs.items() for name in log.names)
+    return RawLog(path, sources, metadata | {"start": start}, labels, findings, names)

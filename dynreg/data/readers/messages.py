@@ -1,63 +1,69 @@
 """From decoded messages of any encoding to one series a numeric leaf."""
 
+import math
+from array import array
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynreg.data.series import Finding, Series
+from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.budget import Budget
+from dynreg.data.readers.numbers import number, since
+from dynreg.data.series import Finding, RawLog, Series
 
 MAX_ITEMS = 64  # longer arrays are images, scans and point clouds, not signals
 MAX_DEPTH = 16
-MAX_LEAVES = 4096
+MAX_LEAVES = 4096  # of one topic
+MAX_PARTS = 16 * MAX_LEAVES  # of one message: numbers and what they lie in
 JOINT_STATE = ("position", "velocity", "effort")
 FOREIGN_CLOCK = 60.0  # [s] header stamps further than this from the log's own are of another clock
 
-Leaf = float | np.ndarray
+Leaf = float | int | np.number | np.bool_ | np.ndarray
 
 
-def leaves(message: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, Leaf]]:
+def leaves(message: Any) -> Iterator[tuple[str, Leaf]]:
     """Numeric leaves of a message: (".pose.position.x", 1.5), (".effort", array of shape (n,)).
 
     Understands dataclasses (ROS), mappings and lists (JSON) and protobuf messages. Text, bytes and arrays of
-    more than 64 items are left out; True is 1.
+    more than 64 items are left out, and what lies deeper than 16 levels. The walk ends after 65,536 parts.
     """
-    if isinstance(message, float):
-        yield path, message
-    elif isinstance(message, int | np.number | np.bool_):  # bool is an int
-        try:
-            yield path, float(message)
-        except OverflowError:  # an integer beyond a double, which JSON permits
+    left: list[tuple[str, Any, int]] = [("", message, 0)]
+    for _ in range(MAX_PARTS):
+        if not left:
             return
-    elif message is None or isinstance(message, str | bytes | bytearray) or depth > MAX_DEPTH:
-        return
-    elif isinstance(message, np.ndarray):
-        if message.ndim == 1 and 0 < message.size <= MAX_ITEMS and message.dtype.kind in "biuf":
-            yield path, message
-    elif is_dataclass(message):
-        for suffix, getter in _fields(type(message)):
-            yield from leaves(getter(message), path + suffix, depth + 1)
-    elif isinstance(message, Mapping):
-        for name, value in message.items():
-            yield from leaves(value, f"{path}.{name}", depth + 1)
-    elif hasattr(message, "DESCRIPTOR"):
-        for field in message.DESCRIPTOR.fields:
-            yield from leaves(getattr(message, field.name), f"{path}.{field.name}", depth + 1)
-    else:
-        yield from _items(message, path, depth)
+        path, value, depth = left.pop()
+        if isinstance(value, float | int | np.number | np.bool_):  # bool is an int
+            yield path, value
+        elif isinstance(value, np.ndarray):
+            if value.ndim == 1 and 0 < value.size <= MAX_ITEMS and value.dtype.kind in "biuf":
+                yield path, value
+        elif value is not None and not isinstance(value, str | bytes | bytearray) and depth <= MAX_DEPTH:
+            left += [(path + name, part, depth + 1) for name, part in reversed(_parts(value))]
 
 
-def _items(sequence: Any, path: str, depth: int) -> Iterator[tuple[str, Leaf]]:
+def _parts(value: Any) -> list[tuple[str, Any]]:
+    """What a message, a mapping or a short list holds, by name."""
+    if is_dataclass(value):
+        return [(suffix, getter(value)) for suffix, getter in _fields(type(value))]
+    if isinstance(value, Mapping):
+        return [(f".{name}", part) for name, part in value.items()]
+    if hasattr(value, "DESCRIPTOR"):
+        return [(f".{f.name}", getattr(value, f.name)) for f in value.DESCRIPTOR.fields if _is_set(value, f)]
     try:
-        count = len(sequence)
+        return [(f"[{i}]", part) for i, part in enumerate(value)] if len(value) <= MAX_ITEMS else []
     except TypeError:
-        return
-    if 0 < count <= MAX_ITEMS:
-        for i, item in enumerate(sequence):
-            yield from leaves(item, f"{path}[{i}]", depth + 1)
+        return []
+
+
+def _is_set(message: Any, field: Any) -> bool:
+    """Whether a protobuf field holds something: one message in another that is not set would be made up, for ever."""
+    return field.message_type is None or not field.has_presence or message.HasField(field.name)
 
 
 @cache
@@ -71,14 +77,17 @@ def get(message: Any, name: str) -> Any:
 
 
 def header_stamp(message: Any) -> int | None:
-    """`header.stamp` [ns], or None where there is none or it is zero."""
+    """`header.stamp` [ns], or None where there is none or it is zero; -1 for one that is no time since 1970."""
     stamp = get(get(message, "header"), "stamp")
     seconds = get(stamp, "sec") if get(stamp, "sec") is not None else get(stamp, "secs")
     told = (get(stamp, key) for key in ("nanosec", "nanosecs", "nsec", "nsecs"))
     nanos = next((n for n in told if n is not None), 0)
-    if not isinstance(seconds, int) or not isinstance(nanos, int):
+    if seconds is None:
         return None
-    return (seconds * 10**9 + nanos) or None
+    if not isinstance(seconds, int) or not isinstance(nanos, int):
+        return -1
+    nanos += seconds * 10**9
+    return (nanos or None) if 0 <= nanos < 2**63 else -1
 
 
 def is_joint_state(message: Any) -> bool:
@@ -92,90 +101,137 @@ def is_joint_state(message: Any) -> bool:
     )
 
 
-class Topic:
-    """The messages of one topic, gathered leaf by leaf."""
+class _Signal:
+    """The numbers of one leaf, and which messages held them: kept only once one did not."""
 
-    def __init__(self, name: str):
+    def __init__(self, row: int):
+        self.first = row
+        self.values = array("d")
+        self.rows: array | None = None
+
+    def add(self, row: int, value: float) -> None:
+        if self.rows is None and row != self.first + len(self.values):
+            self.rows = array("I", range(self.first, self.first + len(self.values)))
+        if self.rows is not None:
+            self.rows.append(row)
+        self.values.append(value)
+
+    def series(self, time: np.ndarray) -> Series:
+        if self.rows is None:
+            at = time[self.first : self.first + len(self.values)]
+        else:
+            at = time[np.frombuffer(self.rows, dtype=np.uint32)]
+        return Series(at, np.frombuffer(self.values))
+
+
+class Topic:
+    """The messages of one topic, gathered leaf by leaf: the signals that are asked for, the names of all."""
+
+    def __init__(self, name: str, options: ReadOptions, budget: Budget):
         self.name = name
-        self.log_stamps: list[int] = []
-        self.header_stamps: list[int | None] = []
-        self._leaves: dict[str, tuple[list[int], list[Leaf]]] = {}
+        self._options = options
+        self._budget = budget
+        self.log_stamps = array("Q")
+        self._header_stamps = array("q")  # -1 where it is no time, -2 where there is none
+        self._signals: dict[str, _Signal | None] = {}  # None: not asked for
+        self._items: dict[str, list[str]] = {}
+        self._odd: Counter[str] = Counter()
+        self._crowded = False
+        self._kept = 0
 
     def add(self, message: Any, log_stamp: int) -> None:
-        """Take one decoded message that was logged at `log_stamp` [ns]."""
+        """Take one decoded message that was logged at `log_stamp` [ns], 0 to 2**64 - 1.
+
+        Raises LogError past a limit, OverflowError for another stamp.
+        """
+        self._budget.spend("messages")
         row = len(self.log_stamps)
         self.log_stamps.append(int(log_stamp))
-        self.header_stamps.append(header_stamp(message))
+        stamp = header_stamp(message)
+        self._header_stamps.append(-2 if stamp is None else stamp)
         for path, value in leaves(message):
-            if path in self._leaves or len(self._leaves) < MAX_LEAVES:
+            if isinstance(value, np.ndarray):
+                for name, item in zip(self._named(path, len(value)), value.tolist(), strict=True):
+                    self._keep(name, row, item)
+            else:
                 self._keep(path, row, value)
         # By name as well as by index: the order of the joints may change from message to message.
         for field in JOINT_STATE if is_joint_state(message) else ():
             values, names = get(message, field), get(message, "name")
             if isinstance(values, list | tuple | np.ndarray) and len(values) == len(names):
                 for joint, value in zip(names, values, strict=True):
-                    self._keep(f".{field}[{joint}]", row, float(value))
+                    self._keep(f".{field}[{joint}]", row, value)
+        self._budget.spend("numbers", self._kept)
+        self._kept = 0
 
-    def _keep(self, path: str, row: int, value: Leaf) -> None:
-        rows, values = self._leaves.setdefault(path, ([], []))
-        # A JSON field may be a number in one message and a list in the next: the first kind stands.
-        if not values or isinstance(values[0], np.ndarray) == isinstance(value, np.ndarray):
-            rows.append(row)
-            values.append(value)
+    def _named(self, path: str, count: int) -> list[str]:
+        names = self._items.setdefault(path, [])
+        names += [f"{path}[{i}]" for i in range(len(names), count)]
+        return names[:count]
 
-    def series(self, start: int, use_header: bool) -> tuple[dict[str, Series], list[Finding]]:
-        """One series a leaf, with time in seconds since `start` [ns]."""
+    def _keep(self, path: str, row: int, value: Any) -> None:
+        if path not in self._signals:
+            self._begin(path, row)
+        signal = self._signals.get(path)
+        if signal is None:
+            return
+        kept = number(value)
+        if kept is None:
+            self._odd[path] += 1
+        self._kept += 1
+        signal.add(row, math.nan if kept is None else kept)
+
+    def _begin(self, path: str, row: int) -> None:
+        if len(self._signals) >= MAX_LEAVES:
+            self._crowded = True
+            return
+        self._budget.spend("columns")
+        wanted = self._options.wants_signal(self.name + path)
+        self._signals[path] = _Signal(row) if wanted else None
+
+    def log(self, start: int, use_header: bool) -> tuple[dict[str, Series], list[Finding]]:
+        """One series a signal, with time in seconds since `start` [ns], and what was seen."""
         time, findings = self._clock(start, use_header)
-        out: dict[str, Series] = {}
-        for path, (rows, values) in self._leaves.items():
-            at = time[rows]
-            if not isinstance(values[0], np.ndarray):
-                out[self.name + path] = Series(at, np.array(values, dtype=float))
-                continue
-            for i, (has, column) in enumerate(_items_of_arrays(values)):
-                out[f"{self.name}{path}[{i}]"] = Series(at[has], column)
+        out = {self.name + path: s.series(time) for path, s in self._signals.items() if s is not None}
+        if self._odd:
+            path, count = next(iter(self._odd.items()))
+            text = f"{count} of {len(out[self.name + path])} values are no number that can be kept: empty"
+            more = f"; so are values of {len(self._odd) - 1} more" if len(self._odd) > 1 else ""
+            findings.append(Finding("warning", "left_out", self.name + path, text + more))
+        if self._crowded:
+            text = f"more than {MAX_LEAVES} signals in one topic; those that come later are left out"
+            findings.append(Finding("warning", "left_out", self.name, text))
         return out, findings
+
+    @property
+    def names(self) -> list[str]:
+        """Every signal met, asked for or not."""
+        return [self.name + path for path in self._signals]
 
     def _clock(self, start: int, use_header: bool) -> tuple[np.ndarray, list[Finding]]:
         # Differences are taken in whole nanoseconds: an absolute stamp in float64 is only good to 0.2 us.
-        log = np.array([s - start for s in self.log_stamps], dtype=object).astype(np.float64) * 1e-9
-        stamped = [s is not None for s in self.header_stamps]
-        if not use_header or not all(stamped):
-            return log, []
-        header = np.array([h - start for h in self.header_stamps], dtype=object).astype(np.float64) * 1e-9
+        log = since(np.frombuffer(self.log_stamps, dtype=np.uint64), start) * 1e-9
+        stamps = np.frombuffer(self._header_stamps, dtype=np.int64)
+        if not use_header or not (stamps >= 0).all():
+            odd = int((stamps == -1).sum()) if use_header else 0
+            text = f"{odd} header stamps are no time since 1970; the log's own stamps stand"
+            return log, [Finding("warning", "clock", self.name, text)] if odd else []
+        header = since(stamps, start) * 1e-9
         lag = float(np.median(header - log))
         if abs(lag) <= FOREIGN_CLOCK:
             return header, []
-        finding = Finding(
-            "warning",
-            "clock",
-            self.name,
-            f"header stamps are {lag:.0f} s from the log's clock; shifted by their median difference",
-        )
-        return header - lag, [finding]
+        text = f"header stamps are {lag:.0f} s from the log's clock; shifted by their median difference"
+        return header - lag, [Finding("warning", "clock", self.name, text)]
 
 
-def _items_of_arrays(arrays: list[np.ndarray]) -> Iterator[tuple[np.ndarray | slice, np.ndarray]]:
-    """Item by item, the arrays that are long enough to have it and its values."""
-    lengths = np.array([len(a) for a in arrays])
-    if np.all(lengths == lengths[0]):
-        stacked = np.stack(arrays).astype(float)
-        yield from ((slice(None), stacked[:, i]) for i in range(lengths[0]))
-        return
-    for i in range(int(lengths.max())):
-        has = np.flatnonzero(lengths > i)
-        yield has, np.array([arrays[k][i] for k in has], dtype=float)
-
-
-def gather(
-    topics: Mapping[str, Topic], use_header: bool
-) -> tuple[dict[str, Series], dict[str, Any], list[Finding]]:
+def gather(path: Path, topics: Mapping[str, Topic], use_header: bool) -> RawLog:
     """All topics of a log on one clock that starts with its first message."""
     start = min((min(t.log_stamps) for t in topics.values() if t.log_stamps), default=0)
     sources: dict[str, Series] = {}
     findings: list[Finding] = []
     for topic in topics.values():
-        series, found = topic.series(start, use_header)
+        series, found = topic.log(start, use_header)
         sources.update(series)
         findings += found
-    return sources, {"start": start * 1e-9}, findings
+    names = tuple(name for topic in topics.values() for name in topic.names)
+    return RawLog(path, sources, {"start": start * 1e-9}, findings=tuple(findings), names=names)

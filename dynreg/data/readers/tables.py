@@ -1,133 +1,97 @@
-"""CSV and Parquet tables: one row a sample, one column a signal."""
+"""CSV files: one row a sample, one column a signal, read block by block."""
 
 import csv as text_csv
-import json
-from pathlib import Path
+import re
+from collections.abc import Iterator
+from io import BytesIO
+from typing import BinaryIO
 
-import numpy as np
 import pyarrow as pa
 
 from dynreg.data.logfile import LogFile
-from dynreg.data.readers import ReadOptions, format_of
-from dynreg.data.readers.columns import from_columns
+from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.batches import Columns
+from dynreg.data.readers.budget import Budget
 from dynreg.data.series import RawLog
 from dynreg.errors import LogError
 
-MAX_ITEMS = 64
-_TEXT = (pa.types.is_string, pa.types.is_large_string, pa.types.is_dictionary)
+BLOCK = 32 << 20  # bytes that are parsed at once
+_EMPTY = ["", "nan", "NaN", "NA", "null", "None"]
 
 
 def read(file: LogFile, options: ReadOptions) -> RawLog:
-    """Read a CSV (comma, semicolon or tab; a header line) or a Parquet file.
+    """Read a CSV file: comma, semicolon or tab; a header line.
 
-    List columns become "name[0]", "name[1]", ...; text columns are kept as labels; units are taken from the
-    `unit` key of Parquet field metadata. Raises LogError for a file that is neither or is damaged.
+    Text columns are kept as labels. Raises LogError for a file that is none or is damaged.
     """
-    import pyarrow.parquet as pq
-
-    try:
-        if format_of(file).name == "parquet":
-            with file.open() as stream:  # a stream: of a path, a colon would make an address
-                table = pq.read_table(stream)
-        else:
-            table = _read_csv(file)
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise LogError(
-            f"{file.name!r} cannot be read as a table: {error}",
-            expected="a header line and equally long rows, or a whole Parquet file",
-            do="export the log again",
-        ) from error
-    if table.num_rows == 0:
-        raise LogError(f"{file.name!r} has no rows", expected="at least two samples", do="record it again")
-    return from_table(file.path, table, options)
+    texts: tuple[str, ...] = ()
+    while True:
+        table = Columns(file.path, Budget(file.name), options)
+        try:
+            with file.open() as stream:
+                _gather(stream, table, texts)
+        except (pa.ArrowException, text_csv.Error, UnicodeDecodeError) as error:
+            raise LogError(
+                f"{file.name!r} cannot be read as a table: {error}",
+                expected="a header line and equally long rows",
+                do="export the log again",
+            ) from error
+        if not table.mixed or texts:
+            return table.log({})
+        texts = table.mixed  # numbers at first, text further on: once more, as text from the beginning
 
 
-def from_table(path: Path, table: pa.Table, options: ReadOptions) -> RawLog:
-    """A RawLog of an Arrow table."""
-    columns: dict[str, np.ndarray] = {}
-    labels: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    for field, column in zip(table.schema, table.columns, strict=True):
-        unit = (field.metadata or {}).get(b"unit")
-        if any(test(field.type) for test in _TEXT):
-            labels[field.name] = np.array([str(v) for v in column.to_pylist()])
-            continue
-        for name, values in _numbers(field, column):
-            columns[name] = values
-            if unit is not None:
-                units[name] = unit.decode()
-    columns.update(_stated_settings(table))
-    return from_columns(path, columns, options, labels=labels, units=units)
-
-
-def _stated_settings(table: pa.Table) -> dict[str, np.ndarray]:
-    """The settings of a stored recording, one column each, from its schema's metadata."""
-    stated = (table.schema.metadata or {}).get(b"dynreg")
-    try:
-        episodes = json.loads(stated)["episodes"] if stated else []
-        names = sorted({name for e in episodes for name in e["settings"]})
-        rows = [int(e["rows"]) for e in episodes]
-        if sum(rows) != table.num_rows:
-            return {}
-        return {n: np.repeat([float(e["settings"].get(n, np.nan)) for e in episodes], rows) for n in names}
-    except (KeyError, TypeError, ValueError):
-        return {}
-
-
-def _read_csv(file: LogFile) -> pa.Table:
+def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
+    """Add all rows to the table; `texts` are columns that are text though they begin with numbers."""
     from pyarrow import csv
 
-    with file.open() as stream:
-        first = stream.readline().decode("utf-8-sig", errors="replace")
-    try:
-        delimiter = text_csv.Sniffer().sniff(first, delimiters=",;\t").delimiter
-    except text_csv.Error:
-        delimiter = ","
-    with file.open() as stream:
-        table = csv.read_csv(
-            stream,
-            # One thread: block boundaries must not decide a column's type.
-            read_options=csv.ReadOptions(use_threads=False),
+    delimiter = ","
+    for number, block in enumerate(_blocks(stream, table.budget)):
+        if number == 0:
+            header, block = _header(block)
+            delimiter = _delimiter(header)
+            table.named(next(text_csv.reader([header], delimiter=delimiter), []))
+        if not block.strip(b"\r\n"):
+            continue
+        rows = csv.read_csv(
+            BytesIO(block),
+            # One thread and one block: where a block ends must not decide a column's type.
+            read_options=csv.ReadOptions(
+                use_threads=False, block_size=len(block) + 1, column_names=list(table.names)
+            ),
             parse_options=csv.ParseOptions(delimiter=delimiter),
-            convert_options=csv.ConvertOptions(null_values=["", "nan", "NaN", "NA", "null", "None"]),
+            convert_options=csv.ConvertOptions(
+                null_values=_EMPTY,
+                include_columns=list(table.wanted),
+                column_types={name: pa.string() for name in texts},
+            ),
         )
-    return table.rename_columns([name.strip().lstrip("# ") for name in table.column_names])
+        table.add(rows)
 
 
-def _numbers(field: pa.Field, column: pa.ChunkedArray) -> list[tuple[str, np.ndarray]]:
-    """The numeric columns that one table column becomes: itself, or one for each item of its lists."""
-    kind = field.type
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        unit = pa.timestamp("ns", kind.tz) if pa.types.is_timestamp(kind) else pa.duration("ns")
-        nanos = column.cast(unit).cast(pa.int64())
-        return [(field.name, _dense(nanos) * 1e-9 if nanos.null_count else nanos.to_numpy() * 1e-9)]
-    if pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind):
-        return _listed(field.name, column)
-    if pa.types.is_boolean(kind):
-        return [(field.name, _dense(column.cast(pa.int8())))]
-    if pa.types.is_integer(kind) and column.null_count == 0:
-        return [(field.name, column.to_numpy())]
-    if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind):
-        return [(field.name, _dense(column))]
-    if pa.types.is_null(kind):
-        return [(field.name, np.full(len(column), np.nan))]
-    return []
+def _blocks(stream: BinaryIO, budget: Budget) -> Iterator[bytes]:
+    """The file in whole lines."""
+    while block := stream.read(BLOCK):
+        if not block.endswith(b"\n"):
+            rest = stream.readline(budget.allowed("chunk_bytes"))
+            if len(rest) == budget.allowed("chunk_bytes"):
+                budget.refuse("chunk_bytes", len(rest))
+            block += rest
+        yield block
 
 
-def _dense(column: pa.ChunkedArray) -> np.ndarray:
-    return column.cast(pa.float64()).fill_null(float("nan")).to_numpy()
+def _header(block: bytes) -> tuple[str, bytes]:
+    """The first line that is not empty, and what follows; a header that is not UTF-8 is Latin-1, as old tools write."""
+    block = block.removeprefix(b"\xef\xbb\xbf").lstrip(b"\r\n")
+    end = found.start() if (found := re.search(rb"[\r\n]", block)) else len(block)
+    try:
+        return block[:end].decode("utf-8"), block[end:]
+    except UnicodeDecodeError:
+        return block[:end].decode("latin-1"), block[end:]
 
 
-def _listed(name: str, column: pa.ChunkedArray) -> list[tuple[str, np.ndarray]]:
-    inner = column.type.value_type
-    if not (pa.types.is_floating(inner) or pa.types.is_integer(inner) or pa.types.is_boolean(inner)):
-        return []
-    rows = column.to_pylist()
-    width = max((len(row) for row in rows if row is not None), default=0)
-    if not 0 < width <= MAX_ITEMS:
-        return []
-    out = np.full((len(rows), width), np.nan)
-    for i, row in enumerate(rows):
-        if row is not None:
-            out[i, : len(row)] = [np.nan if v is None else v for v in row]
-    return [(f"{name}[{i}]", out[:, i]) for i in range(width)]
+def _delimiter(header: str) -> str:
+    try:
+        return text_csv.Sniffer().sniff(header, delimiters=",;\t").delimiter
+    except text_csv.Error:
+        return ","
