@@ -11,6 +11,7 @@ from pathlib import Path
 from dynreg.errors import RobotError
 from dynreg.limits import limits, refuse
 
+TOML = "robot.toml"
 MAPS = "maps"  # log maps, which a robot's hash leaves out
 _OPENED = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC", "O_NONBLOCK"))
 

@@ -30,6 +30,13 @@ class Limits:
     settings_bytes: int = 1 << 20  # bytes of a map, a metadata.yaml, an info.json, a definition of messages
     robot_files: int = 10_000  # files in a robot's folder
     robot_bytes: int = 1_000_000_000  # bytes of a robot's folder: its model, its meshes
+    xml_bytes: int = 20_000_000  # bytes of one XML file of a model
+    toml_bytes: int = 1_000_000  # bytes of a robot.toml, a log map, a file of settings
+    bodies: int = 10_000  # of a compiled model
+    model_bytes: int = 1_000_000_000  # of a compiled model and the memory that one simulation of it needs
+    robot_memory: int = 4_000_000_000  # bytes, of the process in which a foreign robot's folder is tried
+    compile_seconds: int = 60  # of processor time, in which its model is compiled
+    check_seconds: int = 600  # of processor time, in which `robots check` simulates it
 
 
 def limits() -> Limits:

@@ -30,8 +30,8 @@ def says(key: str) -> bool:
 def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> None:
     """Write the robot with parameters (P,) at nominal settings and inputs, and the effects that MJCF can say.
 
-    `ctrl` is the action vector, held between commands; encoders read the truth. The file refers to meshes as the
-    robot's model does, and belongs beside it.
+    path : beside a copy of the robot's model and what that names. `ctrl` is the action vector, held between commands;
+    encoders read the truth.
     Raises RobotError where MuJoCo cannot express a change in the model's file.
     """
     if robot.planar:
@@ -41,7 +41,7 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
             do="use robot.toml",
         )
     layout = layout_of(robot)
-    source = robot.folder / robot.file.robot.model
+    source = path.with_name(Path(robot.file.robot.model).name)
     spec = mujoco.MjSpec.from_file(str(source))
     fields = Fields.of(robot, values)
     still = [i for i, term in enumerate(terms.terms) if carries(term.effect)]

@@ -15,12 +15,13 @@ from dynreg.errors import DynregError, RobotError, UsageError
 from dynreg.extend.carry import SPREAD, Carrier, Fields, carriers, carries
 from dynreg.extend.folder_readme import PLAIN, Written, readme
 from dynreg.extend.plain import says, write_mjcf
+from dynreg.folder import TOML
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.acting import acting
 from dynreg.sim.excitation import excitation
-from dynreg.sim.robot import TOML, Robot, load_robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.tomlfile import line_of, toml_text
 
 TRIED = 4  # episodes in which a parameter must change something,

@@ -1,6 +1,6 @@
 """What is wrong with a robot folder beyond loading it: every name resolved, every extreme simulated."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from dynreg.errors import DynregError
+from dynreg.folder import Folder
+from dynreg.sim.child import in_child
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import TYPICAL, bank_period, excitation, reset_pose
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.mjcf import model_files, trust_model, try_model
+from dynreg.sim.robot import Robot, is_packaged, load_robot, packaged_robots, robot_of
 from dynreg.sim.run import Run, motor_noise
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import SettingTable
@@ -28,13 +31,28 @@ def check_robot(ref: str | Path) -> list[str]:
     """What is wrong with a robot folder, one line each; empty when it can be simulated.
 
     Goes further than `load_robot`: compiles the model, resolves every name against it and simulates the
-    nominal and the extreme configurations for some steps.
+    nominal and the extreme configurations for some steps; those of a foreign robot in a process with limits.
     """
     try:
         robot = load_robot(ref)
+        return problems(robot) if is_packaged(robot) else _problems_in_child(robot)
     except DynregError as problem:
         return [str(problem)]
-    return problems(robot)
+
+
+def check_files(files: Mapping[str, bytes]) -> list[str]:
+    """What is wrong with a robot folder that holds these files, as `check_robot` says it, in this process."""
+    try:
+        robot = robot_of(Folder(files), Path())
+        trust_model(model_files(robot.files), robot.file.robot.model)
+        return problems(robot)
+    except DynregError as problem:
+        return [str(problem)]
+
+
+def _problems_in_child(robot: Robot) -> list[str]:
+    try_model(model_files(robot.files), robot.file.robot.model, packaged_robots().values())
+    return in_child(check_files, robot.files.files, limit="check_seconds")
 
 
 def problems(robot: Robot) -> list[str]:

@@ -12,15 +12,14 @@ from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import LogError, RobotError, UsageError
-from dynreg.folder import Folder, read_folder
+from dynreg.folder import TOML, Folder, read_folder
 from dynreg.sim.consistency import check_consistency
 from dynreg.sim.engine import ENGINES, Engine
+from dynreg.sim.mjcf import check_closed, compile_model, model_files, try_model
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import RobotFile
 from dynreg.tomlfile import parse_toml, toml_text
-
-TOML = "robot.toml"
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +182,9 @@ class Robot:
         """The compiled mujoco.MjModel, with the physics time step and the integrator of robot.toml."""
         import mujoco
 
-        path = self.folder / self.file.robot.model
-        try:
-            model = mujoco.MjModel.from_xml_path(str(path))
-        except ValueError as problem:
-            raise RobotError(f"{path.name}: {problem}", expected="a valid MJCF model", do="mend it") from None
+        files, name = model_files(self.files), self.file.robot.model
+        try_model(files, name, packaged_robots().values())
+        model = compile_model(files.files, name)
         table = self.file.robot
         model.opt.timestep = table.timestep
         if table.integrator is not None:
@@ -199,6 +196,12 @@ def packaged_robots() -> dict[str, Path]:
     """{name: folder} of the robots that come with dynreg."""
     root = Path(str(resources.files("dynreg") / "robots"))
     return {folder.name: folder for folder in sorted(root.iterdir()) if (folder / "robot.toml").is_file()}
+
+
+def is_packaged(robot: Robot) -> bool:
+    """Whether the robot is one of those that come with dynreg, be it a registry's copy."""
+    folder = packaged_robots().get(robot.name)
+    return folder is not None and read_folder(folder, links=True).hash == robot.hash
 
 
 def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
@@ -230,6 +233,7 @@ def robot_of(files: Folder, folder: Path) -> Robot:
             expected="the MJCF model that robot.toml names",
             do="add it or correct `model`",
         )
+    check_closed(files.hashed, file.robot.model)
     space = ParameterSpace(
         tuple(Parameter(**dict(table) | {"sets": tuple(table.sets)}) for table in file.parameters)
     )

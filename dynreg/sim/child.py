@@ -1,0 +1,108 @@
+"""Work on foreign robots in a process of its own, whose memory and time are limited and whose end is no harm."""
+
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NoReturn
+
+from dynreg.errors import DynregError, RobotError
+from dynreg.limits import limits, refuse
+
+_CODE = "from dynreg.sim.child import answer; answer()"
+_HOME = str(Path(__file__).parents[2])
+TWICE = 2  # seconds on the wall for one of the processor, where cores are shared
+
+
+def in_child(work: Callable[..., Any], files: Mapping[str, bytes], *texts: str, limit: str) -> Any:
+    """What a function of dynreg, `work(files, *texts)`, returns (as JSON), from a process of its own.
+
+    limit : the name of the limit on its seconds; its memory is limited by `robot_memory`. Where a system has no such
+    limits (Windows; memory on macOS), time is limited alone.
+    Raises RobotError past them, where the process ends by itself, and where `work` raises an error of dynreg.
+    """
+    task = {"module": work.__module__, "name": work.__qualname__, "texts": texts, "limit": limit}
+    head = json.dumps({**task, "files": [(name, len(data)) for name, data in files.items()]})
+    paths = [_HOME, *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(paths),
+        "MUJOCO_GL": "disable",
+    }  # no display is opened
+    try:
+        with tempfile.TemporaryDirectory() as here:  # MuJoCo leaves a MUJOCO_LOG.TXT where it ends
+            ended = subprocess.run(
+                [sys.executable, "-P", "-c", _CODE],
+                input=b"".join((head.encode(), b"\n", *files.values())),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                cwd=here,
+                env=environment,
+                timeout=TWICE * getattr(limits(), limit),
+            )
+    except subprocess.TimeoutExpired:
+        refuse(RobotError, "the robot's folder takes too long, in seconds", "more", limit)
+    try:
+        told = json.loads(ended.stdout)
+    except ValueError:
+        told = {"ended": ended.returncode}
+    return _read(told, limit)
+
+
+def _read(told: dict[str, Any], limit: str) -> Any:
+    if "value" in told:
+        return told["value"]
+    if "error" in told:
+        problem, expected, do = told["error"]
+        raise RobotError(problem, expected=expected, do=do)
+    if "memory" in told:
+        refuse(RobotError, "the robot's folder needs too much memory, in bytes", "more", "robot_memory")
+    if _cause(told["ended"]) == "SIGXCPU":
+        refuse(RobotError, "the robot's folder takes too long, in seconds", "more", limit)
+    raise RobotError(
+        f"MuJoCo ends on the robot's model ({_cause(told['ended'])})",
+        expected="a model that it compiles",
+        do="take parts out of the model until it does",
+    )
+
+
+def _cause(status: int) -> str:
+    with suppress(ValueError):
+        return signal.Signals(-status).name
+    return f"exit status {status}"
+
+
+def answer() -> NoReturn:
+    """What the process does: read the task from standard input, do it within the limits, write what came of it."""
+    head = json.loads(sys.stdin.buffer.readline())
+    files = {name: sys.stdin.buffer.read(size) for name, size in head["files"]}
+    out = os.dup(1)
+    os.dup2(2, 1)  # what libraries print is no answer
+    _limit(getattr(limits(), head["limit"]))
+    try:
+        work = getattr(importlib.import_module(head["module"]), head["name"])
+        told = {"value": work(files, *head["texts"])}
+    except MemoryError:
+        told = {"memory": True}
+    except DynregError as error:
+        told = {"error": (error.problem, error.expected, error.do)}
+    with open(out, "w", encoding="utf-8") as answers:
+        json.dump(told, answers)
+    os._exit(0)  # libraries may have threads left
+
+
+def _limit(seconds: int) -> None:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    memory = limits().robot_memory
+    most = {"RLIMIT_AS": (memory, memory), "RLIMIT_CPU": (seconds, seconds + 5), "RLIMIT_CORE": (0, 0)}
+    for name, pair in most.items():
+        with suppress(ValueError, OSError):  # systems that cannot, and those that allow less already
+            resource.setrlimit(getattr(resource, name), pair)
