@@ -9,14 +9,18 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from dynreg.errors import DynregError
+from dynreg.limits import limits, refuse
 
 Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[str | int, ...]
 
+DEEP = 100  # parts of a key a.b.c; `dynreg` has none of more than four
 _PART = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_\-]+)"
 _KEY = rf"{_PART}(?:\s*\.\s*{_PART})*"
 _HEADER = re.compile(rf"^\s*(?P<open>\[\[?)\s*(?P<key>{_KEY})\s*\]")
 _ENTRY = re.compile(rf"^\s*(?P<key>{_KEY})\s*=")
+_KEY_LIKE = re.compile(rf"[\w\-.\"' \t]{{{2 * DEEP},}}")
+_DOTTED = re.compile(r"\.\s*[\w\-\"']")
 _PLAIN = {  # where pydantic's own words name Python classes
     "model_type": "this should be a table",
     "dict_type": "this should be a table",
@@ -27,10 +31,11 @@ _PLAIN = {  # where pydantic's own words name Python classes
 def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model:
     """The file at `path` as a `model`; raises `error` that names the file, the line and the key."""
     try:
-        data = path.read_bytes()
-    except OSError as problem:
+        with path.open("rb") as file:
+            data = file.read(limits().toml_bytes + 1)
+    except (OSError, ValueError) as problem:  # ValueError: a path with a NUL in it
         raise error(
-            f"{str(path)!r} cannot be read: {problem.strerror}",
+            f"{str(path)!r} cannot be read: {getattr(problem, 'strerror', problem)}",
             expected="a readable TOML file in UTF-8",
             do="check the path and its permissions",
         ) from None
@@ -38,7 +43,9 @@ def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model
 
 
 def toml_text(data: bytes, name: str, error: type[DynregError]) -> str:
-    """The text of a TOML file with these bytes; raises `error` where it is none."""
+    """The text of a TOML file with these bytes; raises `error` where it is none, or too long."""
+    if len(data) > limits().toml_bytes:
+        refuse(error, f"{name!r} is too long, in bytes", f"{len(data)} or more", "toml_bytes")
     try:
         return data.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
@@ -51,14 +58,24 @@ def toml_text(data: bytes, name: str, error: type[DynregError]) -> str:
 
 def parse_toml(text: str, name: str, model: type[Model], error: type[DynregError]) -> Model:
     """TOML text as a `model`; `name` is what errors call the text. Raises `error` as `read_toml` does."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise error(f"{name}: {problem}", expected="valid TOML", do="mend that line") from None
+    document = _document(text, name, error)
     try:
         return model.model_validate(document)
     except ValidationError as problem:
         raise _one_error(name, text, document, problem, model, error) from None
+
+
+def _document(text: str, name: str, error: type[DynregError]) -> dict[str, Any]:
+    try:
+        if any(len(_DOTTED.findall(run)) > DEEP for run in _KEY_LIKE.findall(text)):
+            raise RecursionError  # tomllib takes the square of their number
+        return tomllib.loads(text)
+    except RecursionError:
+        raise error(
+            f"{name}: tables or lists in each other too deep", expected="flat tables", do="take it apart"
+        ) from None
+    except ValueError as problem:  # of tomllib's own kind, and for numbers of thousands of digits
+        raise error(f"{name}: {problem}", expected="valid TOML", do="mend that line") from None
 
 
 def line_of(text: str, location: Location) -> int:
@@ -137,7 +154,7 @@ def _one_error(
     # a misspelt key is also a missing one: what was written says more
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     location = _in_document(document, first["loc"])
-    key = ".".join(str(part) for part in location) or "file"
+    key = _short(".".join(str(part) for part in location) or "file")
     where = f"{name}, line {line_of(text, location)}"
     if first["type"] == "extra_forbidden":
         return error(
@@ -147,12 +164,21 @@ def _one_error(
         )
     if first["type"] == "missing":
         return error(f"{where}: {key!r} is missing", expected=f"a value for {key!r}", do="add it")
-    message = _PLAIN.get(first["type"], first["msg"].removeprefix("Value error, "))
-    owner = _name_at(document, location)
+    message = _short(_PLAIN.get(first["type"], first["msg"].removeprefix("Value error, ")), 500)
+    owner = _short(_name_at(document, location) or "")
     where += f", {owner!r}" if owner else ""
     value = first.get("input")
-    shown = f" = {value!r}" if isinstance(value, str | int | float | bool) else ""
+    shown = f" = {_short(repr(value))}" if isinstance(value, str | int | float) and not _huge(value) else ""
     return error(f"{where}: {key!r}{shown}: {message}", expected="a value that fits", do="correct that line")
+
+
+def _short(text: str, most: int = 100) -> str:
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def _huge(value: object) -> bool:
+    """Whether Python refuses to write a whole number out."""
+    return isinstance(value, int) and abs(value) > 10**100
 
 
 def _name_at(document: dict[str, Any], location: Location) -> str | None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -60,6 +61,8 @@ def _read(told: dict[str, Any], limit: str) -> Any:
     if "error" in told:
         problem, expected, do = told["error"]
         raise RobotError(problem, expected=expected, do=do)
+    if "bug" in told:
+        raise RuntimeError(told["bug"])
     if "memory" in told:
         refuse(RobotError, "the robot's folder needs too much memory, in bytes", "more", "robot_memory")
     if _cause(told["ended"]) == "SIGXCPU":
@@ -91,6 +94,8 @@ def answer() -> NoReturn:
         told = {"memory": True}
     except DynregError as error:
         told = {"error": (error.problem, error.expected, error.do)}
+    except Exception:
+        told = {"bug": traceback.format_exc()}
     with open(out, "w", encoding="utf-8") as answers:
         json.dump(told, answers)
     os._exit(0)  # libraries may have threads left

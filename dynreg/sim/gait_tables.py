@@ -37,7 +37,7 @@ class GaitTable(Table):
     """
 
     frequency: Range
-    ramp: float = Field(default=1.0, gt=0)
+    ramp: float = Field(default=1.0, gt=0, le=3600)
     roles: list[RoleTable] = Field(min_length=1)
     legs: list[LegTable] = Field(min_length=2)
     start: list[dict[str, float]] = Field(default_factory=list)
@@ -99,6 +99,6 @@ class TaskTable(Table):
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
     kind: str = "forward"
-    seconds: float = Field(default=10.0, gt=0)
+    seconds: float = Field(default=10.0, gt=0, le=3600)
     success: float = 0.3
     values: dict[str, float] = Field(default_factory=dict)

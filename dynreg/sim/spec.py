@@ -9,6 +9,9 @@ from dynreg.sim.engine import ENGINES
 from dynreg.sim.gait_tables import GaitTable, TaskTable
 from dynreg.sim.table import Table
 
+COMMANDS = 10_000_000  # of one simulator, in a population: 40 times those of the packaged robot that has most
+SUBSTEPS = 100_000  # physics time steps in a command: more than a robot of 10 Hz at the shortest time step
+
 
 class RobotTable(Table):
     """[robot]: `control_rate` [Hz] and physics `timestep` [s], or control = "timed".
@@ -16,12 +19,12 @@ class RobotTable(Table):
     integrator : of the mujoco engine; by default the one that the MJCF model states.
     """
 
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$", max_length=100)
     model: str = "model.xml"
     engines: list[Literal[tuple(ENGINES)]] = Field(min_length=1)
-    control_rate: float | None = Field(default=None, gt=0)
+    control_rate: float | None = Field(default=None, ge=0.01, le=100_000)
     control: Literal["rate", "timed"] = "rate"
-    timestep: float = Field(gt=0, le=0.05)
+    timestep: float = Field(ge=1e-6, le=0.05)
     integrator: Literal["euler", "implicitfast", "rk4"] | None = None
     title: str = ""
     source: str = ""
@@ -30,6 +33,10 @@ class RobotTable(Table):
     def _rate(self):
         if self.control == "rate" and self.control_rate is None:
             raise ValueError("control_rate is missing: give the rate of commands in Hz, or control = 'timed'")
+        if self.control_rate is not None and 1 > SUBSTEPS * self.timestep * self.control_rate:
+            raise ValueError(
+                f"more than {SUBSTEPS} of a timestep of {self.timestep:g} s between two commands"
+            )
         return self
 
 
@@ -214,7 +221,7 @@ class ResetTable(Table):
     """[reset]: the keyframe an episode starts from and how long [s] it may settle there."""
 
     keyframe: str | None = None
-    settle: float = Field(default=0.0, ge=0)
+    settle: float = Field(default=0.0, ge=0, le=60)
 
 
 class FallTable(Table):
@@ -227,12 +234,20 @@ class FallTable(Table):
 class ExcitationTable(Table):
     """[excitation]: the bank of command sequences that every simulator of a population runs."""
 
-    episodes: int = Field(default=20, ge=2)
-    steps: int = Field(default=50, ge=2)
+    episodes: int = Field(default=20, ge=2, le=10_000)
+    steps: int = Field(default=50, ge=2, le=100_000)
     kinds: list[Literal["levels", "chirp", "gait", "walk", "triangle", "drop"]] = Field(
         default_factory=lambda: ["levels", "chirp", "walk"], min_length=1
     )
-    amplitude: float = Field(default=0.5, gt=0)
+    amplitude: float = Field(default=0.5, gt=0, le=1000)
+
+    @model_validator(mode="after")
+    def _bounded(self):
+        if self.episodes * self.steps > COMMANDS:
+            raise ValueError(
+                f"episodes * steps is {self.episodes * self.steps}, at most {COMMANDS} should be"
+            )
+        return self
 
 
 class ReplayTable(Table):
@@ -242,7 +257,7 @@ class ReplayTable(Table):
     as those of two robots.
     """
 
-    horizon: float | None = Field(default=None, gt=0)
+    horizon: float | None = Field(default=None, gt=0, le=86_400)
 
 
 class PopulationTable(Table):

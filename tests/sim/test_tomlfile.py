@@ -1,10 +1,14 @@
+import time
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import BaseModel, ConfigDict
 
-from dynreg.tomlfile import line_of
+from dynreg.errors import RobotError
+from dynreg.tomlfile import line_of, read_toml
 
 TEXT = '''# a comment with name = 1
 [robot]
@@ -76,3 +80,41 @@ def test_lines_of_generated_tables(tables: list[dict[str, int]]):
     text = "\n".join(lines)
     assert tomllib.loads(text) == {"items": tables}
     assert {location: line_of(text, location) for location in where} == where
+
+
+class _Any(BaseModel):
+    model_config = ConfigDict(extra="allow")
+
+
+ODD = {
+    "lists in each other": ("x = " + "[" * 5000 + "]" * 5000, "too deep"),
+    "tables in each other": ("x = " + "{a=" * 5000 + "1" + "}" * 5000, "too deep"),
+    "a key of many parts": (".".join(["a"] * 200_000) + " = 1", "too deep"),
+    "a header of many parts": ("[" + " . ".join(["'a'"] * 100_000) + "]", "too deep"),
+    "a number of many digits": ("x = " + "9" * 5000, "digits"),
+    "a NUL": ('x = "a\0b"', "Illegal character"),
+    "no UTF-8": (b"x = '\xff'", "UTF-8"),
+    "too long": ("x = 1\n" * 200_000, "DYNREG_MAX_TOML_BYTES"),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_files_are_one_short_line_and_take_no_time(case: str, tmp_path: Path):
+    text, said = ODD[case]
+    (tmp_path / "odd.toml").write_bytes(text.encode() if isinstance(text, str) else text)
+    begun = time.process_time()
+    with pytest.raises(RobotError, match=said) as caught:
+        read_toml(tmp_path / "odd.toml", _Any, RobotError)
+    assert len(str(caught.value)) < 500 and "\n" not in str(caught.value)
+    assert time.process_time() - begun < 2.0
+
+
+def test_dots_in_prose_and_lists_are_no_keys(tmp_path: Path):
+    text = "# " + "." * 300 + "\nx = [" + "0.5, " * 300 + "]\ny = '" + "so it is. " * 80 + "'\n"
+    (tmp_path / "plain.toml").write_text(text)
+    assert len(read_toml(tmp_path / "plain.toml", _Any, RobotError).x) == 300
+
+
+def test_a_path_with_a_nul_is_no_file():
+    with pytest.raises(RobotError, match="cannot be read"):
+        read_toml(Path("a\0b"), _Any, RobotError)
