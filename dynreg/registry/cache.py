@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import dynreg.registry.disk as disk
+from dynreg.errors import RegistryError
 from dynreg.registry.codec import strict_json
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import CACHE, open_regular, write_file
@@ -32,6 +33,17 @@ def get_cached(directory: Directory, kind: str, key: Mapping[str, Any]) -> dict[
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return stored["document"] if sound else None
+
+
+def is_sound(path: Path) -> bool:
+    """Whether a file of the cache holds what was kept, under the name of its key."""
+    try:
+        with open_regular(path) as stream:
+            stored = json.loads(stream.read())
+        content = {"key": stored["key"], "document": stored["document"]}
+        return stored["sha256"] == _hash(content) and path.stem == _hash(stored["key"])
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, RegistryError):
+        return False
 
 
 def _found(directory: Directory, kind: str, key: Mapping[str, Any]) -> Path:

@@ -25,6 +25,7 @@ FILE = "catalog.sqlite"
 BESIDE = (f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal")  # files that SQLite keeps beside it
 
 State = tuple[tuple[int, int, int] | None, ...]
+_SOUND: dict[Path, State] = {}  # what this process has compared with its seals, as long as it stays so
 
 
 class Catalog:
@@ -34,9 +35,8 @@ class Catalog:
     """
 
     def __init__(self, folder: Path):
-        self.path = folder / FILE
+        self.path = folder.absolute() / FILE
         self._engine = engine_for(self.path)
-        self._sound: State | None = None
         try:
             self.migrate()
         except BaseException:
@@ -50,7 +50,7 @@ class Catalog:
         Raises CorruptError where it is not as dynreg left it.
         """
         state = self._state()
-        if state != self._sound and pages_after(self.path.parent, self.last_page()):
+        if state != _SOUND.get(self.path) and pages_after(self.path.parent, self.last_page()):
             with self.write():
                 state = self._state()
         with self.transaction("BEGIN") as connection:
@@ -72,8 +72,8 @@ class Catalog:
             if writing.changed:
                 page = writing.page()
                 writing.enter(page.number, write_page(self.path.parent, page))
-        if state == self._sound:  # no one else has written since, as far as can be told
-            self._sound = self._state()
+        if state == _SOUND.get(self.path):  # no one else has written since, as far as can be told
+            _SOUND[self.path] = self._state()
 
     def close(self) -> None:
         """Let go of the file; the write-ahead log is folded in by the last one who leaves."""
@@ -132,12 +132,12 @@ class Catalog:
             connection.close()
 
     def _check(self, connection: Connection, state: State) -> None:
-        if state == self._sound:
+        if state == _SOUND.get(self.path):
             return
         faults = broken_structure(connection) or broken_seals(connection)
         if faults:
             raise self._changed(faults[0])
-        self._sound = state
+        _SOUND[self.path] = state
 
     def _changed(self, fault: str) -> CorruptError:
         return CorruptError(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import dynreg.registry.tables as tables
-from dynreg.registry.files import INDEX, ROBOTS, StoredFile
+from dynreg.registry.files import CACHE, INDEX, ROBOTS, StoredFile
 from dynreg.registry.rebuild import Rows, manifest_of, paths_in
 from dynreg.registry.scan import Found
 
@@ -15,7 +15,7 @@ class Fault:
     """One thing that is not as it was registered.
 
     `kind` is "catalog", "ledger", "robot", "population", "shard", "entries", "recording", "simulator", "result",
-    "index", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot
+    "index", "cache", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot
     bring back by itself; `mended` says what a repair did, None where it did nothing.
     """
 
@@ -52,7 +52,7 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     faults = [*faults, *_file_faults(held, found), *_entry_faults(held, found), *_row_faults(held, found)]
     known = paths_in(held)
     faults += [
-        Fault("index" if name.startswith(f"{INDEX}/") else "stray", name, reason, lost=False)
+        Fault(_AGAIN.get(name.split("/")[0], "stray"), name, reason, lost=False)
         for name, reason in sorted(found.bad.items())
         if name not in known
     ]
@@ -64,6 +64,7 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     return VerifyReport(tuple(faults), checked, tuple(leftovers))
 
 
+_AGAIN = {INDEX: "index", CACHE: "cache"}  # what is computed again when it is needed
 _FOLDER_KINDS = {
     "populations": "population",
     "shards": "shard",

@@ -209,8 +209,6 @@ def lost_catalog(path: Path) -> bool:
     catalog = path / FILE
     if catalog.exists() and catalog.stat().st_size:
         return False
-    if any((path / name).exists() and (path / name).stat().st_size for name in BESIDE[::2]):
-        return False  # its first pages are still in the log
     folders = [path / name for name in (*CONTENTS, LEDGER)]
     return any(not is_temporary(p.name) for f in folders if f.is_dir() for p in f.iterdir())
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dynreg.errors import DynregError
+from dynreg.registry.cache import is_sound
 from dynreg.registry.catalog import BESIDE, FILE
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import MARKER
@@ -96,6 +97,9 @@ def scan(root: Path, registered: set[str]) -> Found:
         except (DynregError, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
             found.bad[relative] = getattr(error, "problem", str(error))
     _pair(root, found, states, rest)
+    for path in sorted((root / CACHE).rglob("*.json")):
+        if not is_temporary(path.name) and not is_sound(path):
+            found.bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
     return found
 
 

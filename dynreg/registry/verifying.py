@@ -25,7 +25,16 @@ from dynreg.registry.directory import (
     make_folders,
     may_write,
 )
-from dynreg.registry.files import INDEX, LEDGER, LOST_AND_FOUND, ROBOTS, sweep, temporary_folder, write_file
+from dynreg.registry.files import (
+    CACHE,
+    INDEX,
+    LEDGER,
+    LOST_AND_FOUND,
+    ROBOTS,
+    sweep,
+    temporary_folder,
+    write_file,
+)
 from dynreg.registry.ledger import Ledger, Page, Values, pages_after, read_ledger, replay
 from dynreg.registry.rebuild import Rows, new_rows, unknown_files
 from dynreg.registry.scan import Found, scan
@@ -238,6 +247,7 @@ _MENDED = {
     "simulator": "taken out of the catalogue",
     "result": "taken out of the catalogue; the command that made it computes it again",
     "index": "dropped; it is computed again when it is needed",
+    "cache": "dropped; it is computed again when it is needed",
     "row": "written anew from what was put, or taken out",
     "stray": f"moved to {LOST_AND_FOUND}/",
 }
@@ -254,7 +264,7 @@ def _put_away(root: Path, names: list[str]) -> None:
     place = root / LOST_AND_FOUND
     for name in names:
         source = root / name
-        if name.startswith(f"{INDEX}/") and not source.is_symlink():
+        if name.split("/")[0] in (INDEX, CACHE) and not source.is_symlink():
             disk.remove(source)
         elif source.exists() or source.is_symlink():
             disk.make_folder(place)

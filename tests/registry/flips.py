@@ -36,7 +36,9 @@ def make(folder: Path) -> Path:
         registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
         registry.put_index("bench", "landmarks", {"losses": registry.load("bench").values})
         registry.cache("kind", KEY, {"b": 2})
-        held = sqlite3.connect(path / "catalog.sqlite")  # an open connection keeps the log from being folded in
+        held = sqlite3.connect(
+            path / "catalog.sqlite"
+        )  # an open connection keeps the log from being folded in
         held.execute("SELECT * FROM files").fetchone()
         registry.put_result("diagnosis", recording, {"verdict": "none"})
         left = folder / "left"
@@ -55,13 +57,29 @@ def answers(path: Path) -> dict[str, Any]:
         return {
             "robots": registry.robots(),
             "robot files": [(p.name, p.read_bytes()) for p in sorted(folder.rglob("*")) if p.is_file()],
-            "population": (record.id, record.size, record.robot_hash, record.name, record.parameters, str(record.spec)),
+            "population": (
+                record.id,
+                record.size,
+                record.robot_hash,
+                record.name,
+                record.parameters,
+                str(record.spec),
+            ),
             "arrays": _digest(record.arrays),
-            "entries": (held.ids, held.numbers.tolist(), registry.count("bench"), registry.missing_spans("bench")),
-            "numbers": _digest({"v": held.values, "s": held.states, "o": held.own_loss, "t": held.train_loss}),
+            "entries": (
+                held.ids,
+                held.numbers.tolist(),
+                registry.count("bench"),
+                registry.missing_spans("bench"),
+            ),
+            "numbers": _digest(
+                {"v": held.values, "s": held.states, "o": held.own_loss, "t": held.train_loss}
+            ),
             "weights": _digest({**held.weights, **held.extra}),
             "one entry": _digest(registry.load_entry(held.ids[7]).weights),
-            "recordings": [(i.id, i.robot_hash, i.names, registry.recording(i.id).id) for i in registry.recordings()],
+            "recordings": [
+                (i.id, i.robot_hash, i.names, registry.recording(i.id).id) for i in registry.recordings()
+            ],
             "last": (registry.resolve("@last"), registry.latest().document),
             "results": [str(registry.result(one)) for one in registry.ids("result")],
             "simulators": [registry.simulator(one) for one in registry.ids("simulator")],

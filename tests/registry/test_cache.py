@@ -50,9 +50,11 @@ def test_a_damaged_file_counts_as_not_there_and_is_replaced(registry, damage):
     path = _file(registry)
     path.write_bytes(DAMAGES[damage](path.read_bytes()))
     assert registry.cached("threshold", KEY) is None
-    assert verify(registry.path).faults == ()
+    report = verify(registry.path)
+    assert [fault.kind for fault in report.faults] == ["cache"] and not report.lost
     registry.cache("threshold", KEY, FOUND)
     assert registry.cached("threshold", KEY) == FOUND
+    assert verify(registry.path).faults == ()
 
 
 def test_it_is_no_result_no_stray_and_not_exported(registry, tmp_path):

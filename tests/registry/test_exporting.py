@@ -1,11 +1,17 @@
 """An exported part is a registry of its own that verifies clean and keeps every id."""
 
+import shutil
+import signal
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from registry_contents import POPULATION, ROBOT, make_shard, populate
 
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry import Registry, export, verify
+from dynreg.registry.files import try_lock
 
 
 @pytest.fixture
@@ -83,3 +89,26 @@ def test_refusals_leave_nothing_behind(registry, out, tmp_path):
     with pytest.raises(CorruptError):
         export(registry, ["bench"], out)
     assert sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+KILLED = """
+import os, sys
+import dynreg.registry.exporting as exporting
+from dynreg.registry import Registry, export
+exporting._COPY["population"] = lambda *_: os.kill(os.getpid(), 9)
+with Registry.open(sys.argv[1]) as registry:
+    export(registry, ["first run", "bench"], sys.argv[2])
+"""
+
+
+def test_what_a_killed_export_left_is_swept_by_the_next(registry, out):
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", KILLED, registry.path, out], timeout=60)
+        assert done.returncode == -signal.SIGKILL and not out.exists()
+        (left,) = out.parent.glob(".exported.tmp-*")
+    with try_lock(left):  # as a living export holds it
+        export(registry, ["first run"], out)
+        assert left.exists()
+    shutil.rmtree(out)
+    export(registry, ["first run"], out)
+    assert not left.exists() and verify(out).faults == ()

@@ -1,0 +1,276 @@
+"""Nothing that was changed from outside is answered with, and `verify` finds each change of a value."""
+
+import json
+import os
+import shutil
+import sqlite3
+from pathlib import Path
+
+import pytest
+from flips import answers, flipped, found, judged, make, wrong
+
+from dynreg.errors import CorruptError, DynregError, RegistryError
+from dynreg.registry import Registry, tables, verify
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory) -> Path:
+    return make(tmp_path_factory.mktemp("sound"))
+
+
+@pytest.fixture(scope="module")
+def right(sound, tmp_path_factory) -> dict:
+    copy = tmp_path_factory.mktemp("right") / "registry"
+    shutil.copytree(sound, copy)
+    return answers(copy)
+
+
+@pytest.fixture
+def work(sound, tmp_path) -> Path:
+    shutil.copytree(sound, tmp_path / "work")
+    with Registry.open(tmp_path / "work"):  # folds the log into the catalogue
+        pass
+    return tmp_path / "work"
+
+
+def test_flipped_bits_are_found_or_change_nothing(sound, right):
+    verdicts = {name: judged(right, path) for name, path in flipped(sound, 40, seed=20261123)}
+    assert [name for name, verdict in verdicts.items() if verdict == "wrong"] == []
+    in_files = [v for name, v in verdicts.items() if not name.startswith(("catalog", "cache"))]
+    assert set(in_files) == {"found"}, "every file but the catalogue's has no bytes without a meaning"
+
+
+@pytest.mark.slow
+def test_ten_thousand_flipped_bits(sound, right):
+    wrong_ones = [n for n, path in flipped(sound, 10_000, seed=1) if judged(right, path) == "wrong"]
+    assert wrong_ones == []
+
+
+COLUMNS = [(table.name, column.name) for table in tables.SEALED + (tables.seals,) for column in table.c]
+
+
+@pytest.mark.parametrize(("table", "column"), COLUMNS, ids=[f"{t}.{c}" for t, c in COLUMNS])
+def test_each_column_of_the_catalogue_changed_is_found_and_not_answered_with(work, right, table, column):
+    other = {"TEXT": f"'x' || {column}", "INTEGER": f"{column} + 100"}
+    kind = str(next(c for c in tables.metadata.tables[table].c if c.name == column).type)
+    connection = sqlite3.connect(work / "catalog.sqlite")
+    with connection:
+        some = f"UPDATE {table} SET {column} = {other[kind]} WHERE rowid = (SELECT min(rowid) FROM {table})"
+        assert connection.execute(some).rowcount == 1
+    connection.close()
+    assert found(work)
+    assert wrong(right, work) == []
+    verify(work, repair=True)
+    assert not found(work) and wrong(right, work) == []
+    assert answers(work) == right
+
+
+@pytest.mark.parametrize("table", [t.name for t in tables.SEALED])
+def test_each_row_of_the_catalogue_lost_is_found_and_comes_back(work, right, table):
+    connection = sqlite3.connect(work / "catalog.sqlite")
+    with connection:
+        connection.execute(f"DELETE FROM {table} WHERE rowid = (SELECT max(rowid) FROM {table})")
+    connection.close()
+    assert found(work)
+    with pytest.raises(CorruptError, match="changed from outside"):
+        answers(work)
+    verify(work, repair=True)
+    assert not found(work) and answers(work) == right
+
+
+def _one_of_each_kind(root: Path) -> list[Path]:
+    kept = [p for p in sorted(root.rglob("*")) if p.is_file() and p.stat().st_size]
+    kept = [p for p in kept if "locks" not in p.parts and not p.name.endswith("-shm")]
+    return list({(p.relative_to(root).parts[0], p.suffix): p for p in kept}.values())
+
+
+@pytest.mark.parametrize("damage", ["half", "last byte", "empty", "gone"])
+def test_files_cut_short_or_gone_are_found_and_not_answered_with(sound, right, tmp_path, damage):
+    for file in _one_of_each_kind(sound):
+        work = tmp_path / "work"
+        shutil.rmtree(work, ignore_errors=True)
+        shutil.copytree(sound, work)
+        place, size = work / file.relative_to(sound), file.stat().st_size
+        if damage == "gone":
+            place.unlink()
+        else:
+            os.truncate(place, {"half": size // 2, "last byte": size - 1, "empty": 0}[damage])
+        relative = place.relative_to(work).parts[0]
+        verdict = judged(right, work)
+        may_be_missing = relative in ("cache", "index") or relative.startswith("catalog.sqlite-")
+        may_be_missing |= (relative, damage) == ("dynreg.json", "last byte")  # the end of its line
+        assert verdict == "found" or (verdict == "no value changed" and may_be_missing), (relative, verdict)
+
+
+def test_names_and_order_outlast_the_catalogue(work, right):
+    """They lie in the ledger, whichever way the catalogue is lost."""
+    for damage in (Path.unlink, lambda p: p.write_bytes(b""), lambda p: p.write_bytes(b"\x07" * 9000)):
+        damage(work / "catalog.sqlite")
+        with pytest.raises(CorruptError, match="repair"):
+            Registry.open(work)
+        assert [fault.kind for fault in verify(work).faults] == ["catalog"]
+        assert not verify(work, repair=True).lost, "the ledger tells all"
+        assert answers(work) == right and verify(work).faults == ()
+
+
+def test_a_lost_ledger_is_begun_anew_from_the_catalogue(work, right):
+    pages = sorted((work / "ledger").iterdir())
+    for damaged in (pages[:1], pages[-1:], pages[3:5]):
+        for page in damaged:
+            page.write_bytes(page.read_bytes()[:-3]) if page == damaged[0] else page.unlink(missing_ok=True)
+        assert answers(work) == right, "the catalogue is sound"
+        faults = verify(work).faults
+        assert {fault.kind for fault in faults} == {"ledger"} and not any(fault.lost for fault in faults)
+        verify(work, repair=True)
+        assert verify(work).faults == () and answers(work) == right
+        pages = sorted((work / "ledger").iterdir())
+        if len(pages) < 6:
+            break
+
+
+def test_a_catalogue_of_yesterday_follows_the_ledger(work, right, tmp_path):
+    shutil.copy(work / "catalog.sqlite", tmp_path / "yesterday")
+    with Registry.open(work) as registry:
+        recording = registry.resolve("first run")[1]
+        registry.put_result("neighbours", recording, {"k": 9})
+        newer = registry.latest().document
+    shutil.copy(tmp_path / "yesterday", work / "catalog.sqlite")
+    assert verify(work).faults == ()
+    with Registry.open(work) as registry:
+        assert registry.latest().document == newer
+    assert verify(work).faults == () == verify(work).leftovers
+
+
+def _sql(root: Path, *statements: str) -> None:
+    connection = sqlite3.connect(root / "catalog.sqlite")
+    with connection:
+        for statement in statements:
+            connection.execute(statement)
+    connection.close()
+
+
+STRANGE = {
+    "a view in place of a table": (
+        "ALTER TABLE results RENAME TO kept",
+        "CREATE VIEW results AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i id FROM n",
+    ),
+    "a trigger": ("CREATE TRIGGER t AFTER INSERT ON results BEGIN DELETE FROM recordings; END",),
+    "a table more": ("CREATE TABLE more (a TEXT)",),
+    "a shard of 2e9 entries": ("UPDATE shards SET stop = 2000000000",),
+    "a manifest that is none": ("UPDATE robots SET manifest = '[1'",),
+    "bytes for a name": ("UPDATE robots SET name = x'ff00'",),
+}
+
+
+@pytest.mark.parametrize("case", STRANGE)
+def test_strange_catalogues_are_refused_found_and_rebuilt(work, right, case):
+    _sql(work, *STRANGE[case])
+    with pytest.raises(CorruptError, match="verify --repair"):
+        answers(work)
+    assert found(work)
+    verify(work, repair=True)
+    assert verify(work).faults == () and answers(work) == right
+
+
+def test_pipes_and_links_among_the_files_are_faults_and_are_not_opened(work, right):
+    os.mkfifo(work / "results" / "pipe")
+    robot = next((work / "robots").iterdir())
+    (robot / "more").symlink_to("/etc")
+    file = next((work / "simulators").iterdir())
+    file.rename(work.parent / "elsewhere")
+    file.symlink_to(work.parent / "elsewhere")
+    with pytest.raises(CorruptError):
+        answers(work)
+    assert {fault.kind for fault in verify(work).faults} == {"stray", "simulator"}
+    verify(work, repair=True)
+    assert verify(work).faults == () and (work.parent / "elsewhere").exists()
+
+
+@pytest.mark.parametrize("name", ["index", "shards", "ledger", "lost+found", "catalog.sqlite"])
+def test_a_part_of_the_registry_that_is_a_link_is_refused_and_not_followed(work, name):
+    outside = work.parent / "outside"
+    if (work / name).exists():
+        (work / name).rename(outside)
+    else:
+        outside.mkdir()
+    kept = outside / "thesis.tex" if outside.is_dir() else outside
+    if outside.is_dir():
+        kept.write_text("mine")
+    (work / name).symlink_to(outside)
+    before = kept.read_bytes()
+    for ask in (Registry.open, verify, lambda p: verify(p, repair=True)):
+        with pytest.raises(RegistryError, match=f"'{name.replace('+', '.')}' .*is a link"):
+            ask(work)
+    assert kept.read_bytes() == before
+
+
+def test_a_dry_run_says_what_a_repair_would_do_and_changes_nothing(work, registry_snapshot):
+    next((work / "recordings").iterdir()).unlink()
+    _sql(work, "UPDATE recording_names SET name = 'x' WHERE name = 'again'")
+    with pytest.raises(CorruptError):
+        answers(work)
+    before = registry_snapshot(work)
+    faults = verify(work, repair=True, dry_run=True).faults
+    assert {fault.kind for fault in faults} == {"recording", "row"}
+    assert all(fault.mended.startswith("would be ") for fault in faults)
+    assert registry_snapshot(work) == before
+
+
+def test_a_repair_without_room_touches_nothing(work, registry_snapshot, monkeypatch):
+    (work / "catalog.sqlite").write_bytes(b"junk" * 5000)
+    before = registry_snapshot(work)
+
+    def full(descriptor: int, data: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("dynreg.registry.disk.write", full)
+    with pytest.raises(RegistryError, match="No space left") as error:
+        verify(work, repair=True)
+    assert not isinstance(error.value, CorruptError)
+    assert registry_snapshot(work) == before
+
+
+CODES = {
+    "SQLITE_FULL": (RegistryError, "room"),
+    "SQLITE_IOERR_WRITE": (RegistryError, "room"),
+    "SQLITE_IOERR_SHMSIZE": (RegistryError, "room"),
+    "SQLITE_BUSY": (RegistryError, "locked"),
+    "SQLITE_BUSY_SNAPSHOT": (RegistryError, "locked"),
+    "SQLITE_READONLY_DIRECTORY": (RegistryError, "permissions"),
+    "SQLITE_CANTOPEN": (RegistryError, "permissions"),
+    "SQLITE_CORRUPT": (CorruptError, "repair"),
+    "SQLITE_CORRUPT_INDEX": (CorruptError, "repair"),
+    "SQLITE_NOTADB": (CorruptError, "repair"),
+    "SQLITE_IOERR_SHORT_READ": (CorruptError, "repair"),
+}
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_codes_of_sqlite_decide_what_is_said(work, code, monkeypatch):
+    """What is no damage of the catalogue is not called one, and no repair is advised for it."""
+    kind, word = CODES[code]
+    failing = sqlite3.OperationalError("database is in some trouble")
+    failing.sqlite_errorname = code
+
+    def fail(connection: object) -> None:
+        raise failing
+
+    with Registry.open(work) as registry, monkeypatch.context() as patched:
+        patched.setattr("dynreg.registry.catalog.broken_structure", fail)
+        _sql(work, "UPDATE results SET ordinal = ordinal")  # another state of the file
+        with pytest.raises(DynregError, match=word) as error:
+            registry.recordings()
+    assert type(error.value) is kind and ("--repair" in str(error.value)) == (kind is CorruptError)
+
+
+def test_an_empty_registry_whose_creation_was_cut_short_is_sound(tmp_path):
+    for files in ({}, {"catalog.sqlite": b""}):
+        path = tmp_path / str(len(files))
+        path.mkdir()
+        marker = {"format": "dynreg-registry", "version": 2}
+        for name, data in ({"dynreg.json": json.dumps(marker).encode()} | files).items():
+            (path / name).write_bytes(data)
+        assert verify(path).faults == ()
+        with Registry.open(path) as registry:
+            assert registry.recordings() == ()
+        assert verify(path).faults == ()
