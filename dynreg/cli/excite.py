@@ -48,13 +48,7 @@ def _check_file(out: Path) -> None:
 
 
 def _write(commands: "Recording", out: Path) -> None:
-    from dynreg.data.table import write_csv, write_mcap
+    from dynreg.data.table import to_csv, to_mcap
+    from dynreg.verbs.written import write_out
 
-    try:
-        (write_csv if out.suffix == ".csv" else write_mcap)(commands, out)
-    except OSError as error:
-        raise UsageError(
-            f"cannot write {str(out)!r}: {error.strerror}",
-            expected="a folder that may be written",
-            do="name another file",
-        ) from error
+    write_out(out, (to_csv if out.suffix == ".csv" else to_mcap)(commands))

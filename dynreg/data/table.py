@@ -99,20 +99,26 @@ def read_parquet(path: str | Path) -> Recording:
     return from_table(table, path.name)
 
 
-def write_csv(recording: Recording, path: str | Path) -> None:
-    """Write `episode`, `time`, the channels and the settings as columns: a log that needs no map."""
+def to_csv(recording: Recording) -> bytes:
+    """`episode`, `time`, the channels and the settings as columns: a log that needs no map."""
     from pyarrow import csv
 
+    sink = BytesIO()
     table = to_table(recording).replace_schema_metadata(None)
     for name in sorted({s for e in recording.episodes for s in e.settings}):
         column = [np.full(len(e.time), e.settings.get(name, np.nan)) for e in recording.episodes]
         table = table.append_column(name, pa.array(np.concatenate(column)))
-    with open(path, "wb") as file:
-        csv.write_csv(table, file)
+    csv.write_csv(table, sink)
+    return sink.getvalue()
 
 
-def write_mcap(recording: Recording, path: str | Path) -> None:
-    """Write JSON messages: the channel "arm/position" is the field `position` of topic "/arm".
+def write_csv(recording: Recording, path: str | Path) -> None:
+    """Write `to_csv`."""
+    Path(path).write_bytes(to_csv(recording))
+
+
+def to_mcap(recording: Recording) -> bytes:
+    """A log of JSON messages: the channel "arm/position" is the field `position` of topic "/arm".
 
     Episodes follow each other with a pause of 1 s; "/episode" tells where each begins, "/settings" its
     settings. `map_for` gives the map that reads it back (stamps are whole nanoseconds, and episodes are
@@ -121,26 +127,32 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
     from mcap.writer import CompressionType, Writer
 
     groups = _groups(recording)
-    with open(path, "wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start(profile="", library="dynreg")
-        schema = writer.register_schema("object", "jsonschema", b'{"type":"object"}')
-        topics = {t: writer.register_channel(t, "json", schema) for t in ("/episode", "/settings", *groups)}
-        start = 0.0
-        for number, episode in enumerate(recording.episodes):
-            base = start - episode.time[0]
+    sink = BytesIO()
+    writer = Writer(sink, compression=CompressionType.ZSTD)
+    writer.start(profile="", library="dynreg")
+    schema = writer.register_schema("object", "jsonschema", b'{"type":"object"}')
+    topics = {t: writer.register_channel(t, "json", schema) for t in ("/episode", "/settings", *groups)}
+    start = 0.0
+    for number, episode in enumerate(recording.episodes):
+        base = start - episode.time[0]
 
-            def send(topic: str, message: dict, time: float, base: float = base) -> None:
-                stamp = round((base + time) * 1e9)
-                writer.add_message(topics[topic], stamp, json.dumps(message).encode(), stamp)
+        def send(topic: str, message: dict, time: float, base: float = base) -> None:
+            stamp = round((base + time) * 1e9)
+            writer.add_message(topics[topic], stamp, json.dumps(message).encode(), stamp)
 
-            send("/episode", {"index": number}, episode.time[0])
-            send("/settings", dict(episode.settings), episode.time[0])
-            for time, row in zip(episode.time, episode.values.tolist(), strict=True):
-                for topic, fields in groups.items():
-                    send(topic, {f: row[i] for f, i in fields.items() if np.isfinite(row[i])}, time)
-            start += episode.duration + _PAUSE
-        writer.finish()
+        send("/episode", {"index": number}, episode.time[0])
+        send("/settings", dict(episode.settings), episode.time[0])
+        for time, row in zip(episode.time, episode.values.tolist(), strict=True):
+            for topic, fields in groups.items():
+                send(topic, {f: row[i] for f, i in fields.items() if np.isfinite(row[i])}, time)
+        start += episode.duration + _PAUSE
+    writer.finish()
+    return sink.getvalue()
+
+
+def write_mcap(recording: Recording, path: str | Path) -> None:
+    """Write `to_mcap`."""
+    Path(path).write_bytes(to_mcap(recording))
 
 
 def map_for(recording: Recording) -> LogMap:

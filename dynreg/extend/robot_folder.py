@@ -1,9 +1,7 @@
 """An extended simulator as a robot folder: robot.toml with its parameters and effects, one plain MJCF, a README."""
 
-import os
 import re
 import shutil
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
@@ -55,13 +53,11 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
         )
     terms, values = terms_of(config), robot.space.from_dict(dict(config.values))
     acting(robot, terms)  # refuses what cannot act on this robot
-    half_done = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", dir=destination.absolute().parent))
+    destination.mkdir()
     try:
-        written = _write(robot, config, values, terms, half_done)
-        os.chmod(half_done, 0o755)
-        os.rename(half_done, destination)
+        written = _write(robot, config, values, terms, destination)
     except BaseException:
-        shutil.rmtree(half_done, ignore_errors=True)
+        shutil.rmtree(destination, ignore_errors=True)
         raise
     return Exported(load_robot(destination), *written)
 

@@ -8,6 +8,7 @@ from dynreg.errors import UsageError
 from dynreg.report.tables import room
 from dynreg.report.words import count, number
 from dynreg.results.result import Result
+from dynreg.verbs.written import write_out
 
 
 def write_report(result: Result, path: str | Path) -> Path:
@@ -16,15 +17,7 @@ def write_report(result: Result, path: str | Path) -> Path:
     Raises UsageError where the result has no page or the file cannot be written.
     """
     path = Path(path)
-    text = page(result)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(
-            f"cannot write {str(path)!r}: {error.strerror}",
-            expected="a file name in an existing folder that may be written",
-            do="name another file",
-        ) from error
+    write_out(path, page(result).encode())
     return path
 
 

@@ -57,8 +57,8 @@ def drift(
     from dynreg.drift.compared import Held
     from dynreg.drift.drift import drift as held_against
     from dynreg.drift.table import parquet
-    from dynreg.registry import write_file
     from dynreg.verbs.drift_document import document
+    from dynreg.verbs.written import write_out
 
     began = time.perf_counter()
     first = earlier or _first(recent)
@@ -68,7 +68,7 @@ def drift(
     found = held_against(recent.robot, new, old, plan, progress)
     result = document(recent.robot, new, old, plan, found)
     if out is not None:
-        write_file(Path(out), parquet(found))
+        write_out(Path(out), parquet(found))
     told = {"chosen": earlier is None, "kept": out is not None, "seconds": time.perf_counter() - began}
     result = result.model_copy(update=told)
     first.register()

@@ -1,7 +1,5 @@
 """Export of a gait: as commands for a robot, as a picture, as a log of its run."""
 
-import errno
-import os
 from pathlib import Path
 
 from dynreg.data.recording import Recording
@@ -14,6 +12,7 @@ from dynreg.results.gait import Gait
 from dynreg.sim.film import FORMS as PICTURES
 from dynreg.sim.film import draw, moments
 from dynreg.verbs.gaits import gait_of, genes_of, trials_of
+from dynreg.verbs.written import require_new, write_new
 
 RUN = "foxglove"
 
@@ -77,27 +76,3 @@ def _beside(registry: Registry, gait: Gait, recording: Recording) -> list[Topic]
             trials, least = trials_of(registry, gait, (len(episode.time) - 1) / rate, rate)
             out += beside(trials, least, recording, episode)
     return joined(out)
-
-
-def require_new(path: Path) -> None:
-    """UsageError for a file that is there already, or whose folder is not."""
-    if path.exists() or not path.absolute().parent.is_dir():
-        why = os.strerror(errno.EEXIST if path.exists() else errno.ENOENT)
-        raise _unwritten(path, why)
-
-
-def write_new(path: Path, data: bytes) -> None:
-    """Write a file that is not there yet; UsageError where it cannot be written."""
-    try:
-        with open(path, "xb") as file:
-            file.write(data)
-    except OSError as error:
-        raise _unwritten(path, error.strerror) from error
-
-
-def _unwritten(path: Path, why: str) -> UsageError:
-    return UsageError(
-        f"cannot write {str(path)!r}: {why}",
-        expected="a new file in an existing folder that may be written",
-        do="name another file",
-    )

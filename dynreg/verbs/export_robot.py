@@ -7,15 +7,18 @@ from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
 from dynreg.verbs.simulators import stored
+from dynreg.verbs.written import new_folder
 
 
 def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFolder:
     """Write the stored simulator or entry `ref` as a robot folder.
 
-    Raises as `export_robot`, and NoMatchError where nothing is stored under `ref`.
+    Raises as `export_robot`, NoMatchError where nothing is stored under `ref`, and UsageError where the name is taken
+    or cannot be written. Where it fails or is killed no folder is left.
     """
     found = stored(registry, *registry.resolve(ref, ("simulator", "entry")))
-    made = export_robot(found.robot, found.config, destination)
+    with new_folder(destination) as folder:
+        made = export_robot(found.robot, found.config, folder)
     plain = destination / Path(made.robot.file.robot.model).with_name(PLAIN)
     return RobotFolder(
         robot=found.config.robot_name,

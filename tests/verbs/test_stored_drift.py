@@ -8,7 +8,7 @@ from hidden_wheels import logged, robot
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.errors import LogError, NoMatchError, RegistryError, UsageError
+from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.session import Session
 from dynreg.sim.robot import load_robot
 
@@ -77,7 +77,7 @@ def test_the_updated_table_holds_all_samples_and_which_still_count(
 
 
 def test_what_cannot_be_written_leaves_nothing(session: Session, tmp_path: Path) -> None:
-    with pytest.raises(RegistryError, match="cannot write"):
+    with pytest.raises(UsageError, match="cannot write"):
         session.drift("friday", "monday", splits=0, out=tmp_path / "nowhere" / "table.parquet")
     with pytest.raises(NoMatchError, match="no last result"):
         session.result("@last")

@@ -1,0 +1,68 @@
+"""Files and folders that a user named for an answer: whole or not there, also where a run is killed."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dynreg.errors import RegistryError, UsageError
+from dynreg.registry.files import sweep_beside, temporary_folder, write_file
+
+
+def write_out(path: Path, data: bytes) -> None:
+    """Put `data` at `path`, in place of what is there; what killed runs left beside it is removed.
+
+    A link is followed. A pipe or a terminal is written to as it is.
+    Raises UsageError where the place cannot be written.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            with open(path, "wb") as stream:
+                stream.write(data)
+        else:
+            target = Path(os.path.realpath(path))
+            sweep_beside(target)
+            write_file(target, data)
+    except OSError as error:
+        raise _unwritten(path, error.strerror or str(error)) from error
+    except RegistryError as error:
+        raise _unwritten(path, error.problem.rpartition(": ")[2]) from error
+
+
+def require_new(path: Path) -> None:
+    """UsageError for a name that is taken, or whose folder is not there."""
+    if os.path.lexists(path) or not path.absolute().parent.is_dir():
+        taken = os.path.lexists(path)
+        raise _unwritten(path, os.strerror(errno.EEXIST if taken else errno.ENOENT), new=True)
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write a file that is not there yet; UsageError where one is, or the place cannot be written."""
+    require_new(path)
+    write_out(path, data)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """The name of a folder to make in the block: it becomes `path` where the block ends well, else nothing is left.
+
+    Raises UsageError where `path` is taken or cannot be written.
+    """
+    require_new(path)
+    try:
+        sweep_beside(path.absolute())
+        with temporary_folder(path.absolute()) as hidden:
+            yield hidden / "made"
+            os.rename(hidden / "made", path)
+    except OSError as error:
+        raise _unwritten(path, error.strerror or str(error), new=True) from error
+
+
+def _unwritten(path: Path, why: str, new: bool = False) -> UsageError:
+    name = "a name that is not taken," if new else "a name"
+    return UsageError(
+        f"cannot write {str(path)!r}: {why}",
+        expected=f"{name} in an existing folder that may be written, with room left",
+        do="name another one",
+    )
