@@ -245,7 +245,14 @@ def make_folders(path: Path) -> None:
 
 def beside(path: Path) -> Directory:
     """A registry that may only be read: its catalogue is copied to a temporary folder, where it can be brought up."""
-    home = Path(tempfile.mkdtemp(prefix="dynreg-"))
+    try:
+        home = Path(tempfile.mkdtemp(prefix="dynreg-"))
+    except OSError as error:
+        raise RegistryError(
+            f"{str(path)!r} is read-only, and there is no temporary folder to work in: {error.strerror}",
+            expected="a place for temporary files",
+            do="set TMPDIR to a folder that may be written",
+        ) from error
     try:
         make_folders(home)
         for name in (FILE, BESIDE[0]):
