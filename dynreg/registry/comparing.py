@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import dynreg.registry.tables as tables
-from dynreg.registry.files import CACHE, INDEX, ROBOTS, StoredFile
+from dynreg.registry.files import CACHE, INDEX, ROBOTS, SEARCHES, StoredFile
 from dynreg.registry.rebuild import Rows, manifest_of, paths_in
 from dynreg.registry.scan import Found
 
@@ -15,8 +15,8 @@ class Fault:
     """One thing that is not as it was registered.
 
     `kind` is "catalog", "ledger", "robot", "population", "shard", "entries", "recording", "simulator", "result",
-    "index", "cache", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry cannot
-    bring back by itself; `mended` says what a repair did, None where it did nothing.
+    "index", "cache", "search", "row" or "stray"; `what` names it; `lost` tells that data are gone which the registry
+    cannot bring back by itself; `mended` says what a repair did, None where it did nothing.
     """
 
     kind: str
@@ -64,7 +64,7 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     return VerifyReport(tuple(faults), checked, tuple(leftovers))
 
 
-_AGAIN = {INDEX: "index", CACHE: "cache"}  # what is computed again when it is needed
+_AGAIN = {INDEX: "index", CACHE: "cache", SEARCHES: "search"}  # what can be computed again
 _FOLDER_KINDS = {
     "populations": "population",
     "shards": "shard",

@@ -30,6 +30,7 @@ from dynreg.registry.files import (
 )
 from dynreg.registry.indexes import read_index
 from dynreg.registry.shards import read_shard, read_states_header
+from dynreg.search.journal import damage
 
 _KNOWN_AT_TOP = {MARKER, FILE, *BESIDE, CACHE, LOCKS, LOST_AND_FOUND, SEARCHES, *FOLDERS}
 
@@ -100,6 +101,9 @@ def scan(root: Path, registered: set[str]) -> Found:
     for path in sorted((root / CACHE).rglob("*.json")):
         if not is_temporary(path.name) and not is_sound(path):
             found.bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
+    for path in sorted((root / SEARCHES).glob("*.jsonl")):
+        if problem := damage(path):
+            found.bad[path.relative_to(root).as_posix()] = problem
     return found
 
 

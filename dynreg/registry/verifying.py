@@ -248,6 +248,7 @@ _MENDED = {
     "result": "taken out of the catalogue; the command that made it computes it again",
     "index": "dropped; it is computed again when it is needed",
     "cache": "dropped; it is computed again when it is needed",
+    "search": f"moved to {LOST_AND_FOUND}/; the search begins anew",
     "row": "written anew from what was put, or taken out",
     "stray": f"moved to {LOST_AND_FOUND}/",
 }

@@ -89,6 +89,17 @@ class Journal:
         return steps
 
 
+def damage(path: Path) -> str:
+    """What shows that a journal is not as it was written, "" where nothing does; a torn last line is none."""
+    try:
+        first, *lines = path.read_bytes().split(b"\n")[:-1] or [b""]
+    except OSError as error:
+        return str(error)
+    if not {"schema", "search"} <= (_checked(first) or {}).keys():
+        return "its first line is damaged"
+    return next((f"line {n} is damaged" for n, line in enumerate(lines, 2) if _step(line) is None), "")
+
+
 def _line(document: Mapping[str, Any]) -> str:
     """A line of the journal, with the checksum of the rest at its end."""
     return json.dumps({**document, "check": _check(document)}) + "\n"

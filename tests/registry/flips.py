@@ -20,8 +20,10 @@ from registry_contents import ROBOT, fill, make_recording, make_robot
 from dynreg.errors import DynregError
 from dynreg.registry import Registry, verify
 from dynreg.rng import stream
+from dynreg.search.journal import Journal
 
 KEY = {"a": 1}
+STEP = np.array([[0.25, 0.5], [1.0, 2.0]])
 
 
 def make(folder: Path) -> Path:
@@ -36,6 +38,8 @@ def make(folder: Path) -> Path:
         registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
         registry.put_index("bench", "landmarks", {"losses": registry.load("bench").values})
         registry.cache("kind", KEY, {"b": 2})
+        journal = Journal(registry.journal_path("search"), KEY, resume=False)
+        journal.add(STEP, STEP[:, :1])
         held = sqlite3.connect(
             path / "catalog.sqlite"
         )  # an open connection keeps the log from being folded in
@@ -86,6 +90,7 @@ def answers(path: Path) -> dict[str, Any]:
             "found": [registry.resolve(identity[:12]) for identity in held.ids],
             "index": None if index is None else _digest(index),
             "cache": registry.cached("kind", KEY),
+            "search": _found(Journal(registry.journal_path("search"), KEY, resume=True).next(STEP)),
         }
 
 
@@ -95,7 +100,11 @@ def wrong(right: dict[str, Any], path: Path) -> list[str]:
         given = answers(path)
     except DynregError:
         return []
-    return [k for k in right if given[k] != right[k] and not (k in ("index", "cache") and given[k] is None)]
+    return [
+        k
+        for k in right
+        if given[k] != right[k] and not (k in ("index", "cache", "search") and given[k] is None)
+    ]
 
 
 def found(path: Path) -> bool:
@@ -135,6 +144,10 @@ def judged(right: dict[str, Any], path: Path) -> str:
     if wrong(right, copy):
         return "wrong"
     return "found" if found(path) else "no value changed"
+
+
+def _found(grades: np.ndarray | None) -> list | None:
+    return None if grades is None else grades.tolist()
 
 
 def _digest(arrays: dict[str, np.ndarray]) -> str:
