@@ -241,6 +241,9 @@ def robot_of(files: Folder, folder: Path) -> Robot:
 
 
 def _expanded(ref: str | Path) -> Path:
+    """A folder as a user typed it, with `~` for a home; a path is what it says, as of a registry called `~`."""
+    if isinstance(ref, Path):
+        return ref
     try:
         return Path(ref).expanduser()
     except RuntimeError:  # of a user whom this machine does not know
