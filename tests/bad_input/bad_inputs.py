@@ -296,7 +296,7 @@ ROBOTS = [
         "tip_mass",
         robot=(("nominal = 0.49", "nominal = 0.9"),),
     ),
-    Bad("unknown ranges", "populate servo_pendulum -n 4 --ranges lunar", "'lunar'"),
+    Bad("unknown ranges", "populate servo_pendulum -n 4 --ranges lunar", "'lunar'", 2),
 ]
 
 ARGUMENTS = [
@@ -439,7 +439,7 @@ DIAGNOSES = [
     Bad("a horizon of nothing", "diagnose bench --horizon 0", "horizon 0", 2),
     Bad("a horizon below a step", "diagnose bench --horizon 0.001", "0.001", 2),
     Bad("a negative threshold", "diagnose bench --threshold-runs -1", "--threshold-runs -1", 2),
-    Bad("an engine that the robot lacks", "diagnose bench --engine warp --threshold-runs 0", "'warp'"),
+    Bad("an engine that the robot lacks", "diagnose bench --engine warp --threshold-runs 0", "'warp'", 2),
     Bad("start from what is not there", "diagnose bench --start wednesday", "'wednesday'", 4),
     Bad("start from a query that was not asked", "diagnose bench --start nearest", "no query", 4),
     Bad("diagnose and hold out an unknown episode", "diagnose bench --hold-out e17", "e17", 2),
