@@ -27,6 +27,7 @@ class Limits:
     unpacked_bytes: int = 64 << 30  # bytes that are unpacked of one log, one after the other
     whole_bytes: int = 1 << 30  # bytes of a log that is held whole: a .mat file
     json_bytes: int = 64 << 20  # bytes of one JSON document, which takes many times as much when it is read
+    pattern_seconds: int = 5  # seconds that a map's `filename` may take with one log's name
     settings_bytes: int = 1 << 20  # bytes of a map, a metadata.yaml, an info.json, a definition of messages
     robot_files: int = 10_000  # files in a robot's folder
     robot_bytes: int = 1_000_000_000  # bytes of a robot's folder: its model, its meshes

@@ -1,6 +1,5 @@
 """From a raw log and a map to episodes: named channels in SI units on the log's own stamps."""
 
-import re
 import string
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,6 +9,7 @@ import numpy as np
 
 from dynreg.data.gaps import silent
 from dynreg.data.maps import LogMap, SettingMap, factors
+from dynreg.data.patterns import search
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError, MapError
@@ -124,8 +124,7 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
     if entry.value is not None:
         return entry.value
     if entry.filename is not None:
-        found = re.search(entry.filename, log.path.stem)
-        text: Any = found.group(1) if found else None
+        text: Any = search(entry.filename, log.path.stem).found
     elif entry.metadata in log.metadata:
         text = log.metadata[entry.metadata]
     elif entry.metadata in log.sources:

@@ -2,15 +2,17 @@
 
 import re
 import string
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.units import UNITS, conversion
 from dynreg.errors import MapError
+from dynreg.limits import limits, refuse
 from dynreg.tomlfile import parse_toml, read_toml
 
 DEFAULT_GAP = 0.5  # [s] a longer silence is a gap
@@ -65,12 +67,11 @@ class SettingMap(_Strict):
         if sum(v is not None for v in (self.metadata, self.value, self.filename)) != 1:
             raise ValueError("give one of `metadata`, `value` and `filename`")
         if self.filename is not None:
-            try:
-                groups = re.compile(self.filename).groups
-            except re.error as error:
-                raise ValueError(f"`filename` is not a regular expression: {error}") from error
-            if groups != 1:
-                raise ValueError(f"`filename` has {groups} groups; give it one")
+            told = search(self.filename, "")
+            if told.problem:
+                raise ValueError(f"`filename` is not a regular expression: {told.problem}")
+            if told.groups != 1:
+                raise ValueError(f"`filename` has {told.groups} groups; give it one")
         return self
 
 
@@ -124,12 +125,26 @@ def read_map(path: str | Path) -> LogMap:
 
     Raises MapError that names the file, the line and the key where it is not a map.
     """
-    return read_toml(Path(path), LogMap, MapError)
+    file = Path(path)
+    if file.is_file() and file.stat().st_size > limits().settings_bytes:
+        refuse(MapError, f"{file.name!r} has more bytes than a map", file.stat().st_size, "settings_bytes")
+    if file.exists() and not file.is_file():
+        raise MapError(f"{file.name!r} is no file", expected="a TOML file", do="check the path")
+    return _parsed(file.name, lambda: read_toml(file, LogMap, MapError))
 
 
 def parse_map(text: str, name: str = "map") -> LogMap:
     """A map from TOML text; `name` is what its errors call it. Raises MapError as `read_map` does."""
-    return parse_toml(text, name, LogMap, MapError)
+    return _parsed(name, lambda: parse_toml(text, name, LogMap, MapError))
+
+
+def _parsed(name: str, parse: Callable[[], LogMap]) -> LogMap:
+    try:
+        return parse()
+    except RecursionError:
+        raise MapError(
+            f"{name}: its values lie too deep in each other", expected="a map", do="write it anew"
+        ) from None
 
 
 def check_map(log_map: LogMap, spec: RecordingSpec) -> None:

@@ -17,7 +17,7 @@ def bag_information(folder: Path) -> dict[str, Any]:
         document = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
         info = document["rosbag2_bagfile_information"]
         names = info["relative_file_paths"]
-        if not isinstance(names, list) or not names or not isinstance(info, dict):
+        if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
             raise ValueError("no files are listed")
         return info
     except Exception as error:  # any malformed YAML

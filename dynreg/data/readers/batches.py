@@ -54,6 +54,7 @@ class Columns:
     options: ReadOptions
     rows: int = 0
     names: tuple[str, ...] = ()
+    wanted: tuple[str, ...] = ()  # those asked for, and those that may be the time
     findings: list[Finding] = field(default_factory=list)
     _numbers: dict[str, list[np.ndarray]] = field(default_factory=dict)
     _texts: dict[str, list[pa.Array]] = field(default_factory=dict)
@@ -68,23 +69,18 @@ class Columns:
         """
         self.budget.check("columns", len(names))
         self.names = tuple(name.strip().lstrip("# ") for name in names)
-        twice = [n for n, count in Counter(self.names).items() if count > 1 and n in self.wanted]
+        clocks = (self.options.time,) if self.options.time else TIME_NAMES
+        wanted = [n for n in self.names if n in clocks or n and self.options.wants_signal(n)]
+        twice = [n for n, count in Counter(wanted).items() if count > 1]
         if twice:
             raise LogError(
                 f"{self.path.name!r} has two columns named {twice[0]!r}",
                 expected="a name for each column",
                 do="rename one of them",
             )
-        if not self.wanted:
+        if not wanted:
             time_column(self.path, (), self.options, self.names)
-
-    @property
-    def wanted(self) -> tuple[str, ...]:
-        """The columns to read: those asked for, and those that may be the time."""
-        clocks = (self.options.time,) if self.options.time else TIME_NAMES
-        return tuple(
-            dict.fromkeys(n for n in self.names if n in clocks or n and self.options.wants_signal(n))
-        )
+        self.wanted = tuple(wanted)
 
     def add(self, batch: pa.RecordBatch | pa.Table) -> None:
         """Take the next rows; LogError past a limit."""
@@ -123,10 +119,8 @@ class Columns:
                 expected="one kind of cells",
                 do="mend the log",
             )
-        kept = {n: parts for n, parts in self._numbers.items() if n not in self._others}
-        columns = {n: _joined([*parts, _empty(self._short(parts))]) for n, parts in kept.items()} | dict(
-            extra
-        )
+        kept = [n for n in self._numbers if n not in self._others]
+        columns = {n: self._whole(n) for n in kept} | dict(extra)
         units = {n: self._units.get(n, self._units.get(n.rpartition("[")[0])) for n in columns}
         return from_columns(
             self.path,
@@ -137,6 +131,11 @@ class Columns:
             findings=tuple(self.findings),
             names=tuple(dict.fromkeys((*self.names, *columns))),
         )
+
+    def _whole(self, name: str) -> np.ndarray:
+        """A column in one piece, and its pieces given up: both of all columns would take the memory twice."""
+        parts = self._numbers.pop(name)
+        return _joined([*parts, _empty(self._short(parts))])
 
     def _short(self, parts: Sequence[Any]) -> int:
         return self.rows - sum(len(part) for part in parts)

@@ -48,9 +48,10 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
                 topic.add(message, item.log_time)
     findings = [f for channel in channels.values() for f in channel.findings(file.name)]
     lost, damage = _losses(file.name, tally, expected if expected is not None else _stated(file, summary))
+    causes = iter((*tally.problems, *(finding.message for finding in findings)))
     if not tally.read or (not topics and options.sources is None):
         raise LogError(
-            f"{file.name!r} holds no message that can be read ({'; '.join(tally.problems[:1]) or 'no data'})",
+            f"{file.name!r} holds no message that can be read ({next(causes, 'no data')})",
             expected="ROS 2, ROS 1, JSON or protobuf messages",
             do="record it again, or convert it with `mcap recover`",
         )

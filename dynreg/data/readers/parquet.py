@@ -55,11 +55,13 @@ def gather(stream: BinaryIO, table: Columns) -> pa.Schema:
     table.budget.spend("unpacked_bytes", sum(max(group.total_byte_size, 0) for group in groups))
     images = _long_lists(meta)
     table.named(schema.names)
-    kept = [about.name for about in schema if about.name in table.wanted and _is_signal(about.type)]
-    kept = [name for name in kept if name not in images]
+    wanted = {*table.wanted} - images
+    kept = [about.name for about in schema if about.name in wanted and _is_signal(about.type)]
+    numbers = sum(is_number(schema.field(i).type) for i, n in enumerate(schema.names) if n in wanted)
+    table.budget.check("numbers", max(meta.num_rows, 0) * numbers)
     rows = max(min(_ROWS, _CELLS // max(len(kept), 1)), 1)
     for batch in file.iter_batches(batch_size=rows, columns=kept, use_threads=False):
-        table.add(batch.select([i for i, name in enumerate(batch.schema.names) if name in kept]))
+        table.add(batch.select([i for i, name in enumerate(batch.schema.names) if name in wanted]))
     return schema
 
 
