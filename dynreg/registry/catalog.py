@@ -17,8 +17,9 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError
 from dynreg.registry.database import engine_for, explained
 from dynreg.registry.files import LEDGER
-from dynreg.registry.ledger import Page, Values, pages_after, read_page, write_page
+from dynreg.registry.ledger import Page, pages_after, read_page, write_page
 from dynreg.registry.seal import broken_seals, broken_structure, strange_objects
+from dynreg.registry.tables import Values
 from dynreg.registry.writing import Writing
 
 FILE = "catalog.sqlite"

@@ -1,6 +1,6 @@
 """What differs between the catalogue's rows and what the files hold."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +8,9 @@ import dynreg.registry.tables as tables
 from dynreg.registry.files import CACHE, INDEX, ROBOTS, SEARCHES, StoredFile
 from dynreg.registry.rebuild import Rows, manifest_of, paths_in
 from dynreg.registry.scan import Found
+from dynreg.registry.tables import Key
+
+Keyed = Mapping[str, Mapping[Key, Mapping[str, Any]]]  # rows by table and key
 
 
 @dataclass(frozen=True)
@@ -144,21 +147,20 @@ def _row_faults(held: Rows, found: Found) -> Iterator[Fault]:
             yield Fault("row", f"shard from {row['start']}", "its row is not what its files say", lost=False)
 
 
-def differing_rows(stored: Rows, told: Rows) -> Iterator[Fault]:
+def differing_rows(stored: Keyed, told: Keyed) -> Iterator[Fault]:
     """What the catalogue's rows say and the ledger's pages do not, and the other way round."""
-    for table in tables.HELD:
-        keys = [column.name for column in table.primary_key]
-        sides = [{tuple(r[k] for k in keys): r for r in rows[table.name]} for rows in (stored, told)]
-        for key in sorted({*sides[0], *sides[1]}, key=repr):
-            mine, right = (side.get(key) for side in sides)
-            kind = "entries" if table is tables.entries else "row"
-            what = f"{table.name} {' '.join(str(part)[:24] for part in key)}"
+    for name in stored:
+        kind = "entries" if name == tables.entries.name else "row"
+        for key in sorted({*stored[name], *told[name]}, key=repr):
+            mine, right = stored[name].get(key), told[name].get(key)
+            if mine == right:
+                continue
             if mine is None or right is None:
                 problem = "its row is gone" if mine is None else "a row that nobody put"
-                yield Fault(kind, what, problem, lost=False)
-            elif mine != right:
-                names = [name for name in right if mine[name] != right[name]]
-                yield Fault(kind, what, f"{', '.join(names)} differs from what was put", lost=False)
+            else:
+                changed = [column for column in right if mine[column] != right[column]]
+                problem = f"{', '.join(changed)} differs from what was put"
+            yield Fault(kind, f"{name} {' '.join(str(part)[:24] for part in key)}", problem, lost=False)
 
 
 def _first_key(name: str, row: dict[str, Any]) -> Any:

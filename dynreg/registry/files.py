@@ -1,5 +1,6 @@
 """Files that survive a crash: written under a temporary name, synced, renamed; named by what they hold."""
 
+import errno
 import fcntl
 import glob
 import hashlib
@@ -26,6 +27,8 @@ CACHE = "cache"  # what can be computed again; the catalogue knows nothing of it
 SEARCHES = "searches"  # journals of searches that have not ended
 LOST_AND_FOUND = "lost+found"
 _TEMPORARY = ".tmp-"
+# What the system says of a name that is gone, or of a link, folder or pipe in its place; None: what we say of it.
+_NO_SUCH_FILE = (None, errno.ENOENT, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENXIO)
 
 
 @dataclass(frozen=True)
@@ -144,8 +147,14 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
         os.close(descriptor)
 
 
-def unreadable(path: Path, error: Exception | str) -> CorruptError:
-    """The error for a stored file that cannot be read."""
+def unreadable(path: Path, error: Exception | str) -> RegistryError:
+    """The error for a stored file that cannot be read: a CorruptError, unless it is the disk or a right that fails."""
+    if isinstance(error, OSError) and error.errno not in _NO_SUCH_FILE:
+        return RegistryError(
+            f"{str(path)!r} cannot be read: {error.strerror}",
+            expected="a disk that reads, and the right to read",
+            do="look after the disk, or mend the permissions; nothing was changed",
+        )
     return CorruptError(
         f"{str(path)!r} cannot be read: {error}",
         expected="the file as it was registered",

@@ -15,9 +15,8 @@ from typing import Any
 import dynreg.registry.tables as tables
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.files import LEDGER, content_name, open_regular, write_file
+from dynreg.registry.tables import Key, Values, key_of, values_of
 
-Key = tuple[Any, ...]
-Values = tuple[Any, ...]  # of one row, in the order of its table's columns
 _NAME = re.compile(r"(\d{8,12})-([0-9a-f]{16})\.json")
 
 
@@ -130,22 +129,15 @@ def replay(pages: Iterable[Page]) -> dict[str, dict[Key, Values]]:
             for key in keys:
                 rows[name].pop(key, None)
         for name, values in page.put.items():
-            rows[name].update((key_of(name, row), row) for row in values)
+            rows[name].update((key_of(tables.metadata.tables[name], row), row) for row in values)
     return rows
-
-
-def key_of(name: str, row: Values) -> Key:
-    """The primary key of a row of a table."""
-    columns = tables.metadata.tables[name].c
-    return tuple(value for column, value in zip(columns, row, strict=True) if column.primary_key)
 
 
 def _in_order(name: str, columns: list[str], row: list[Any]) -> Values:
     table = tables.metadata.tables.get(name)
     if table is None or sorted(columns) != sorted(c.name for c in table.c):
         raise ValueError(f"rows of {name!r} with the columns {columns}")
-    told = dict(zip(columns, row, strict=True))
-    return tuple(told[c.name] for c in table.c)
+    return values_of(table, dict(zip(columns, row, strict=True)))
 
 
 def _files(root: Path) -> list[Path]:

@@ -22,9 +22,10 @@ import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
 from dynreg.errors import NotStored, RegistryError
 from dynreg.folder import Folder
-from dynreg.registry.directory import Directory, open_directory, take_away
+from dynreg.registry.directory import Directory
 from dynreg.registry.files import SEARCHES
 from dynreg.registry.hashes import hash_of
+from dynreg.registry.opening import open_directory, take_away
 from dynreg.registry.records import (
     EntryRecord,
     PopulationArrays,

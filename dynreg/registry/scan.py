@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dynreg.errors import DynregError
+from dynreg.errors import CorruptError, DynregError, RegistryError
 from dynreg.registry.cache import is_sound
 from dynreg.registry.catalog import BESIDE, FILE
 from dynreg.registry.codec import decode_arrays
-from dynreg.registry.directory import MARKER
 from dynreg.registry.entries import entry_rows
 from dynreg.registry.files import (
     CACHE,
@@ -29,6 +28,7 @@ from dynreg.registry.files import (
     unreadable,
 )
 from dynreg.registry.indexes import read_index
+from dynreg.registry.opening import MARKER
 from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.search.journal import damage
 
@@ -79,7 +79,7 @@ def scan(root: Path, registered: set[str]) -> Found:
         except FileNotFoundError:
             continue  # an index that was replaced in the meantime
         except OSError as error:
-            found.bad[relative] = str(error)
+            found.bad[relative] = _damage(unreadable(path, error))
             continue
         try:
             if folder != ROBOTS and not path.stem.endswith(f"-{file.sha256[:16]}"):
@@ -96,7 +96,7 @@ def scan(root: Path, registered: set[str]) -> Found:
                 _READERS[folder](found, path, file)
             found.files[relative] = file
         except (DynregError, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
-            found.bad[relative] = getattr(error, "problem", str(error))
+            found.bad[relative] = _damage(error)
     _pair(root, found, states, rest)
     for path in sorted((root / CACHE).rglob("*.json")):
         if not is_temporary(path.name) and not is_sound(path):
@@ -105,6 +105,13 @@ def scan(root: Path, registered: set[str]) -> Found:
         if problem := damage(path):
             found.bad[path.relative_to(root).as_posix()] = problem
     return found
+
+
+def _damage(error: Exception) -> str:
+    """What is wrong with a file, for the report; raised where it is the disk's fault, or a right that is missing."""
+    if isinstance(error, RegistryError) and not isinstance(error, CorruptError):
+        raise error
+    return getattr(error, "problem", str(error))
 
 
 def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
@@ -117,8 +124,7 @@ def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
         try:
             _, data = read_shard(root / states_path, root / rest_path)
         except (DynregError, KeyError, TypeError, ValueError) as error:
-            reason = getattr(error, "problem", str(error))
-            found.bad[states_path] = found.bad[rest_path] = reason
+            found.bad[states_path] = found.bad[rest_path] = _damage(error)
             continue
         taken = [s.row for (owner, _), s in found.shards.items() if owner == population]
         if len(data) != stop - start or any(start < row["stop"] and row["start"] < stop for row in taken):

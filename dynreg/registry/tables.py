@@ -4,6 +4,9 @@ Portable SQL only (no SQLite types or functions), so that the same code can stan
 JSON is stored as text.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 from sqlalchemy import Column, ForeignKey, Integer, MetaData, Table, Text, UniqueConstraint, select
 
 metadata = MetaData()
@@ -111,3 +114,21 @@ results_of_verbs = select(results).where(results.c.kind != "threshold").subquery
 
 SEALED = tuple(t for t in metadata.sorted_tables if t.name not in ("migrations", "seals"))
 HELD = tuple(t for t in SEALED if t.name != "pages")  # what the pages of the ledger tell, parents first
+
+Values = tuple[Any, ...]  # of one row, in the order of its table's columns
+Key = tuple[Any, ...]
+
+
+def values_of(table: Table, row: Mapping[str, Any]) -> Values:
+    """The values of a row in the order of its table's columns, None for one that it does not say."""
+    return tuple(row.get(column.name) for column in table.c)
+
+
+def named(table: Table, values: Values) -> dict[str, Any]:
+    """A row's values by the names of its columns."""
+    return dict(zip(table.c.keys(), values, strict=True))
+
+
+def key_of(table: Table, values: Values) -> Key:
+    """The primary key of a row."""
+    return tuple(value for column, value in zip(table.c, values, strict=True) if column.primary_key)

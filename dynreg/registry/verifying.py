@@ -1,30 +1,15 @@
 """Is everything that was stored still there? What was lost is said, what can be rebuilt is rebuilt."""
 
 import secrets
-import sqlite3
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-
-from sqlalchemy import Connection, select
-from sqlalchemy.exc import DBAPIError
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, RegistryError
-from dynreg.registry.catalog import BESIDE, FILE, Catalog, rows_of
-from dynreg.registry.comparing import Fault, VerifyReport, compare, differing_rows
-from dynreg.registry.database import explained
-from dynreg.registry.directory import (
-    Directory,
-    beside,
-    check_links,
-    check_marker,
-    lost_catalog,
-    make_folders,
-    may_write,
-)
+from dynreg.errors import RegistryError
+from dynreg.registry.catalog import BESIDE, FILE, Catalog
+from dynreg.registry.comparing import VerifyReport
+from dynreg.registry.examining import examine, keyed, stored_in
 from dynreg.registry.files import (
     CACHE,
     INDEX,
@@ -35,10 +20,10 @@ from dynreg.registry.files import (
     temporary_folder,
     write_file,
 )
-from dynreg.registry.ledger import Ledger, Page, Values, pages_after, read_ledger, replay
+from dynreg.registry.ledger import pages_after
+from dynreg.registry.opening import check_links, check_marker, make_folders, may_write
 from dynreg.registry.rebuild import Rows, new_rows, unknown_files
-from dynreg.registry.scan import Found, scan
-from dynreg.registry.seal import broken_seals, broken_structure
+from dynreg.registry.tables import Values, values_of
 from dynreg.registry.writing import Writing
 
 _SPARE = 8 << 20  # bytes that a repair asks for, beside three times the catalogue and the ledger
@@ -60,17 +45,17 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
     check_marker(path)
     check_links(path)
     if dry_run or not repair:
-        with _stored(path, "BEGIN") as stored:
-            report = _examine(path, stored).report
+        with stored_in(path, "BEGIN") as stored:
+            report = examine(path, stored).report
         return _with_words(report, "would be ") if dry_run else report
     if not may_write(path):
         raise RegistryError(f"{str(path)!r} is read-only", expected="a writable registry", do="copy it first")
     _check_room(path)
     make_folders(path)
-    with _stored(path, "BEGIN IMMEDIATE") as stored:
-        examined = _examine(path, stored)
+    with stored_in(path, "BEGIN IMMEDIATE") as stored:
+        examined = examine(path, stored)
         rows = new_rows(path, examined.held, examined.found)
-        changed = bool(examined.faulty) or _keyed(rows) != _keyed(examined.held)
+        changed = bool(examined.faulty) or keyed(rows) != keyed(examined.held)
         if changed and stored.connection is not None:
             stored.catalog.begin_anew(Writing(stored.connection), _values(rows))
     if changed and stored.connection is None:
@@ -80,132 +65,8 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
     return _with_words(examined.report)
 
 
-@dataclass(frozen=True)
-class _Stored:
-    """What the file of the catalogue holds.
-
-    rows, pages : by table; sha256 by the number of a page. faults : why it is not as dynreg left it.
-    catalog, connection : for writing to it; None where its file has to be written anew. ledger : where its ledger lies.
-    usable : whether it is a sound database, whatever its rows say.
-    """
-
-    rows: Rows = field(default_factory=lambda: {table.name: [] for table in tables.HELD})
-    pages: Mapping[int, str] = field(default_factory=dict)
-    faults: tuple[str, ...] = ()
-    catalog: Catalog | None = None
-    connection: Connection | None = None
-    ledger: Path | None = None
-    usable: bool = False
-
-
-@dataclass(frozen=True)
-class _Examined:
-    """What was put, as far as it can be told; what the files hold; and what is at fault in catalogue or ledger."""
-
-    held: Rows
-    found: Found
-    ledger: Ledger
-    faulty: tuple[Fault, ...]
-    report: VerifyReport
-
-
-@contextmanager
-def _stored(path: Path, begin: str) -> Iterator[_Stored]:
-    """What the catalogue holds, inside a transaction on it where it can be read; RegistryError where its disk fails."""
-    if lost_catalog(path) or not (path / FILE).exists():
-        yield _Stored(faults=("it is missing or empty",) if lost_catalog(path) else ())
-        return
-    try:
-        opened = Directory(path, Catalog(path)) if may_write(path) else beside(path)
-    except CorruptError as error:
-        yield _Stored(faults=(error.problem,))
-        return
-    with ExitStack() as stack:
-        stack.callback(opened.close)
-        stored = _Stored()
-        try:
-            with ExitStack() as reading:
-                connection = reading.enter_context(opened.catalog.transaction(begin))
-                stored = _read(path, connection)
-                if stored.usable:
-                    stored = replace(stored, catalog=opened.catalog, connection=connection)
-                    stack.push(reading.pop_all())  # the transaction stays
-        except CorruptError as error:  # its end may meet the damage, too
-            stored = replace(stored, faults=stored.faults or (error.problem,))
-        yield replace(stored, ledger=opened.home)
-
-
-def _read(path: Path, connection: Connection) -> _Stored:
-    try:
-        broken = broken_structure(connection)
-        rows = {
-            name: [dict(zip(tables.metadata.tables[name].c.keys(), row, strict=True)) for row in rows]
-            for name, rows in rows_of(connection).items()
-        }
-        pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
-        return _Stored(rows, pages, tuple(broken or broken_seals(connection)), usable=not broken)
-    except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
-        problem = explained(path / FILE, error)
-        if not isinstance(problem, CorruptError):
-            raise problem from error
-        return _Stored(faults=(problem.problem,))
-
-
-def _examine(path: Path, stored: _Stored) -> _Examined:
-    """Compare catalogue and ledger with each other, then what they tell with the files."""
-    root = path if stored.ledger is None or pages_after(path, 0) else stored.ledger
-    ledger = read_ledger(root)
-    gone = _ledger_faults(stored, ledger)
-    told = _rows([page for page, _ in ledger.pages])
-    faults = [Fault("catalog", FILE, reason, lost=bool(gone)) for reason in stored.faults]
-    if not gone:
-        held = told
-        if not stored.faults or stored.connection is not None:
-            last = max(stored.pages, default=0)
-            differing = list(
-                differing_rows(stored.rows, _rows([p for p, _ in ledger.pages if p.number <= last]))
-            )
-            faults = differing or faults
-    elif not stored.faults:
-        held = stored.rows
-    else:
-        known = _keyed(told)
-        rest = {n: [r for r in rows if _key(n, r) not in known[n]] for n, rows in stored.rows.items()}
-        held = {name: told[name] + rest[name] for name in told}
-    faulty = tuple(
-        Fault("ledger", what, reason, lost=bool(stored.faults)) for what, reason in sorted(gone.items())
-    )
-    found = scan(path, {row["path"] for row in held["files"]})
-    return _Examined(held, found, ledger, (*faults, *faulty), compare(held, found, [*faults, *faulty]))
-
-
-def _ledger_faults(stored: _Stored, ledger: Ledger) -> dict[str, str]:
-    """Pages that are damaged, and pages that the catalogue follows and that are gone, by their names."""
-    present = {page.number: sha256 for page, sha256 in ledger.pages}
-    begins = min(present, default=0)
-    gone = [n for n, sha256 in stored.pages.items() if n >= begins and present.get(n) != sha256]
-    return dict(ledger.bad) | (
-        {f"{LEDGER}/{min(gone):08d}": f"{len(gone)} pages are missing"} if gone else {}
-    )
-
-
-def _rows(pages: list[Page]) -> Rows:
-    return {
-        name: [dict(zip(tables.metadata.tables[name].c.keys(), row, strict=True)) for row in rows.values()]
-        for name, rows in replay(pages).items()
-    }
-
-
 def _values(rows: Rows) -> dict[str, list[Values]]:
-    return {t.name: [tuple(row[c.name] for c in t.c) for row in rows[t.name]] for t in tables.HELD}
-
-
-def _key(name: str, row: dict) -> tuple:
-    return tuple(row[column.name] for column in tables.metadata.tables[name].primary_key)
-
-
-def _keyed(rows: Rows) -> dict[str, dict[tuple, dict]]:
-    return {name: {_key(name, row): row for row in held} for name, held in rows.items()}
+    return {t.name: [values_of(t, row) for row in rows[t.name]] for t in tables.HELD}
 
 
 def _rebuild(path: Path, rows: dict[str, list[Values]]) -> None:
@@ -235,7 +96,7 @@ def _check_room(path: Path) -> None:
     try:
         write_file(probe, bytes(_SPARE + 3 * sum(sizes)))
     finally:
-        probe.unlink(missing_ok=True)
+        disk.remove(probe)
 
 
 _MENDED = {

@@ -6,8 +6,9 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, func, insert, select, tuple_, update
 
 import dynreg.registry.tables as tables
-from dynreg.registry.ledger import Key, Page, Values, key_of
+from dynreg.registry.ledger import Page
 from dynreg.registry.seal import Seal, read_seals, write_seals
+from dynreg.registry.tables import Key, Values, key_of, named, values_of
 
 _AT_ONCE = 500  # keys in one question: SQLite takes at most 32,766 values (999 before version 3.32)
 
@@ -29,16 +30,16 @@ class Writing:
 
     def put(self, table: Table, *rows: Mapping[str, Any]) -> None:
         """Write rows; a row takes the place of one with the same key, and one that is there already changes nothing."""
-        new = {key_of(table.name, values): values for values in (_values(table, row) for row in rows)}
+        new = {key_of(table, values): values for values in (values_of(table, row) for row in rows)}
         held = self._held(table, list(new))
         added = [values for key, values in new.items() if key not in held]
         changed = [values for key, values in new.items() if key in held and held[key] != values]
         if added:
-            self.connection.execute(insert(table), [_row(table, values) for values in added])
+            self.connection.execute(insert(table), [named(table, values) for values in added])
         for values in changed:
-            row = _row(table, values)
-            self.connection.execute(update(table).where(_is(table, key_of(table.name, values))).values(**row))
-        gone = [held[key_of(table.name, values)] for values in changed]
+            row = named(table, values)
+            self.connection.execute(update(table).where(_is(table, key_of(table, values))).values(**row))
+        gone = [held[key_of(table, values)] for values in changed]
         self._note(table, added + changed, gone)
 
     def remove(self, table: Table, *keys: Key) -> None:
@@ -59,7 +60,7 @@ class Writing:
         for table in reversed(tables.HELD):
             self.remove(table, *page.removed.get(table.name, ()))
         for table in tables.HELD:
-            self.put(table, *(_row(table, values) for values in page.put.get(table.name, ())))
+            self.put(table, *(named(table, values) for values in page.put.get(table.name, ())))
         self.enter(page.number, sha256)
 
     def page(self) -> Page:
@@ -78,7 +79,7 @@ class Writing:
     def enter(self, number: int, sha256: str) -> None:
         """Note that the catalogue holds a page, and write the seals of all tables that have changed."""
         values = (number, sha256)
-        self.connection.execute(insert(tables.pages), [_row(tables.pages, values)])
+        self.connection.execute(insert(tables.pages), [named(tables.pages, values)])
         self._note(tables.pages, [values], ())
         write_seals(self.connection, self._seals)
         self._put, self._removed = {}, {}
@@ -96,7 +97,7 @@ class Writing:
             some = keys[at : at + _AT_ONCE // len(columns)]
             among = columns[0].in_([k[0] for k in some]) if len(columns) == 1 else tuple_(*columns).in_(some)
             rows = map(tuple, self.connection.execute(select(table).where(among)))
-            found.update((key_of(table.name, values), values) for values in rows)
+            found.update((key_of(table, values), values) for values in rows)
         return found
 
     def _note(self, table: Table, came: Iterable[Values], went: Iterable[Values]) -> None:
@@ -107,17 +108,9 @@ class Writing:
         self._seals[table.name] = before.with_rows(came, went)
         if table in tables.HELD:
             for values in came:
-                key = key_of(table.name, values)
+                key = key_of(table, values)
                 self._put.setdefault(table.name, {})[key] = values
                 self._removed.get(table.name, {}).pop(key, None)
-
-
-def _values(table: Table, row: Mapping[str, Any]) -> Values:
-    return tuple(row.get(column.name) for column in table.c)
-
-
-def _row(table: Table, values: Values) -> dict[str, Any]:
-    return dict(zip(table.c.keys(), values, strict=True))
 
 
 def _is(table: Table, key: Key) -> ColumnElement[bool]:

@@ -101,13 +101,14 @@ def test_the_same_query_gives_the_same_answer(place: Path, dynreg: Callable, doc
 
 
 def test_a_damaged_catalogue_is_repaired(place: Path, dynreg: Callable, document: Callable) -> None:
+    held = document("list")["items"]
     (place / "dynreg-registry" / "catalog.sqlite").write_bytes(b"junk" * 1000)
     assert dynreg("list").status == 3
     assert document("verify", statuses=(3,))["clean"] is False
-    assert dynreg("verify", "--repair").status == 3  # names of recordings are gone for good
-    assert dynreg("verify").status == 0
-    (population,) = document("list", "--kind", "population")["items"]
-    assert population["detail"]["entries"] == 8
+    (fault,) = document("verify", "--dry-run", statuses=(3,))["faults"]
+    assert "would be written anew from the ledger" in fault
+    assert dynreg("verify", "--repair").status == 0, "the ledger tells all, the names of recordings too"
+    assert dynreg("verify").status == 0 and document("list")["items"] == held
 
 
 def test_a_registry_that_may_only_be_read_answers_and_stores_nothing(
@@ -115,7 +116,7 @@ def test_a_registry_that_may_only_be_read_answers_and_stores_nothing(
 ) -> None:
     document("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday")
     files = {p: p.read_bytes() for p in (place / "dynreg-registry").rglob("*") if p.is_file()}
-    monkeypatch.setattr("dynreg.registry.directory.may_write", lambda path: False)  # as on a mount that is read-only
+    monkeypatch.setattr("dynreg.registry.opening.may_write", lambda path: False)  # as on a mount that is read-only
     with pytest.warns(NotStored, match="read-only: the result is shown, and not stored"):
         answer = document(*QUERY, statuses=(0, 4))
     assert len(answer["neighbours"]) == 2

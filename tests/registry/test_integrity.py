@@ -274,3 +274,23 @@ def test_an_empty_registry_whose_creation_was_cut_short_is_sound(tmp_path):
         with Registry.open(path) as registry:
             assert registry.recordings() == ()
         assert verify(path).faults == ()
+
+
+@pytest.mark.parametrize("code", [5, 13, 24])  # EIO, EACCES, EMFILE
+def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(
+    work, registry_snapshot, monkeypatch, code
+):
+    with Registry.open(work) as registry:
+        registry.recordings()
+    before = registry_snapshot(work)
+
+    def fails(path: Path) -> None:
+        raise OSError(code, os.strerror(code))
+
+    for name in ("files.open_regular", "directory.open_regular", "indexes.open_regular"):
+        monkeypatch.setattr(f"dynreg.registry.{name}", fails)
+    for ask in (answers, verify, lambda path: verify(path, repair=True)):
+        with pytest.raises(RegistryError, match=os.strerror(code)) as error:
+            ask(work)
+        assert not isinstance(error.value, CorruptError) and "--repair" not in str(error.value)
+    assert registry_snapshot(work) == before

@@ -1,0 +1,142 @@
+"""What a registry holds, examined: its catalogue and its ledger held against each other, then against its files."""
+
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, select
+from sqlalchemy.exc import DBAPIError
+
+import dynreg.registry.tables as tables
+from dynreg.errors import CorruptError
+from dynreg.registry.catalog import FILE, Catalog, rows_of
+from dynreg.registry.comparing import Fault, VerifyReport, compare, differing_rows
+from dynreg.registry.database import explained
+from dynreg.registry.directory import Directory
+from dynreg.registry.files import LEDGER
+from dynreg.registry.ledger import Ledger, pages_after, read_ledger, replay
+from dynreg.registry.opening import beside, lost_catalog, may_write
+from dynreg.registry.rebuild import Rows
+from dynreg.registry.scan import Found, scan
+from dynreg.registry.seal import broken_seals, broken_structure
+from dynreg.registry.tables import Key, Values, key_of, named, values_of
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What the file of the catalogue holds.
+
+    rows, pages : by table; sha256 by the number of a page. faults : why it is not as dynreg left it.
+    catalog, connection : for writing to it; None where its file has to be written anew. ledger : where its ledger lies.
+    usable : whether it is a sound database, whatever its rows say.
+    """
+
+    rows: Rows = field(default_factory=lambda: {table.name: [] for table in tables.HELD})
+    pages: Mapping[int, str] = field(default_factory=dict)
+    faults: tuple[str, ...] = ()
+    catalog: Catalog | None = None
+    connection: Connection | None = None
+    ledger: Path | None = None
+    usable: bool = False
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What was put, as far as it can be told; what the files hold; and what is at fault in catalogue or ledger."""
+
+    held: Rows
+    found: Found
+    ledger: Ledger
+    faulty: tuple[Fault, ...]
+    report: VerifyReport
+
+
+@contextmanager
+def stored_in(path: Path, begin: str) -> Iterator[Stored]:
+    """What the catalogue holds, inside a transaction on it where it can be read; RegistryError where its disk fails."""
+    if lost_catalog(path) or not (path / FILE).exists():
+        yield Stored(faults=("it is missing or empty",) if lost_catalog(path) else ())
+        return
+    try:
+        opened = Directory(path, Catalog(path)) if may_write(path) else beside(path)
+    except CorruptError as error:
+        yield Stored(faults=(error.problem,))
+        return
+    with ExitStack() as stack:
+        stack.callback(opened.close)
+        stored = Stored()
+        try:
+            with ExitStack() as reading:
+                connection = reading.enter_context(opened.catalog.transaction(begin))
+                stored = _read(path, connection)
+                if stored.usable:
+                    stored = replace(stored, catalog=opened.catalog, connection=connection)
+                    stack.push(reading.pop_all())  # the transaction stays
+        except CorruptError as error:  # its end may meet the damage, too
+            stored = replace(stored, faults=stored.faults or (error.problem,))
+        yield replace(stored, ledger=opened.home)
+
+
+def _read(path: Path, connection: Connection) -> Stored:
+    try:
+        broken = broken_structure(connection)
+        rows = _named(rows_of(connection))
+        pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
+        return Stored(rows, pages, tuple(broken or broken_seals(connection)), usable=not broken)
+    except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
+        problem = explained(path / FILE, error)
+        if not isinstance(problem, CorruptError):
+            raise problem from error
+        return Stored(faults=(problem.problem,))
+
+
+def examine(path: Path, stored: Stored) -> Examined:
+    """Compare catalogue and ledger with each other, then what they tell with the files."""
+    root = path if stored.ledger is None or pages_after(path, 0) else stored.ledger
+    ledger = read_ledger(root)
+    gone = _ledger_faults(stored, ledger)
+    told = _told(ledger)
+    faults = [Fault("catalog", FILE, reason, lost=bool(gone)) for reason in stored.faults]
+    if not gone:
+        held = told
+        if not stored.faults or stored.connection is not None:
+            followed = _told(ledger, max(stored.pages, default=0))
+            faults = list(differing_rows(keyed(stored.rows), keyed(followed))) or faults
+    elif not stored.faults:
+        held = stored.rows
+    else:
+        both = {name: keyed(stored.rows)[name] | keyed(told)[name] for name in told}
+        held = {name: list(rows.values()) for name, rows in both.items()}
+    faulty = tuple(
+        Fault("ledger", what, reason, lost=bool(stored.faults)) for what, reason in sorted(gone.items())
+    )
+    found = scan(path, {row["path"] for row in held["files"]})
+    return Examined(held, found, ledger, (*faults, *faulty), compare(held, found, [*faults, *faulty]))
+
+
+def _ledger_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:
+    """Pages that are damaged, and pages that the catalogue follows and that are gone, by their names."""
+    present = {page.number: sha256 for page, sha256 in ledger.pages}
+    begins = min(present, default=0)
+    gone = [n for n, sha256 in stored.pages.items() if n >= begins and present.get(n) != sha256]
+    return dict(ledger.bad) | (
+        {f"{LEDGER}/{min(gone):08d}": f"{len(gone)} pages are missing"} if gone else {}
+    )
+
+
+def _told(ledger: Ledger, last: int | None = None) -> Rows:
+    """The rows that the pages leave, up to the page of the number `last`."""
+    pages = [page for page, _ in ledger.pages if last is None or page.number <= last]
+    return _named({name: rows.values() for name, rows in replay(pages).items()})
+
+
+def keyed(rows: Rows) -> dict[str, dict[Key, dict[str, Any]]]:
+    """The rows of each table by their keys."""
+    return {t.name: {key_of(t, values_of(t, row)): row for row in rows[t.name]} for t in tables.HELD}
+
+
+def _named(rows: Mapping[str, Iterable[Values]]) -> Rows:
+    return {t.name: [named(t, values) for values in rows[t.name]] for t in tables.HELD}
