@@ -1,5 +1,6 @@
 """The program `dynreg`: its global options, its verbs, and what an error looks like."""
 
+import errno
 import os
 import sys
 import traceback
@@ -40,6 +41,12 @@ from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
 READER_GONE = 1  # the status that typer and rich give to a broken pipe
+
+# what a machine refuses, whatever a program does
+REFUSALS = {
+    getattr(errno, name)
+    for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO", "EROFS", "EACCES", "EPERM", "EMFILE", "ENFILE", "ENOMEM")
+}
 
 # click's errors, wherever typer keeps its click
 _UsageError = typer.BadParameter.__bases__[0]
@@ -131,8 +138,7 @@ def main(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         return _end_quietly()
     except Exception as error:
-        text = " ".join(f"{type(error).__name__}: {error}".split())
-        return _fail(f"{text}; this is a bug in dynreg; run again with --debug", 1, debug)
+        return _fail(_unforeseen(error), 1, debug)
 
 
 def run() -> None:
@@ -140,9 +146,8 @@ def run() -> None:
     if "--debug" not in sys.argv:
         _only_own_warnings()
     _without_opengl()
-    sys.stdout.reconfigure(
-        errors="backslashreplace"
-    )  # a letter that the terminal's encoding lacks is no error
+    # a letter that the terminal's encoding lacks is no error
+    sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(main(sys.argv[1:]))
 
 
@@ -170,6 +175,18 @@ def _fail(text: str, status: int, debug: bool) -> int:
         print(visible(traceback.format_exc(), keep="\n"), file=sys.stderr, end="")
     say(f"error: {text}")
     return status
+
+
+def _unforeseen(error: Exception) -> str:
+    """What the machine refused, or else a bug, in one line."""
+    if isinstance(error, MemoryError):
+        why = str(error) or "the memory of this machine does not suffice"
+    elif isinstance(error, OSError) and error.errno in REFUSALS:
+        why = f"{error.strerror}{f': {error.filename!r}' if error.filename else ''}"
+    else:
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        return f"{said}; this is a bug in dynreg; run again with --debug"
+    return f"{why}; expected room, memory and permissions as they are needed; see to these, then run it again"
 
 
 def _usage(error: Exception, arguments: Sequence[str]) -> str:

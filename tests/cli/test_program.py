@@ -125,6 +125,35 @@ def test_a_bug_is_one_line_that_says_so(dynreg, session) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "error, says",
+    [
+        (OSError(28, "No space left on device", "a\nb"), r"No space left on device: 'a\\nb'"),
+        (PermissionError(13, "Permission denied"), "Permission denied"),
+        (OSError(24, "Too many open files"), "Too many open files"),
+        (MemoryError(), "the memory of this machine does not suffice"),
+        (MemoryError("Unable to allocate 7 GiB"), "Unable to allocate 7 GiB"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Exception) else "",
+)
+def test_what_the_machine_refuses_is_no_bug(error: Exception, says: str, dynreg, session) -> None:
+    session.answers["show"] = error
+    ended = dynreg("show", "x")
+    assert ended.status == 1 and "bug" not in ended.err
+    assert re.fullmatch(rf"error: {says}; expected .+; .+\n", ended.err)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+@pytest.mark.parametrize("line", ["robots", "robots --json", "effects"])
+def test_an_output_that_is_full_is_one_line(line: str) -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [*PROGRAM, *line.split()], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60
+        )
+    assert ended.returncode == 1 and ended.stderr.count("\n") == 1
+    assert "No space left" in ended.stderr and "bug" not in ended.stderr
+
+
 def test_an_interrupt_is_one_line_and_exits_130(dynreg, session) -> None:
     session.answers["query"] = KeyboardInterrupt()
     ended = dynreg("query", "x")
