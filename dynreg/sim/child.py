@@ -18,6 +18,8 @@ from dynreg.limits import limits, refuse
 
 _CODE = "from dynreg.sim.child import answer; answer()"
 _HOME = str(Path(__file__).parents[2])
+# no display is opened, and no memory taken for each of many cores: a limit on memory counts what is merely reserved
+_PLAIN = {"MUJOCO_GL": "disable", "MALLOC_ARENA_MAX": "2", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 TWICE = 2  # seconds on the wall for one of the processor, where cores are shared
 
 
@@ -31,10 +33,7 @@ def in_child(work: Callable[..., Any], files: Mapping[str, bytes], *texts: str, 
     task = {"module": work.__module__, "name": work.__qualname__, "texts": texts, "limit": limit}
     head = json.dumps({**task, "files": [(name, len(data)) for name, data in files.items()]})
     paths = [_HOME, *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(paths),
-        "MUJOCO_GL": "disable",
-    }  # no display is opened
+    environment = os.environ | _PLAIN | {"PYTHONPATH": os.pathsep.join(paths)}
     try:
         with tempfile.TemporaryDirectory() as here:  # MuJoCo leaves a MUJOCO_LOG.TXT where it ends
             ended = subprocess.run(
@@ -48,6 +47,12 @@ def in_child(work: Callable[..., Any], files: Mapping[str, bytes], *texts: str, 
             )
     except subprocess.TimeoutExpired:
         refuse(RobotError, "the robot's folder takes too long, in seconds", "more", limit)
+    except OSError as problem:
+        raise RobotError(
+            f"the robot's folder cannot be tried: {problem.strerror or problem}",
+            expected="a system that can begin a process, and a temporary folder that can be written to",
+            do="end other processes, or set TMPDIR to another folder",
+        ) from None
     try:
         told = json.loads(ended.stdout)
     except ValueError:

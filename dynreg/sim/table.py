@@ -32,7 +32,7 @@ class Table(BaseModel):
 
 
 def _check(value: Any, allowed: str) -> None:
-    if isinstance(value, str):
+    if isinstance(value, str) and not value.isprintable():
         odd = next((c for c in value if unicodedata.category(c)[0] == "C" and c not in allowed), None)
         if odd is not None:
             raise ValueError(f"the control character {odd!r} in it: use letters that can be seen")
