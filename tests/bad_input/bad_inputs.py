@@ -1,5 +1,6 @@
 """The table of bad inputs: what is given, and what the one line must say."""
 
+import os
 import sqlite3
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -26,6 +27,12 @@ MAPPED = "time,q,dq,goal\n" + "".join(
 INGEST = "ingest {tmp}/run.csv --robot servo_pendulum"
 WITH_MAP = f"{INGEST} --map {{tmp}}/map.toml"
 CHECK = "robots check {tmp}/robot"
+COPIES = '<replicate count="200"><body><freejoint/><geom size="1"/></body></replicate>'
+FIELD = '<hfield name="h" nrow="99999" ncol="99999" size="1 1 1 1"/>'
+ITSELF = (
+    '<mujoco><asset><model name="m" file="model.xml"/></asset><worldbody><body name="b"/>'
+    '<frame><attach model="m" body="b" prefix="p"/></frame></worldbody></mujoco>'
+)
 
 
 @dataclass(frozen=True)
@@ -290,6 +297,68 @@ ROBOTS = [
     ),
     Bad("a parameter twice", CHECK, "tip_mass", robot=(('name = "resistance"', 'name = "tip_mass"'),)),
     Bad("a number in quotes", CHECK, "nominal", robot=(("nominal = 0.49", 'nominal = "0.49"'),)),
+    Bad(
+        "a time step that never ends",
+        CHECK,
+        "'robot.timestep' = 1e-12",
+        robot=(("timestep = 0.0025", "timestep = 1e-12"),),
+    ),
+    Bad("an infinite time step", CHECK, "finite", robot=(("timestep = 0.0025", "timestep = inf"),)),
+    Bad(
+        "lists in lists in a robot.toml",
+        CHECK,
+        "too deep",
+        robot=(("[robot]", f"x = {'[' * 5000}{']' * 5000}\n[robot]"),),
+    ),
+    Bad(
+        "a model that includes a file of the system",
+        CHECK,
+        "reads '/etc/hostname', which is not in the robot's folder",
+        files={"robot/model.xml": '<mujoco><include file="/etc/hostname"/></mujoco>'},
+    ),
+    Bad(
+        "a model that includes a file above",
+        "ingest {tmp}/run.csv --robot {tmp}/robot",
+        "reads '../heavy.xml'",
+        files={
+            "heavy.xml": '<mujocoinclude><option gravity="0 0 -1"/></mujocoinclude>',
+            "robot/model.xml": '<mujoco><include file="../heavy.xml"/></mujoco>',
+            "run.csv": "time\n0\n",
+        },
+    ),
+    Bad(
+        "a robot folder with a link in it",
+        "populate {tmp}/robot -n 4",
+        "is a link",
+        robot=(("[robot]", "[robot]"),),
+        prepare=lambda tmp, _: (tmp / "robot" / "notes.txt").symlink_to("/etc/hostname"),
+    ),
+    Bad(
+        "a robot folder with a pipe in it",
+        CHECK,
+        "is no file",
+        robot=(("[robot]", "[robot]"),),
+        prepare=lambda tmp, _: os.mkfifo(tmp / "robot" / "pipe"),
+    ),
+    Bad(
+        "a model that copies itself",
+        CHECK,
+        "DYNREG_MAX_BODIES",
+        files={"robot/model.xml": f"<mujoco><worldbody>{COPIES}</worldbody></mujoco>"},
+        environment={"DYNREG_MAX_BODIES": "100"},
+    ),
+    Bad(
+        "a height field of many gigabytes",
+        CHECK,
+        "DYNREG_MAX_ROBOT_MEMORY",
+        files={"robot/model.xml": f"<mujoco><asset>{FIELD}</asset></mujoco>"},
+    ),
+    Bad(
+        "a model that attaches itself",
+        CHECK,
+        "MuJoCo ends on the robot's model (SIG",
+        files={"robot/model.xml": ITSELF},
+    ),
     Bad(
         "populate with a broken robot",
         "populate {tmp}/robot -n 4",
