@@ -19,7 +19,12 @@ from dynreg.limits import limits, refuse
 _CODE = "from dynreg.sim.child import answer; answer()"
 _HOME = str(Path(__file__).parents[2])
 # no display is opened, and no memory taken for each of many cores: a limit on memory counts what is merely reserved
-_PLAIN = {"MUJOCO_GL": "disable", "MALLOC_ARENA_MAX": "2", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+_PLAIN = {
+    "MUJOCO_GL": "disable",
+    "MALLOC_ARENA_MAX": "2",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+}
 TWICE = 2  # seconds on the wall for one of the processor, where cores are shared
 
 

@@ -108,23 +108,31 @@ def compile_model(files: Mapping[str, bytes], model: str):
             for name, data in files.items():
                 given[f"{ROOT}/{name}"] = data
             return mujoco.MjModel.from_xml_path(f"{ROOT}/{model}", vfs=given)
-    except (ValueError, RuntimeError) as problem:
-        told = str(problem).replace(f"{ROOT}/", "")
-        if "unknown exception" in told or "allocate memory" in told:  # of C++, which had none
-            raise MemoryError from None
-        raise RobotError(f"{model}: {told}", expected="a valid MJCF model", do="mend it") from None
+    except (ValueError, RuntimeError, mujoco.FatalError) as problem:
+        raise _refused(model, str(problem)) from None
+
+
+def _refused(model: str, told: str) -> RobotError:
+    if "unknown exception" in told or "allocate memory" in told:  # of C++, which had none
+        raise MemoryError
+    return RobotError(f"{model}: {told.replace(f'{ROOT}/', '')}", expected="a valid MJCF model", do="mend it")
 
 
 def measure(files: Mapping[str, bytes], model: str) -> None:
-    """Compile a model; RobotError where it asks for more bodies or bytes than the limits allow."""
+    """Compile a model and look at its first pose; RobotError for more bodies or bytes than the limits allow."""
     import mujoco
 
     made = compile_model(files, model)
-    size = mujoco.mj_sizeModel(made) + made.narena + mujoco.MjData(made).nbuffer
     if made.nbody > limits().bodies:
         refuse(RobotError, f"{model}: too many bodies", made.nbody, "bodies")
-    if size > limits().model_bytes:
-        refuse(RobotError, f"{model}: too many bytes when compiled", size, "model_bytes")
+    try:
+        data = mujoco.MjData(made)
+        size = mujoco.mj_sizeModel(made) + made.narena + data.nbuffer
+        if size > limits().model_bytes:
+            refuse(RobotError, f"{model}: too many bytes when compiled", size, "model_bytes")
+        mujoco.mj_forward(made, data)
+    except mujoco.FatalError as problem:
+        raise _refused(model, str(problem)) from None
 
 
 def _found(files: Mapping[str, bytes], one: _Named, beside: Collection[_Xml]) -> str | None:
@@ -173,18 +181,25 @@ def _tags(path: str, data: bytes) -> Iterator[tuple[str, int, list[tuple[str, st
         part = _PART.match(data, at)
         if part is None:
             raise RobotError(
-                f"{_place(path, data, at)}: no XML at {reprlib.repr(_text(data[at : at + 20]))}",
+                f"{_place(path, data, at)}: no XML at {reprlib.repr(data[at : at + 20].decode(errors='replace'))}",
                 expected="a model in XML without a document type",
                 do="mend that line",
             )
         if part["said"]:
-            said = [(_text(key), _text(one or other)) for key, one, other in _SAID.findall(part["said"])]
-            yield _text(part["tag"]), at, said
+            try:
+                said = [(_text(key), _text(one or other)) for key, one, other in _SAID.findall(part["said"])]
+                yield _text(part["tag"]), at, said
+            except UnicodeDecodeError:
+                raise RobotError(
+                    f"{_place(path, data, at)}: an attribute is no text in UTF-8",
+                    expected="names in UTF-8",
+                    do="save the file as UTF-8",
+                ) from None
         at = part.end()
 
 
 def _text(data: bytes) -> str:
-    return data.decode(errors="replace").replace("\\", "/")
+    return data.decode().replace("\\", "/")
 
 
 def _place(path: str, data: bytes, at: int) -> str:

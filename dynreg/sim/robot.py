@@ -227,13 +227,14 @@ def robot_of(files: Folder, folder: Path) -> Robot:
     text = toml_text(files.hashed.get(TOML, b""), TOML, RobotError)
     file = parse_toml(text, TOML, RobotFile, RobotError)
     check_consistency(file, text, TOML)
-    if file.robot.model not in files.hashed:
+    readable = model_files(files).files
+    if file.robot.model not in readable:
         raise RobotError(
-            f"{folder / file.robot.model} does not exist in the robot's folder",
+            f"{file.robot.model!r} does not exist in the robot's folder {str(folder)!r}",
             expected="the MJCF model that robot.toml names",
             do="add it or correct `model`",
         )
-    check_closed(files.hashed, file.robot.model)
+    check_closed(readable, file.robot.model)
     space = ParameterSpace(
         tuple(Parameter(**dict(table) | {"sets": tuple(table.sets)}) for table in file.parameters)
     )

@@ -59,6 +59,7 @@ OUTSIDE = {  # what reads a file beside the folder or anywhere else
     "a package": mesh("package://robot/box.obj"),
     "an address": mesh("http://somewhere/box.obj"),
     "a file that is nowhere": mesh("box.obj"),
+    "robot.toml, which it would not need": '<include file="robot.toml"/>',
 }
 
 
@@ -98,7 +99,7 @@ def test_log_maps_and_hidden_files_are_not_read(write_robot: Callable[..., Path]
             load_robot(folder)
 
 
-@pytest.mark.parametrize("model", ["../model.xml", "{beside}/model.xml", "maps/model.xml", "."])
+@pytest.mark.parametrize("model", ["../model.xml", "{beside}/model.xml", "maps/model.xml", "robot.toml", "."])
 def test_the_model_itself_is_in_the_folder(model: str, write_robot: Callable[..., Path], tmp_path: Path):
     (tmp_path / "model.xml").write_text(ARM_XML)
     model = model.format(beside=tmp_path)
@@ -239,11 +240,16 @@ def test_a_model_on_which_mujoco_ends_is_one_line(write_robot: Callable[..., Pat
         "<mujoco>" + "<body>" * 100_000 + "</body>" * 100_000 + "</mujoco>",
         '<mujoco><compiler meshdir="' + '"/><compiler meshdir="'.join(map(str, range(200))) + '"/></mujoco>',
         '<mujoco><include file="model.xml"/></mujoco>',
+        ARM_XML.replace("shoulder", "sho\udcfflder"),
+        with_parts('<extension><plugin plugin="of.nobody"/></extension>'),
+        with_parts('<size memory="1"/>'),
     ],
     ids=lambda xml: xml[:30],
 )
 def test_xml_that_is_no_model_is_one_line(xml: str, write_robot: Callable[..., Path]):
-    (line,) = check_robot(write_robot(xml=xml))
+    folder = write_robot()
+    (folder / "model.xml").write_bytes(xml.encode(errors="surrogateescape"))
+    (line,) = check_robot(folder)
     assert "model.xml" in line and "\n" not in line and len(line) < 500
 
 

@@ -123,7 +123,7 @@ def test_a_supply_must_be_an_input(write_robot: Callable[..., Path]):
 
 
 def test_a_model_that_is_not_there(write_robot: Callable[..., Path]):
-    with pytest.raises(RobotError, match="other.xml does not exist.*`model`"):
+    with pytest.raises(RobotError, match="'other.xml' does not exist.*`model`"):
         load_robot(write_robot(('name = "arm"', 'name = "arm"\nmodel = "other.xml"')))
 
 
