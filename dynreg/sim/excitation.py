@@ -6,6 +6,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dynreg.rng import stream
+from dynreg.sim.layout import layout_of
 from dynreg.sim.ports import nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -132,12 +133,11 @@ def bank_period(robot: Robot) -> float | None:
 
 def reset_pose(robot: Robot) -> np.ndarray:
     """(A,) commands that hold the reset pose: joint positions for position-like drives, else zero."""
-    if not robot.actions:
-        return np.zeros(0)
-    model = robot.model
-    qpos = model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe]
-    pose = qpos[[model.joint(joint).qposadr[0] for joint in robot.joints]]
-    return np.where(takes_positions(nominal_ports(robot, 1)), pose, 0.0)
+    held = takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
+    if not held.any():
+        return np.zeros(len(held))
+    qpos = robot.model.qpos0 if robot.keyframe < 0 else robot.model.key_qpos[robot.keyframe]
+    return np.where(held, qpos[layout_of(robot).action_qpos], 0.0)
 
 
 def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:

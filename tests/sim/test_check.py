@@ -124,3 +124,12 @@ def test_a_robot_that_cannot_stand_is_told(tmp_path: Path):
 
 def _matches(pattern: str, line: str) -> bool:
     return re.search(pattern, line) is not None
+
+
+def test_a_base_that_the_model_names_otherwise_is_no_bug(tmp_path: Path):
+    """Engines of wheeled robots move the base by their own equations; the model is for pictures."""
+    source = packaged_robots()["husky"]
+    (tmp_path / "robot.toml").write_text((source / "robot.toml").read_text())
+    text = (source / "model.xml").read_text()
+    (tmp_path / "model.xml").write_text(text.replace('<freejoint name="base"/>', '<freejoint name="body"/>'))
+    assert check_robot(tmp_path) == []
