@@ -88,13 +88,10 @@ def _once(found: Iterable[tuple[str | None, str]], engines: Sequence[str]) -> li
 
 def _names(robot: Robot) -> Iterator[tuple[str | None, str]]:
     """(engine, line) of channels, actions, keyframe (no engine) and `sets` entries that lead nowhere."""
-    keyframes = [robot.model.key(i).name for i in range(robot.model.nkey)]
-    keyframe = robot.file.reset.keyframe
-    if keyframe is not None and keyframe not in keyframes:
-        yield (
-            None,
-            f"[reset] keyframe {keyframe!r} is not in the model; expected one of {keyframes}; correct it",
-        )
+    try:
+        robot.keyframe  # noqa: B018 (looks it up)
+    except DynregError as problem:
+        yield None, str(problem)
         robot = _with(robot, reset=robot.file.reset.model_copy(update={"keyframe": None}))
     for engine in robot.engines:
         good: dict[str, list] = {"channels": [], "actions": []}

@@ -93,7 +93,12 @@ class Robot:
     def keyframe(self) -> int:
         """Number of the model's keyframe that episodes start from; -1 where they start from its own pose."""
         name = self.file.reset.keyframe
-        return self.model.keyframe(name).id if name else -1
+        names = [self.model.key(i).name for i in range(self.model.nkey)]
+        if name is not None and name not in names:
+            raise RobotError(
+                f"[reset] keyframe {name!r} is not in the model", expected=f"one of {names}", do="correct it"
+            )
+        return -1 if name is None else names.index(name)
 
     @property
     def input_defaults(self) -> np.ndarray:

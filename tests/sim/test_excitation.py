@@ -1,6 +1,10 @@
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from dynreg.errors import RobotError
 from dynreg.sim.excitation import KINDS, excitation, reset_pose
 from dynreg.sim.robot import load_robot, packaged_robots
 
@@ -71,3 +75,21 @@ def test_inputs_stay_in_their_range_and_a_drop_switches_off_half_way():
     volts = run.inputs[:, :, supply]
     assert np.all(np.ptp(volts, axis=1) == 0) and np.ptp(volts) > 0.5 * (table.high - table.low)
     assert volts.min() >= table.low and volts.max() <= table.high
+
+
+MISSING = {
+    "keyframe 'hme' is not in the model; expected one of .'home'.": (
+        ('keyframe = "home"', 'keyframe = "hme"'),
+    ),
+    "action 'wrist/target' is not in the model": (
+        ('name = "shoulder/target"', 'name = "wrist/target"'),
+        ('joint = "shoulder"', 'joint = "*"'),
+    ),
+}
+
+
+@pytest.mark.parametrize("said", MISSING)
+def test_commands_for_what_the_model_does_not_have_are_refused(said: str, write_robot: Callable[..., Path]):
+    robot = load_robot(write_robot(*MISSING[said]))
+    with pytest.raises(RobotError, match=said):
+        excitation(robot, seed=0)
