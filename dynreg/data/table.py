@@ -10,6 +10,7 @@ import pyarrow as pa
 from dynreg.data.maps import LogMap
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import LogError
+from dynreg.limits import limits, refuse
 
 SCHEMA = "dynreg/recording/1"
 _KEY = b"dynreg"
@@ -62,7 +63,7 @@ def from_table(table: pa.Table, name: str = "table") -> Recording:
             for e, end in zip(about["episodes"], ends, strict=True)
         )
         return Recording(channels, episodes, about["measured"], about["provenance"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise LogError(
             f"{name!r} is not a stored recording: {error}",
             expected=f"a Parquet file of {SCHEMA}",
@@ -91,7 +92,13 @@ def read_parquet(path: str | Path) -> Recording:
     path = Path(path)
     try:
         with path.open("rb") as file:
-            table = pq.read_table(file)
+            stream = pq.ParquetFile(file)
+            # Which rows are whose is in the metadata: names repeated in a column could ask for any memory.
+            names = [name for name in stream.schema_arrow.names if name != "episode"]
+            numbers = stream.metadata.num_rows * len(names)
+            if numbers > limits().numbers:
+                refuse(LogError, path.name, f"{numbers} numbers", "numbers")
+            table = stream.read(columns=names)
     except (pa.ArrowException, OSError) as error:
         raise LogError(
             f"{path.name!r} cannot be read: {error}", expected="a Parquet file", do="copy it again"

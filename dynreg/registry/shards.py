@@ -13,6 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dynreg.data.recording import Channel
+from dynreg.errors import CorruptError
+from dynreg.limits import limits, refuse
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import unreadable
 from dynreg.registry.records import ShardData
@@ -79,11 +81,13 @@ def read_states_header(path: Path) -> dict[str, Any]:
     try:
         with pq.ParquetFile(path, memory_map=True) as stream:
             header = json.loads(stream.schema_arrow.metadata[b"dynreg"])
-            n, episodes, steps, _ = header["shape"]
+            n, episodes, steps, channels = header["shape"]
+            if n * episodes * steps * channels > limits().numbers:
+                refuse(CorruptError, path.name, f"{n * episodes * steps * channels} numbers", "numbers")
             rows = {stream.metadata.row_group(i).num_rows for i in range(stream.num_row_groups)}
             header["channels"] = stream.schema_arrow.names[2:]
             whole = stream.num_row_groups == n and rows == {episodes * steps}
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as error:
         raise unreadable(path, error) from error
     if not whole:
         raise unreadable(path, f"it has {stream.num_row_groups} row groups of {rows} rows")

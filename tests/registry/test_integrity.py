@@ -294,3 +294,11 @@ def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(
             ask(work)
         assert not isinstance(error.value, CorruptError) and "--repair" not in str(error.value)
     assert registry_snapshot(work) == before
+
+
+def test_a_stored_file_that_asks_for_more_than_the_limit_is_refused(work, monkeypatch):
+    monkeypatch.setenv("DYNREG_MAX_NUMBERS", "20")
+    with Registry.open(work) as registry:
+        for ask in (lambda: registry.load("bench"), lambda: registry.recording("first run")):
+            with pytest.raises(CorruptError, match="at most 20 .*DYNREG_MAX_NUMBERS"):
+                ask()
