@@ -18,7 +18,7 @@ class Limits:
 
     rows: int = 100_000_000  # samples of one signal, rows of one table
     columns: int = 100_000  # columns of one table, signals of one log
-    numbers: int = 250_000_000  # numbers that are kept of one log, 8 bytes each
+    numbers: int = 250_000_000  # numbers that are kept of one log, 8 to 16 bytes each
     messages: int = 100_000_000  # messages of one log
     items: int = 4_000_000  # items of all lists in one message
     episodes: int = 100_000  # episodes of one log
@@ -28,7 +28,7 @@ class Limits:
     whole_bytes: int = 1 << 30  # bytes of a log that is held whole: a .mat file
     json_bytes: int = 64 << 20  # bytes of one JSON document, which takes many times as much when it is read
     pattern_seconds: int = 5  # seconds that a map's `filename` may take with one log's name
-    settings_bytes: int = 1 << 20  # bytes of a map, a metadata.yaml, an info.json, a definition of messages
+    settings_bytes: int = 1 << 20  # bytes of a metadata.yaml, an info.json, a definition of messages
     robot_files: int = 10_000  # files in a robot's folder
     robot_bytes: int = 1_000_000_000  # bytes of a robot's folder: its model, its meshes
     xml_bytes: int = 20_000_000  # bytes of one XML file of a model

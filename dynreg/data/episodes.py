@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from dynreg.data.gaps import silent
+from dynreg.data.derivative import derivative
 from dynreg.data.maps import LogMap, SettingMap, factors
 from dynreg.data.patterns import search
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError, MapError
-
-FILTER_ORDER = 2
+from dynreg.limits import limits, refuse
 
 Select = Callable[[Series], Series]
 
@@ -67,13 +66,46 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
             expected=f"one of {[*log.names][:20]}",
             do="correct `column` under [episodes]",
         )
-    _, first = np.unique(keys, return_index=True)
-    for key in keys[np.sort(first)]:
+    distinct, first = np.unique(keys, return_index=True)
+    if len(distinct) > limits().episodes:
+        refuse(
+            LogError,
+            f"column {column!r} of {log.path.name!r} makes more episodes than are read",
+            len(distinct),
+            "episodes",
+        )
+    rows = _Rows(keys, distinct, marks)
+    for number in np.argsort(first).tolist():
+        key = distinct[number]
         text = f"{key:g}" if isinstance(key, float) else str(key)
-        if marks is None:
-            yield text, lambda series, rows=keys == key: series.rows(rows)
-        else:
-            yield text, lambda series, key=key: series.rows(_mark(marks, series.time) == key)
+        yield text, lambda series, number=number: series.rows(rows.of(series, number))
+
+
+class _Rows:
+    """Which rows of a series belong to each of the distinct keys, found once a series and not once an episode."""
+
+    def __init__(self, keys: np.ndarray, distinct: np.ndarray, marks: Series | None):
+        self._keys, self._distinct, self._marks = keys, distinct, marks
+        self._found: dict[int, tuple[Series, np.ndarray, np.ndarray]] = {}
+
+    def of(self, series: Series, number: int) -> np.ndarray:
+        """(N,) row numbers of the key with this number; none for NaN, which is no key."""
+        if self._distinct.dtype.kind == "f" and np.isnan(self._distinct[number]):
+            return np.empty(0, dtype=int)
+        about = (
+            id(series) if self._marks is not None else 0
+        )  # a table's rows are the same for all its columns
+        if about not in self._found:
+            keys = self._keys if self._marks is None else _mark(self._marks, series.time)
+            numbers = np.searchsorted(self._distinct, keys)
+            order = np.argsort(numbers, kind="stable")
+            self._found[about] = (
+                series,
+                order,
+                np.searchsorted(numbers[order], np.arange(len(self._distinct) + 1)),
+            )
+        _, order, begin = self._found[about]
+        return order[begin[number] : begin[number + 1]]
 
 
 def _mark(marks: Series, time: np.ndarray) -> np.ndarray:
@@ -144,7 +176,7 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
         return None
     try:
         return None if text is None else float(text)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise LogError(
             f"{log.path.name!r}: the setting {entry.metadata or entry.filename!r} reads as {str(text)!r}",
             expected="a number",
@@ -158,7 +190,7 @@ def _name(log: RawLog, log_map: LogMap, settings: Mapping[str, float], part: str
     known = {**log.metadata, **settings, "stem": log.path.stem, "episode": part or ""}
     try:
         return string.Formatter().vformat(log_map.episodes.name, (), known)
-    except (KeyError, ValueError) as error:
+    except (LookupError, ValueError, TypeError, OverflowError) as error:
         raise MapError(
             f"the episode name {log_map.episodes.name!r} cannot be made: {error}",
             expected=f"names among {sorted(known)}",
@@ -176,6 +208,8 @@ def _split_at_gaps(episode: RawEpisode, gap: float) -> list[RawEpisode]:
     cuts = np.flatnonzero((steps > gap) | (steps < 0))
     if not len(cuts):
         return [episode]
+    if len(cuts) >= limits().episodes:
+        refuse(LogError, f"{episode.file!r} makes more episodes than are read", len(cuts) + 1, "episodes")
     edges = np.concatenate([[0], cuts + 1, [len(longest)]])
     pieces = []
     for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
@@ -184,11 +218,18 @@ def _split_at_gaps(episode: RawEpisode, gap: float) -> list[RawEpisode]:
             if len(series) == len(longest) and np.array_equal(series.time, longest.time):
                 channels[name] = series.rows(slice(a, b))
             else:  # on another clock rate: cut by time
-                inside = (series.time >= longest.time[a] - gap) & (series.time <= longest.time[b - 1] + gap)
-                channels[name] = series.rows(inside)
+                channels[name] = _between(series, longest.time[a] - gap, longest.time[b - 1] + gap)
         if b - a > 1:
             pieces.append(replace(episode, name=f"{episode.name}_{i + 1}", channels=channels))
     return pieces
+
+
+def _between(series: Series, begin: float, end: float) -> Series:
+    """The rows from `begin` to `end` [s]; a clock that runs on is not looked through whole for each piece."""
+    if np.all(series.time[1:] >= series.time[:-1]):
+        first, last = np.searchsorted(series.time, begin, "left"), np.searchsorted(series.time, end, "right")
+        return series.rows(slice(first, last))
+    return series.rows((series.time >= begin) & (series.time <= end))
 
 
 def _differentiated(episode: RawEpisode, log_map: LogMap, spec: RecordingSpec) -> RawEpisode:
@@ -203,41 +244,3 @@ def _differentiated(episode: RawEpisode, log_map: LogMap, spec: RecordingSpec) -
             values = slope.values * entry.scale + entry.offset
             channels[channel.name] = Series(slope.time - entry.delay, values, channel.unit)
     return replace(episode, channels=channels)
-
-
-def derivative(series: Series, filter_hz: float | None) -> Series:
-    """Rate of change of a signal: zero-phase Butterworth low-pass, then central differences.
-
-    The filter (order 2, run forwards and backwards: order 4 and no lag) acts on a uniform grid at the median
-    period, so irregular stamps are first interpolated. Rows without a finite value are left out, but where they are
-    too many to be filled in (`gaps.silences`) there is no rate either: NaN. Raises LogError where `filter_hz` is not
-    below half the sampling rate.
-    """
-    from scipy.signal import butter, sosfiltfilt
-
-    good = np.isfinite(series.values) & np.concatenate([[True], np.diff(series.time) > 0])
-    time, values = series.time[good], series.values[good]
-    nothing = np.unique(series.time[~np.isfinite(series.values)])
-    if len(time) < 3:
-        return Series(time, np.full(len(time), np.nan), series.unit)
-    if filter_hz is None:
-        empty = nothing[silent(time, nothing, nothing)]
-        slope = np.concatenate([np.gradient(values, time), np.full(len(empty), np.nan)])
-        every = np.concatenate([time, empty])
-        order = np.argsort(every, kind="stable")
-        return Series(every[order], slope[order], series.unit)
-    period = float(np.median(np.diff(time)))
-    if filter_hz >= 0.5 / period:
-        raise LogError(
-            f"filter_hz = {filter_hz:g} for a signal sampled at {1 / period:.4g} Hz",
-            expected=f"less than {0.5 / period:.4g} Hz",
-            do="lower filter_hz in the map",
-        )
-    grid = time[0] + period * np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1)
-    smooth = sosfiltfilt(
-        butter(FILTER_ORDER, filter_hz, fs=1.0 / period, output="sos"),
-        np.interp(grid, time, values),
-        padlen=min(3 * (FILTER_ORDER + 1), len(grid) - 1),
-    )
-    slope = np.where(silent(time, nothing, grid), np.nan, np.gradient(smooth, period))
-    return Series(grid, slope, series.unit)

@@ -25,6 +25,11 @@ __all__ = ["Finding", "RawLog", "doctor", "read_log", "read_recording"]
 Paths = Sequence[str | Path] | str | Path
 
 
+# A stranger's numbers may overflow what is computed of them; the checks then find them not finite, and say so.
+_overflowing = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
+@_overflowing
 def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = None) -> Recording:
     """Ingest one or several logs as one measured Recording at the robot's control rate.
 
@@ -52,6 +57,12 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
         name = raw.name if seen[raw.name] == 1 else f"{raw.name}#{seen[raw.name]}"
         starts[name], time, values = resample(raw, spec)
         kept.append((name, time, values, raw.settings))
+    if not kept:
+        raise LogError(
+            f"{files[0].name!r} holds no episode of two samples",
+            expected="at least one",
+            do="correct [episodes] in the map",
+        )
     present = np.any([np.isfinite(values).any(axis=0) for _, _, values, _ in kept], axis=0)
     channels = tuple(
         Channel(c.name, c.unit) for c, there in zip(spec.channels, present, strict=True) if there
@@ -75,6 +86,7 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
     )
 
 
+@_overflowing
 def doctor(
     paths: Paths, spec: RecordingSpec | None = None, log_map: LogMap | None = None
 ) -> tuple[Finding, ...]:

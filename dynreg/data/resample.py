@@ -2,14 +2,15 @@
 
 import numpy as np
 
+from dynreg.data.derivative import GRID_LIMIT
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.gaps import silent
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Series
 from dynreg.errors import LogError
+from dynreg.limits import limits, refuse
 
 STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point still counts for it
-GRID_LIMIT = 200_000  # rows; beyond it a grid far denser than the log is taken for a clock in a wrong unit
 
 
 def clean(series: Series) -> Series:
@@ -96,6 +97,9 @@ def _grid(
                 expected="a clock in seconds",
                 do='set time_unit = "ms", "us" or "ns" under [map]',
             )
+        if rows * len(spec.channels) > limits().numbers:
+            asked = f"{episode.file}, episode {episode.name!r}, becomes more numbers than are kept"
+            refuse(LogError, asked, rows * len(spec.channels), "numbers")
         grid = np.arange(rows) / spec.rate
     if len(grid) < 2:
         raise LogError(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynreg.data.episodes import derivative
+from dynreg.data.derivative import derivative
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
 from dynreg.data.recording import Recording

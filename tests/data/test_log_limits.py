@@ -2,10 +2,13 @@
 
 import io
 import json
+import os
+import re
 import sqlite3
 import struct
 import time
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +25,7 @@ from dynreg.data.maps import parse_map, read_map
 from dynreg.data.patterns import search
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.errors import LogError, MapError
+from dynreg.limits import Limits, variable
 
 T = np.arange(100) * 0.01
 NEXT = "=" * 80 + "\n"
@@ -260,13 +264,28 @@ def test_patterns_are_searched_for_a_limited_time(monkeypatch: pytest.MonkeyPatc
         search("(?:a+)+(x)$", "a" * 60)
 
 
-def test_a_map_is_no_larger_and_no_deeper_than_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_is_a_file_no_larger_and_no_deeper_than_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(MapError, match="too deep"):
         parse_map("a = " + "[" * 100_000)
     (tmp_path / "map.toml").write_text("# " + "x" * 1000)
-    monkeypatch.setenv("DYNREG_MAX_SETTINGS_BYTES", "1000")
-    with pytest.raises(MapError, match="DYNREG_MAX_SETTINGS_BYTES"):
+    monkeypatch.setenv("DYNREG_MAX_TOML_BYTES", "1000")
+    with pytest.raises(MapError, match="DYNREG_MAX_TOML_BYTES"):
         read_map(tmp_path / "map.toml")
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(MapError, match="is no file"):
+        read_map(tmp_path / "pipe.toml")
+
+
+def test_the_page_of_logs_states_every_limit_of_logs() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "logs.md").read_text(encoding="utf-8")
+    stated = re.findall(r"\| ([\d,]+) \| .* \| `(DYNREG_MAX_\w+)` \|", page)
+    told = {name: int(number.replace(",", "")) for number, name in stated}
+    assert len(told) >= 13
+    for limit in fields(Limits):
+        assert told.pop(variable(limit.name), limit.default) == limit.default
+    assert told == {}
 
 
 def test_a_map_reads_only_what_it_asks_for() -> None:
