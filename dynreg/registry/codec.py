@@ -29,8 +29,8 @@ def arrays_of(path: Path, data: bytes) -> tuple[dict[str, Any], dict[str, np.nda
     try:
         (length,) = struct.unpack_from("<Q", data)
         header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["dynreg"])
-        return header, load(data)
-    except (SafetensorError, struct.error, KeyError, TypeError, ValueError) as error:
+        return _object(header), load(data)
+    except (SafetensorError, struct.error, KeyError, TypeError, ValueError, RecursionError) as error:
         raise unreadable(path, error) from error
 
 
@@ -44,9 +44,16 @@ def decode_arrays(path: Path, skip: str = "/") -> tuple[dict[str, Any], dict[str
     try:
         with safe_open(str(path), framework="numpy") as stream:
             header = json.loads(stream.metadata()["dynreg"])
-            return header, {key: stream.get_tensor(key) for key in stream.keys() if not key.startswith(skip)}
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+            arrays = {key: stream.get_tensor(key) for key in stream.keys() if not key.startswith(skip)}
+            return _object(header), arrays
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise unreadable(path, error) from error
+
+
+def _object(header: Any) -> dict[str, Any]:
+    if not isinstance(header, dict):
+        raise ValueError("its header is no JSON object")
+    return header
 
 
 def canonical_json(document: Any, allow_nan: bool = True) -> str:

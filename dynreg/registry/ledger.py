@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sqlalchemy import Table
+
 import dynreg.registry.tables as tables
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.files import LEDGER, content_name, open_regular, write_file
@@ -90,7 +92,7 @@ def read_page(path: Path) -> tuple[Page, str]:
             name: tuple(_in_order(name, told["columns"], row) for row in told["rows"])
             for name, told in document["put"].items()
         }
-        removed = {name: tuple(map(tuple, keys)) for name, keys in document["removed"].items()}
+        removed = {name: tuple(_key(name, key) for key in keys) for name, keys in document["removed"].items()}
         page = Page(int(document["number"]), document["before"], put, removed, bool(document["whole"]))
     except (KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"it does not hold a page: {error!r}") from error
@@ -134,10 +136,26 @@ def replay(pages: Iterable[Page]) -> dict[str, dict[Key, Values]]:
 
 
 def _in_order(name: str, columns: list[str], row: list[Any]) -> Values:
-    table = tables.metadata.tables.get(name)
-    if table is None or sorted(columns) != sorted(c.name for c in table.c):
+    table = _table(name)
+    if sorted(columns) != sorted(c.name for c in table.c):
         raise ValueError(f"rows of {name!r} with the columns {columns}")
-    return values_of(table, dict(zip(columns, row, strict=True)))
+    values = values_of(table, dict(zip(columns, row, strict=True)))
+    if problem := tables.misfit(table, values):
+        raise ValueError(problem)
+    return values
+
+
+def _key(name: str, key: list[Any]) -> Key:
+    if len(key) != len(_table(name).primary_key) or not all(isinstance(part, str | int) for part in key):
+        raise ValueError(f"{key} is no key of {name!r}")
+    return tuple(key)
+
+
+def _table(name: str) -> Table:
+    table = tables.metadata.tables.get(name)
+    if table is None or table not in tables.HELD:
+        raise ValueError(f"a ledger tells nothing of {name!r}")
+    return table
 
 
 def _files(root: Path) -> list[Path]:

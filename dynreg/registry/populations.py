@@ -11,7 +11,7 @@ from dynreg.data.recording import Channel
 from dynreg.errors import RegistryError
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import LOCKS, content_name, sweep, try_lock
+from dynreg.registry.files import LOCKS, content_name, sweep, try_lock, unreadable
 from dynreg.registry.records import PopulationRecord
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
@@ -52,19 +52,35 @@ def get_population(directory: Directory, population_id: str) -> PopulationRecord
     """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged."""
     with directory.catalog.read() as connection:
         row = require(connection, tables.populations, population_id, "population")
-    header, arrays = arrays_of(directory.locate(row.path), directory.read_bytes(row.path))
-    return PopulationRecord(
-        id=header["id"],
-        robot_hash=header["robot"],
-        name=header["name"],
-        channels=tuple(Channel(name, unit) for name, unit in header["channels"]),
-        parameters=tuple(header["parameters"]),
-        size=row.size,
-        seed=header["seed"],
-        spec=header["spec"],
-        arrays=arrays,
-        shard_size=header["shard_size"],
-    )
+    path = directory.locate(row.path)
+    header, arrays = arrays_of(path, directory.read_bytes(row.path))
+    try:
+        told = {
+            "id": str,
+            "robot": str,
+            "name": str,
+            "parameters": list,
+            "seed": int,
+            "spec": dict,
+            "shard_size": int,
+        }
+        odd = [name for name, kind in told.items() if not isinstance(header[name], kind)]
+        if odd or not all(isinstance(name, str) for name in header["parameters"]):
+            raise ValueError(f"its {(odd or ['parameters'])[0]!r} is of another kind")
+        return PopulationRecord(
+            id=header["id"],
+            robot_hash=header["robot"],
+            name=header["name"],
+            channels=tuple(Channel(name, unit) for name, unit in header["channels"]),
+            parameters=tuple(header["parameters"]),
+            size=row.size,
+            seed=header["seed"],
+            spec=header["spec"],
+            arrays=arrays,
+            shard_size=header["shard_size"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise unreadable(path, error) from error
 
 
 def missing_spans(directory: Directory, population_id: str) -> tuple[Span, ...]:

@@ -61,12 +61,13 @@ def broken_structure(connection: Connection) -> list[str]:
 
 def broken_seals(connection: Connection) -> list[str]:
     """What shows that rows are not as dynreg left them, a line for each table; empty where they are."""
-    seals = read_seals(connection)
-    return [
-        f"the table {table.name!r} is not as dynreg left it"
-        for table in tables.SEALED
-        if seal_of(connection, table) != seals[table.name]
-    ]
+    seals, broken = read_seals(connection), []
+    for table in tables.SEALED:
+        rows = [tuple(row) for row in connection.execute(select(table))]
+        if Seal().with_rows(rows) != seals[table.name]:
+            broken.append(f"the table {table.name!r} is not as dynreg left it")
+        broken += [problem for row in rows if (problem := tables.misfit(table, row))][:1]
+    return broken
 
 
 def strange_objects(connection: Connection, known: Collection[str]) -> list[str]:

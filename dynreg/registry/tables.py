@@ -4,6 +4,8 @@ Portable SQL only (no SQLite types or functions), so that the same code can stan
 JSON is stored as text.
 """
 
+import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -132,3 +134,55 @@ def named(table: Table, values: Values) -> dict[str, Any]:
 def key_of(table: Table, values: Values) -> Key:
     """The primary key of a row."""
     return tuple(value for column, value in zip(table.c, values, strict=True) if column.primary_key)
+
+
+_MOST = 2**53  # numbers and sizes beyond it are none of dynreg's
+_HASH = re.compile(r"[0-9a-f]{8,128}")  # of a robot
+
+
+def misfit(table: Table, values: Values) -> str:
+    """What shows that dynreg did not write a row (values in the order of the columns); "" where nothing does.
+
+    A stranger's catalogue may be whole by its own seals, and SQLite keeps a text in a column of numbers.
+    """
+    for column, value in zip(table.c, values, strict=True):
+        whole = isinstance(column.type, Integer)
+        fits = isinstance(value, int) and 0 <= value < _MOST if whole else _is_text(value)
+        if not fits and not (value is None and column.nullable):
+            return f"{column.name} = {str(value)[:40]!r} in the table {table.name!r}"
+        if column.name in _ODD and _ODD[column.name](value):
+            return f"{column.name} of the table {table.name!r} is none"
+    return ""
+
+
+def _is_text(value: Any) -> bool:
+    try:
+        return isinstance(value, str) and bool(value.encode() or True)
+    except UnicodeEncodeError:  # half of a surrogate pair
+        return False
+
+
+def _odd_manifest(value: str) -> bool:
+    """Whether a manifest is anything but hashes by paths that stay in the robot's folder."""
+    try:
+        manifest = json.loads(value)
+        return not all(
+            isinstance(sha256, str) and not {"", ".", ".."} & set(path.split("/")) and "\0" not in path
+            for path, sha256 in manifest.items()
+        )
+    except (ValueError, AttributeError, RecursionError):
+        return True
+
+
+def _odd_layout(value: str | None) -> bool:
+    try:
+        return value is not None and not isinstance(json.loads(value), dict)
+    except (ValueError, RecursionError):
+        return True
+
+
+def _odd_hash(value: str) -> bool:
+    return not _HASH.fullmatch(value)
+
+
+_ODD = {"manifest": _odd_manifest, "layout": _odd_layout, "hash": _odd_hash}
