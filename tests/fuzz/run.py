@@ -7,6 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[1]))  # made-up results, which the tests have
 FOLDER = Path(__file__).parents[2] / ".fuzz"
 
 
@@ -59,8 +60,10 @@ def _asked() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--seed", type=int, default=0, help="of the inputs")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the journal and the findings lie")
-    parser.add_argument("--limit", type=float, default=10.0, help="seconds that one input may take")
-    parser.add_argument("--memory", type=int, default=1024, help="megabytes that one input may take")
+    parser.add_argument(
+        "--limit", type=float, default=5.0, help="seconds of the processor that one input may take"
+    )
+    parser.add_argument("--memory", type=int, default=512, help="megabytes that one input may take")
     parser.add_argument(
         "--engine", choices=("own", "atheris"), default="own", help="atheris follows coverage"
     )

@@ -4,20 +4,62 @@ import os
 import random
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from fuzzer import findings
+from fuzzer.corpus import Case, cases
 from fuzzer.journal import Journal, table
 from fuzzer.loop import SPAN, Loop
 from fuzzer.mutate import raw
 from fuzzer.table import TARGETS
-from fuzzer.target import Target, drawn
-from fuzzer.worker import Bounds
+from fuzzer.target import Target, drawn, judge
+from fuzzer.worker import LIMITS, Bounds
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from dynreg.errors import LogError
+from dynreg.limits import variable
+
+EXAMPLES = 25  # of each target, in every run of the tests; `make fuzz` draws many more
+BOUNDS = Bounds()
+
+
+@pytest.fixture
+def bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limits and the folder for temporary files that the fuzzer's own processes have."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.chdir(tmp_path.parent)  # where MuJoCo leaves its log
+    for name, limit in LIMITS.items():
+        monkeypatch.setenv(variable(name), str(limit))
+
+
+@pytest.mark.usefixtures("bounded")
+@pytest.mark.parametrize("name", TARGETS)
+def test_any_bytes_are_read_or_refused(name: str) -> None:
+    target = TARGETS[name]
+
+    @settings(max_examples=EXAMPLES, database=None)
+    @given(
+        st.integers(0, 2**32), st.lists(st.tuples(st.integers(0, 5000), st.binary(max_size=4)), max_size=2)
+    )
+    def check(number: int, edits: list[tuple[int, bytes]]) -> None:
+        data = target.make(random.Random(number))
+        for at, piece in edits:
+            data = data[:at] + piece + data[at + len(piece) :]
+        verdict = judge(target, data, BOUNDS.seconds)
+        assert verdict.good, f"{verdict.kind}: {verdict.sign}\n{verdict.text}"
+
+    check()
+
+
+@pytest.mark.parametrize("case", list(cases()), ids=lambda case: case.title)
+def test_known_inputs_are_read_or_refused(case: Case) -> None:
+    verdict = findings.alone(case.target, case.make(), BOUNDS)
+    assert verdict.good, f"{verdict.kind}: {verdict.sign}\n{verdict.text}"
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -44,8 +86,6 @@ def _hides(data: bytes) -> None:
 
 
 def _litters(data: bytes) -> None:
-    import tempfile
-
     handle, _ = tempfile.mkstemp()
     os.close(handle)
 
@@ -73,7 +113,7 @@ MISDEEDS: dict[str, tuple[Callable[[bytes], object], str]] = {
 def test_what_a_reader_must_not_do_is_found(title: str, monkeypatch: pytest.MonkeyPatch) -> None:
     check, kind = MISDEEDS[title]
     monkeypatch.setitem(TARGETS, "toy", Target("toy", lambda rng: rng.randbytes(4), check))
-    assert findings.alone("toy", b"abcd", Bounds(seconds=1.0, megabytes=100)).kind == kind
+    assert findings.alone("toy", b"abcd", Bounds(seconds=0.5, megabytes=100)).kind == kind
 
 
 def _picky(data: bytes) -> None:

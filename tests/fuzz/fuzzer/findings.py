@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fuzzer.table import TARGETS
-from fuzzer.target import Verdict, judge
+from fuzzer.target import WALL, Verdict, judge
 from fuzzer.worker import Bounds, peak, prepare
 
 BUDGET = 20.0  # [s] for making one finding small
@@ -77,7 +77,7 @@ def alone(target: str, data: bytes, bounds: Bounds) -> Verdict:
         finally:
             os._exit(0)
     os.close(send)
-    ready, _, _ = select.select([receive], [], [], 2 * bounds.seconds + 5)
+    ready, _, _ = select.select([receive], [], [], 2 * WALL * bounds.seconds)
     with os.fdopen(receive, "rb") as pipe:
         told = pipe.read() if ready else b""
     if not ready:

@@ -10,12 +10,12 @@ from pathlib import Path
 from fuzzer.findings import died, keep
 from fuzzer.journal import Journal
 from fuzzer.table import TARGETS
-from fuzzer.target import Verdict, drawn
+from fuzzer.target import WALL, Verdict, drawn
 from fuzzer.worker import IDLE, Bounds, Worker
 
 SPAN = 250  # inputs between two reports
 SPANS = 60  # of one worker, before a fresh one takes its place
-GRACE = 2.0  # times the seconds of an input, after which a worker that does not answer is killed
+GRACE = 2.0 * WALL  # times the seconds of an input, after which a worker that does not answer is killed
 
 
 class Loop:
@@ -101,7 +101,7 @@ class Loop:
         self.journal.add(begun | {"kinds": kinds, "peak_mb": 0, "grown_kb": 0, "longest": [0.0, index]})
         if first + count > index + 1:
             self._rest.append((worker.target, index + 1, first + count - index - 1))
-        self._spent[worker.target] += GRACE * self.bounds.seconds
+        self._spent[worker.target] += self.bounds.seconds
         worker.close()
         self._keep(worker.target, index, verdict)
         self._replace(worker, more)

@@ -1,7 +1,15 @@
 """The table of targets: every reader of what strangers wrote."""
 
-from fuzzer.formats import bags, mcap, others, robots, tables
+from fuzzer.formats import bags, documents, mcap, others, registries, robots, tables
 from fuzzer.target import Target
 
-_ALL = (*mcap.TARGETS, *bags.TARGETS, *tables.TARGETS, *others.TARGETS, *robots.TARGETS)
+_ALL = (
+    *mcap.TARGETS,
+    *bags.TARGETS,
+    *tables.TARGETS,
+    *others.TARGETS,
+    *robots.TARGETS,
+    *registries.TARGETS,
+    *documents.TARGETS,
+)
 TARGETS: dict[str, Target] = {target.name: target for target in _ALL}

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dynreg.limits import variable
 from fuzzer.scratch import folder
 from fuzzer.table import TARGETS
 from fuzzer.target import Verdict, drawn, judge
@@ -25,12 +26,34 @@ IDLE = -1
 _FEW = 20  # open files that libraries keep for themselves: a pool of threads needs some
 
 
+LIMITS = {  # a hundredth of what is allowed otherwise, so that what is large is small enough to be tried often
+    "rows": 1_000_000,
+    "columns": 10_000,
+    "numbers": 2_500_000,
+    "messages": 1_000_000,
+    "items": 100_000,
+    "episodes": 2_000,
+    "chunk_bytes": 4 << 20,
+    "unpacked_bytes": 256 << 20,
+    "whole_bytes": 64 << 20,
+    "json_bytes": 1 << 20,
+    "settings_bytes": 64 << 10,
+    "robot_bytes": 8 << 20,
+    "toml_bytes": 64 << 10,
+    "xml_bytes": 256 << 10,
+    "bodies": 1_000,
+    "model_bytes": 50_000_000,
+    "robot_memory": 2_000_000_000,
+    "compile_seconds": 1,
+}
+
+
 @dataclass(frozen=True)
 class Bounds:
-    """What one input may take: seconds, and megabytes on top of those held before it."""
+    """What one input may take: seconds of the processor, and megabytes on top of those held before it."""
 
-    seconds: float = 10.0
-    megabytes: int = 1024
+    seconds: float = 5.0
+    megabytes: int = 512
 
 
 class Worker:
@@ -95,10 +118,12 @@ def prepare(bounds: Bounds, errors: Path) -> None:
     warnings.simplefilter("ignore")
     tempfile.tempdir = str(folder(os.getpid()) / "tmp")
     os.mkdir(tempfile.tempdir)
+    os.chdir(folder(os.getpid()))  # where MuJoCo leaves its log
     held = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     limit = held + 4 * bounds.megabytes * 2**20
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.environ.update({variable(name): str(limit) for name, limit in LIMITS.items()})
 
 
 def _span(name: str, first: int, count: int, seed: int, bounds: Bounds, shared: mmap.mmap) -> dict[str, Any]:
