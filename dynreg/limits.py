@@ -20,6 +20,7 @@ class Limits:
     columns: int = 100_000  # columns of one table, signals of one log
     numbers: int = 250_000_000  # numbers that are kept of one log, 8 to 16 bytes each
     messages: int = 100_000_000  # messages of one log
+    types: int = 1000  # kinds of messages of one log, for each of which a decoder is made
     items: int = 4_000_000  # items of all lists in one message
     episodes: int = 100_000  # episodes of one log
     log_files: int = 100_000  # files of one log: of a LeRobot dataset, of a rosbag2 folder

@@ -76,6 +76,17 @@ def _csv(text: str | bytes) -> dict[str, str | bytes]:
     return {"run.csv": text}
 
 
+def _nanoseconds(empty: int) -> dict[str, str | bytes]:
+    """A log whose stamps are whole nanoseconds, one of them empty, and its map."""
+    head, *rows = MAPPED.splitlines()
+    stamps = [str(1_700_000_000_000_000_001 + 10_000_000 * i) if i != empty else "" for i in range(len(rows))]
+    cells = [",".join((s, *row.split(",")[1:])) for s, row in zip(stamps, rows, strict=True)]
+    return {
+        "run.csv": "\n".join([head, *cells]) + "\n",
+        "map.toml": MAP.replace("[map]", '[map]\ntime_unit = "ns"'),
+    }
+
+
 def _map(old: str, new: str) -> dict[str, str | bytes]:
     assert old in MAP
     return {"run.csv": MAPPED, "map.toml": MAP.replace(old, new)}
@@ -174,6 +185,43 @@ LOGS = [
         "'bench'",
         files=_csv(_each("supply", lambda v: 7.2)),
     ),
+    Bad(
+        "a log that is a pipe",
+        INGEST,
+        "neither a file",
+        prepare=lambda tmp, registry: os.mkfifo(tmp / "run.csv"),
+    ),
+    Bad(
+        "whole nanoseconds with an empty cell",
+        WITH_MAP,
+        "row 7: the time stamp is not a number",
+        files=_nanoseconds(empty=7),
+    ),
+    Bad(
+        "a log of more rows than are read",
+        INGEST,
+        "DYNREG_MAX_ROWS",
+        files=_csv(bench_csv()),
+        environment={"DYNREG_MAX_ROWS": "100"},
+    ),
+    Bad(
+        "a log of more columns than are read",
+        INGEST,
+        "DYNREG_MAX_COLUMNS",
+        files=_csv("time," + ",".join(f"c{i}" for i in range(100_001)) + "\n0\n"),
+    ),
+    Bad(
+        "a bench log that is too deep",
+        "ingest {tmp}/run.json --robot servo_pendulum",
+        "run.json",
+        files={"run.json": '{"entries": ' + "[" * 100_000},
+    ),
+    Bad(
+        "a dataset whose info.json is a list",
+        "ingest {tmp}/set --robot servo_pendulum",
+        "info.json",
+        files={"set/meta/info.json": "[]"},
+    ),
     Bad("an empty name", INGEST + " --name=", "name", files=_csv(bench_csv()), status=1),
     Bad(
         "a robot that nobody knows",
@@ -215,6 +263,35 @@ MAPS = [
         WITH_MAP,
         "groups",
         files=_map("[map]", "[settings.kp]\nfilename = 'kp\\d+'\n[map]"),
+    ),
+    Bad(
+        "a pattern that searches for ever",
+        f"ingest {{tmp}}/{'a' * 50}.csv --robot servo_pendulum --map {{tmp}}/map.toml",
+        "DYNREG_MAX_PATTERN_SECONDS",
+        files={
+            f"{'a' * 50}.csv": MAPPED,
+            **_map("[map]", "[settings.kp]\nfilename = '(?:a+)+(x)$'\n[map]"),
+        },
+        environment={"DYNREG_MAX_PATTERN_SECONDS": "1"},
+    ),
+    Bad(
+        "a name as wide as the memory",
+        WITH_MAP,
+        "plain names",
+        files=_map("[map]", "[episodes]\nname = '{kp:100000000000}'\n[map]"),
+    ),
+    Bad(
+        "a scale that is not finite",
+        WITH_MAP,
+        "finite",
+        files=_map('source = "q"', 'source = "q"\nscale = inf'),
+    ),
+    Bad(
+        "a map that is a pipe",
+        WITH_MAP,
+        "map.toml",
+        files=_csv(MAPPED),
+        prepare=lambda tmp, registry: os.mkfifo(tmp / "map.toml"),
     ),
     Bad(
         "a broken regular expression",

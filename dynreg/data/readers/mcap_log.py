@@ -33,12 +33,13 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     topics: dict[str, Topic] = {}
+    decoder = _Decoders(budget).of
     summary = summary_of(file, budget)
     for item in walk(file, tally, summary, options.wants, budget):
         if isinstance(item, Schema):
             schemas.setdefault(item.id, item)
         elif isinstance(item, Record):
-            make = partial(_decoder, item, schemas.get(item.schema_id), budget)
+            make = partial(decoder, item.message_encoding, schemas.get(item.schema_id))
             channels.setdefault(item.id, Channel(item.topic, make))
         elif item.channel_id in channels:
             channel = channels[item.channel_id]
@@ -103,22 +104,34 @@ def _losses(name: str, tally: Tally, stated: int | None) -> tuple[int | None, li
     return lost, [Finding("warning", "lost", where, f"{tally.read} messages read, {text} ({cause})")]
 
 
-def _decoder(channel: Record, schema: Schema | None, budget: Budget) -> Decode | None:
-    if channel.message_encoding == "json":
-        return _json_decoder(budget)
-    if schema is None:
-        return None
-    if channel.message_encoding == "protobuf":
-        from mcap_protobuf.decoder import DecoderFactory
+class _Decoders:
+    """The decoders of one file, one a type and encoding: many channels may share them."""
 
-        decode = DecoderFactory().decoder_for("protobuf", schema)
-        return decode and (lambda data: decode(bytes(data)))
-    return ros_decoder(schema.name, schema.data.decode(), schema.encoding, channel.message_encoding, budget)
+    def __init__(self, budget: Budget):
+        self._budget = budget
+        self._made: dict[tuple[str, int], Decode | None] = {}
 
+    def of(self, encoding: str, schema: Schema | None) -> Decode | None:
+        """The decoder of messages in this encoding, None where it is not read; it raises whatever a schema makes it."""
+        kind = (encoding, schema.id if schema else 0)
+        if kind not in self._made:
+            self._made[kind] = self._decoder(encoding, schema)
+        return self._made[kind]
 
-def _json_decoder(budget: Budget) -> Decode:
-    def decode(data: memoryview) -> Any:
-        budget.check("json_bytes", len(data))
+    def _decoder(self, encoding: str, schema: Schema | None) -> Decode | None:
+        if encoding == "json":
+            return self._json
+        if schema is None:
+            return None
+        self._budget.check("settings_bytes", len(schema.data))
+        if encoding == "protobuf":
+            from mcap_protobuf.decoder import DecoderFactory
+
+            self._budget.spend("types")
+            decode = DecoderFactory().decoder_for("protobuf", schema)
+            return decode and (lambda data: decode(bytes(data)))
+        return ros_decoder(schema.name, schema.data.decode(), schema.encoding, encoding, self._budget)
+
+    def _json(self, data: memoryview) -> Any:
+        self._budget.check("json_bytes", len(data))
         return parse_json(bytes(data))
-
-    return decode

@@ -32,6 +32,7 @@ def ros_decoder(
     from rosbags.typesys import Stores, get_typestore
     from rosbags.typesys.msg import normalize_msgtype
 
+    budget.spend("types")
     name = normalize_msgtype(name)
     humble = get_typestore(Stores.ROS2_HUMBLE)
     store = get_typestore(Stores.EMPTY) if definition is not None else humble
