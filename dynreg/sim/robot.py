@@ -13,9 +13,10 @@ from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import LogError, RobotError, UsageError
 from dynreg.folder import TOML, Folder, read_folder
+from dynreg.sim.closed import check_closed
 from dynreg.sim.consistency import check_consistency
 from dynreg.sim.engine import ENGINES, Engine
-from dynreg.sim.mjcf import check_closed, compile_model, model_files, try_model
+from dynreg.sim.mjcf import compile_model, model_files, try_model
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import RobotFile

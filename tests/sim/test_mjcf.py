@@ -238,7 +238,6 @@ def test_a_model_on_which_mujoco_ends_is_one_line(write_robot: Callable[..., Pat
         '<!DOCTYPE m [<!ENTITY a "1"><!ENTITY b "&a;&a;">]><mujoco/>',
         "<mujoco>" + "<body>" * 100_000,
         "<mujoco>" + "<body>" * 100_000 + "</body>" * 100_000 + "</mujoco>",
-        '<mujoco><compiler meshdir="' + '"/><compiler meshdir="'.join(map(str, range(200))) + '"/></mujoco>',
         '<mujoco><include file="model.xml"/></mujoco>',
         ARM_XML.replace("shoulder", "sho\udcfflder"),
         with_parts('<extension><plugin plugin="of.nobody"/></extension>'),
@@ -251,6 +250,12 @@ def test_xml_that_is_no_model_is_one_line(xml: str, write_robot: Callable[..., P
     (folder / "model.xml").write_bytes(xml.encode(errors="surrogateescape"))
     (line,) = check_robot(folder)
     assert "model.xml" in line and "\n" not in line and len(line) < 500
+
+
+def test_a_model_of_very_many_folders_is_refused(write_robot: Callable[..., Path]):
+    many = "".join(f'<compiler meshdir="{number}"/>' for number in range(200))
+    with pytest.raises(RobotError, match="files lie in 201 folders"):
+        load_robot(write_robot(xml=with_parts(many)))
 
 
 def test_a_long_model_is_refused_by_its_length(
