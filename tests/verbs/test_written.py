@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from inspect import getsource
 from pathlib import Path
 
 import pytest
@@ -24,14 +25,16 @@ os.replace = os.rename = lambda *names: os.kill(os.getpid(), signal.SIGKILL)
 from dynreg import session
 from dynreg.verbs.written import new_folder, write_out
 """
-WRITES = {
-    "a file": "write_out(Path('out'), b'new')",
-    "a folder": """
-with new_folder(Path('out')) as folder:
-    folder.mkdir()
-    (folder / 'file').write_text('new')
-""",
-}
+
+
+def a_file() -> None:
+    write_out(Path("out"), b"new")
+
+
+def a_folder() -> None:
+    with new_folder(Path("out")) as folder:
+        folder.mkdir()
+        (folder / "file").write_text("new")
 
 
 def left(folder: Path) -> list[str]:
@@ -43,20 +46,20 @@ def killed(code: str, place: Path) -> None:
     assert done.returncode == -9, done.stderr
 
 
-@pytest.mark.parametrize("code", WRITES.values(), ids=WRITES)
+@pytest.mark.parametrize("write", [a_file, a_folder])
 def test_what_a_kill_leaves_is_no_answer_and_goes_with_the_next_run(
-    code: str, tmp_path: Path, monkeypatch
+    write, tmp_path: Path, monkeypatch
 ) -> None:
-    if "new_folder" not in code:
+    if write is a_file:
         (tmp_path / "out").write_text("old")
     before = left(tmp_path)
-    killed(code, tmp_path)
+    killed(f"{getsource(write)}\n{write.__name__}()", tmp_path)
     hidden = set(left(tmp_path)) - set(before)
     assert len(hidden) == 1 and hidden.pop().startswith(".out.tmp-")
     assert not before or (tmp_path / "out").read_text() == "old"
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".other.tmp-1").write_text("of another name")
-    exec(code, {"Path": Path, "write_out": write_out, "new_folder": new_folder})
+    write()
     assert left(tmp_path) == [".other.tmp-1", "out"]
 
 
