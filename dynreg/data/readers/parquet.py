@@ -53,9 +53,8 @@ def gather(stream: BinaryIO, table: Columns) -> pa.Schema:
     groups = [meta.row_group(i) for i in range(meta.num_row_groups)]
     table.budget.check("rows", meta.num_rows)
     table.budget.spend("unpacked_bytes", sum(max(group.total_byte_size, 0) for group in groups))
-    images = _long_lists(meta)
     table.named(schema.names)
-    wanted = {*table.wanted} - images
+    wanted = {*table.wanted} - _images(file, schema, {*table.wanted})
     kept = [about.name for about in schema if about.name in wanted and _is_signal(about.type)]
     numbers = sum(is_number(schema.field(i).type) for i, n in enumerate(schema.names) if n in wanted)
     table.budget.check("numbers", max(meta.num_rows, 0) * numbers)
@@ -69,15 +68,17 @@ def _is_signal(kind: pa.DataType) -> bool:
     return is_text(kind) or is_number(kind) or is_listed(kind)
 
 
-def _long_lists(meta: Any) -> set[str]:
-    """Columns whose lists are longer than a signal has items: images."""
-    lists = [i for i in range(meta.num_columns) if meta.schema.column(i).max_repetition_level]
-    out = set()
-    for group in (meta.row_group(i) for i in range(meta.num_row_groups)):
-        for cells in (group.column(i) for i in lists):
-            if cells.num_values > MAX_ITEMS * group.num_rows:
-                out.add(cells.path_in_schema.removesuffix(".list.element").removesuffix(".list.item"))
-    return out
+def _images(file: Any, schema: pa.Schema, wanted: set[str]) -> set[str]:
+    """Columns whose first list is longer than a signal has items: images.
+
+    The footer counts the items, too, but pyarrow ends the process where it contradicts itself.
+    """
+    lists = [about.name for about in schema if about.name in wanted and is_listed(about.type)]
+    first = next(file.iter_batches(batch_size=1, columns=lists, use_threads=False), None) if lists else None
+    if first is None:
+        return set()
+    cells = zip(first.schema, first.columns, strict=True)
+    return {about.name for about, c in cells if is_listed(about.type) and len(c.flatten()) > MAX_ITEMS}
 
 
 def _stated_settings(metadata: Mapping[bytes, bytes], table: Columns) -> dict[str, np.ndarray]:

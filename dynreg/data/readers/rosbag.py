@@ -1,12 +1,15 @@
 """ROS 1 bags (read with the rosbags library), rosbag2 .db3 files and rosbag2 folders."""
 
 import bz2
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from io import BufferedReader, FileIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import BinaryIO
 
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
@@ -53,7 +56,7 @@ def _read_bag(path: Path, options: ReadOptions) -> RawLog:
 
     budget = Budget(path.name)
     topics: dict[str, Topic] = {}
-    with Reader(path) as bag:
+    with Reader(_Path(path)) as bag:
         for place, chunk in bag.chunks.items():
             bag.chunks[place] = chunk._replace(decompressor=partial(_bounded, chunk.decompressor, budget))
         channels = {
@@ -72,6 +75,31 @@ def _read_bag(path: Path, options: ReadOptions) -> RawLog:
     metadata = {**log.metadata, "messages_read": count, "messages_lost": 0, "topics": names}
     findings = [finding for channel in channels.values() for finding in channel.findings(path.name)]
     return replace(log, metadata=metadata, findings=(*findings, *log.findings))
+
+
+class _Path:
+    """A bag's path as rosbags takes it; its streams hold themselves to what the file has."""
+
+    def __init__(self, path: Path):
+        self._path = path
+
+    def __str__(self) -> str:
+        return str(self._path)
+
+    def exists(self) -> bool:
+        return self._path.exists()
+
+    def open(self, mode: str) -> BinaryIO:
+        return _Stream(FileIO(self._path, mode))
+
+
+class _Stream(BufferedReader):
+    """A file that is read no further than its end: for a length that is wrong no memory is asked for."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        if size is not None and size > _PIECE:
+            size = min(size, os.fstat(self.fileno()).st_size)
+        return super().read(size)
 
 
 def _bounded(unpack: Callable[[bytes], bytes], budget: Budget, data: bytes) -> bytes:

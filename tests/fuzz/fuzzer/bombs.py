@@ -6,6 +6,8 @@ import random
 import sqlite3
 import struct
 import zlib
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -76,16 +78,41 @@ def parquet(groups: int, rows: int, columns: int) -> bytes:
     part = pa.table({name: pa.array([0.5]).take(pa.array(np.zeros(rows, np.int8))) for name in names})
     out = io.BytesIO()
     pq.write_table(part, out, compression="zstd", row_group_size=rows)
-    data = out.getvalue()
+
+    def change(footer: list) -> None:
+        for field in footer:
+            if field[0] == _NUM_ROWS:
+                field[2] = rows * groups
+            elif field[0] == _ROW_GROUPS:
+                field[2][1] *= groups
+
+    return _with_footer(out.getvalue(), change)
+
+
+def contradiction() -> bytes:
+    """A table of lists whose footer counts one level too many of them."""
+    out = io.BytesIO()
+    pq.write_table(pa.table({"time": [0.0, 0.25], "q": [[1.0], [2.0]]}), out, compression="none")
+
+    def change(footer: list) -> None:
+        for group in _field(footer, _ROW_GROUPS)[1]:
+            meta = _field(_field(group, 1)[1][1], 3)  # of the second column chunk
+            levels = _field(_field(meta, 16), 3)[1]  # its size statistics' definition levels
+            levels.append(levels[-1])
+
+    return _with_footer(out.getvalue(), change)
+
+
+def _with_footer(data: bytes, change: Callable[[list], None]) -> bytes:
     (length,) = struct.unpack("<I", data[-8:-4])
     footer, _ = thrift.decode(data[-8 - length : -8])
-    for field in footer:
-        if field[0] == _NUM_ROWS:
-            field[2] = rows * groups
-        elif field[0] == _ROW_GROUPS:
-            field[2][1] *= groups
+    change(footer)
     packed = thrift.encode(footer)
     return data[: -8 - length] + packed + struct.pack("<I", len(packed)) + b"PAR1"
+
+
+def _field(struct_: list, number: int) -> Any:
+    return next(value for at, _, value in struct_ if at == number)
 
 
 def bag(megabytes: int) -> bytes:

@@ -255,6 +255,11 @@ CASES: tuple[Case, ...] = (
             ),
         )
     ),
+    Case("a name as wide as memory", "map", odd.changed_map("{stem}_{kp}", "{stem:>10000000000}")),
+    Case(
+        "a bag whose fields are all its own", "bag", lambda: b"#ROSBAG V2.0\n" + struct.pack("<I", 2**32 - 1)
+    ),
+    Case("a footer that contradicts itself", "parquet", bombs.contradiction),
     Case("rows of no table in a page", "ledger-page", lambda: odd.page(removed={"none": [["a"]]})),
     Case("a key that is a list in a page", "ledger-page", lambda: odd.page(removed={"results": [[["a"]]]})),
     Case("half a surrogate pair in a page", "ledger-page", lambda: odd.page(name="\ud800")),
