@@ -43,13 +43,14 @@ class Journal:
         self.totals: dict[str, Total] = {}
         for report in _lines(path):
             self._count(report)
+        if path.exists() and not path.read_bytes().endswith(b"\n"):
+            path.open("a").write("\n")  # closes a line that a kill cut off
 
     def add(self, report: dict[str, Any]) -> None:
-        """Write one report down; a line that was cut off by a kill is closed first."""
+        """Write one report down."""
         whole = {"seed": self.seed, **report}
-        torn = self.path.exists() and self.path.stat().st_size and not self.path.read_bytes().endswith(b"\n")
         with self.path.open("a") as file:
-            file.write(("\n" if torn else "") + json.dumps(whole) + "\n")
+            file.write(json.dumps(whole) + "\n")
         self._count(whole)
 
     def _count(self, report: dict[str, Any]) -> None:
