@@ -95,11 +95,16 @@ def read_parquet(path: str | Path) -> Recording:
             stream = pq.ParquetFile(file)
             # Which rows are whose is in the metadata: names repeated in a column could ask for any memory.
             names = [name for name in stream.schema_arrow.names if name != "episode"]
-            numbers = stream.metadata.num_rows * len(names)
-            if numbers > limits().numbers:
-                refuse(LogError, path.name, f"{numbers} numbers", "numbers")
-            table = stream.read(columns=names)
-    except (pa.ArrowException, OSError) as error:
+            parts, numbers = [], 0
+            for part in stream.iter_batches(
+                columns=names
+            ):  # the footer may tell of fewer rows than there are
+                numbers += part.num_rows * len(names)
+                if numbers > limits().numbers:
+                    refuse(LogError, path.name, f"{numbers} numbers", "numbers")
+                parts.append(part)
+            table = pa.Table.from_batches(parts) if parts else stream.read(columns=names)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise LogError(
             f"{path.name!r} cannot be read: {error}", expected="a Parquet file", do="copy it again"
         ) from error

@@ -259,6 +259,12 @@ CASES: tuple[Case, ...] = (
     Case(
         "a bag whose fields are all its own", "bag", lambda: b"#ROSBAG V2.0\n" + struct.pack("<I", 2**32 - 1)
     ),
+    Case("more rows than the footer tells of", "parquet", lambda: bombs.parquet(90, 10**6, 20, 9)),
+    Case(
+        "a recording of more rows than its footer tells of",
+        "recording",
+        lambda: bombs.parquet(90, 10**6, 20, 9),
+    ),
     Case("a footer that contradicts itself", "parquet", bombs.contradiction),
     Case("rows of no table in a page", "ledger-page", lambda: odd.page(removed={"none": [["a"]]})),
     Case("a key that is a list in a page", "ledger-page", lambda: odd.page(removed={"results": [[["a"]]]})),
