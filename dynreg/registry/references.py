@@ -42,7 +42,8 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
         raise RegistryError(f"kinds {sorted(kinds)}", expected=f"some of {list(KINDS)}", do="name only these")
     if ref == LAST and "recording" in kinds:
         return "recording", _last(connection)
-    for find in (_by_id, _by_name, _by_prefix):
+    # SQLite takes no half of a surrogate pair, as a word has that is no UTF-8, and no name holds one
+    for find in (_by_id, _by_name, _by_prefix) if ref.isprintable() else ():
         found = find(connection, ref, kinds)
         if len(found) == 1:
             return found[0]

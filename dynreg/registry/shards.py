@@ -4,6 +4,7 @@ The two files tell all that the catalogue says of their entries, so that it can 
 """
 
 import json
+import mmap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from dynreg.data.recording import Channel
 from dynreg.errors import CorruptError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
-from dynreg.registry.files import unreadable
+from dynreg.registry.files import open_regular, unreadable
 from dynreg.registry.records import ShardData
 
 _READ_TOGETHER = 20  # row groups decoded before they are copied out: small enough to stay in the cache
@@ -79,7 +80,7 @@ def read_states_header(path: Path) -> dict[str, Any]:
     Raises CorruptError when its row groups are not one an entry.
     """
     try:
-        with pq.ParquetFile(path, memory_map=True) as stream:
+        with _mapped(path) as stream:
             header = json.loads(stream.schema_arrow.metadata[b"dynreg"])
             n, episodes, steps, channels = header["shape"]
             if n * episodes * steps * channels > limits().numbers:
@@ -103,7 +104,7 @@ def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
     flat = out.reshape(-1, channels)
     at = 0
     try:
-        with pq.ParquetFile(path, memory_map=True) as stream:
+        with _mapped(path) as stream:
             names = stream.schema_arrow.names[2:]
             if len(names) != channels:
                 raise ValueError(f"it has {len(names)} channels, not {channels}")
@@ -147,3 +148,9 @@ def read_shard(states_path: Path, rest_path: Path) -> tuple[dict[str, Any], Shar
 def strip(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
     """The arrays below `prefix`, without it."""
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+
+
+def _mapped(path: Path) -> pq.ParquetFile:
+    """A Parquet file in mapped memory. Arrow is not told its name, in which it may see an address or a home folder."""
+    with open_regular(path) as file:
+        return pq.ParquetFile(pa.py_buffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))

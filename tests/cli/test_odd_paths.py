@@ -40,6 +40,7 @@ def test_every_verb_takes_an_odd_name_as_it_is(
     registry = f"--registry={name}"
     well("list", registry)
     well("info", registry, "--json")
+    well("verify", "--repair", registry)
     well("doctor", log, "--robot", robot)
     well("robots", "check", robot)
     well("ingest", log, "--robot", "servo_pendulum", registry)
@@ -53,3 +54,14 @@ def test_every_verb_takes_an_odd_name_as_it_is(
     monkeypatch.setenv("DYNREG_REGISTRY", name)
     well("list")
     assert "bench" in recording_names("")
+
+
+@pytest.mark.parametrize("verb", ["show", "query", "report", "export", "diagnose"])
+def test_a_word_that_is_no_text_names_nothing(
+    verb: str, dynreg, registry_folder, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(registry_folder, "registry")
+    more = ("--to", "copy") if verb == "export" else ()
+    ended = dynreg(verb, "\udcff", *more, "--registry", "registry")
+    assert ended.status == 4 and "'\\udcff'" in ended.err and ended.err.count("\n") == 1
