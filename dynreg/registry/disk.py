@@ -1,7 +1,24 @@
-"""The one place where the registry's code changes the disk, so that a test can record a change or let it fail."""
+"""The one place where the registry's code changes the disk, so that a test can record a change or let it fail.
+
+What cannot be done to a name raises RegistryError in one line. `create`, `write` and `sync` raise OSError: they work
+for `files.write_file`, which tells of the file as a whole.
+"""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from dynreg.errors import RegistryError
+
+
+def refused(what: str, path: Path, error: OSError) -> RegistryError:
+    """The error for `what` cannot be done to `path`."""
+    return RegistryError(
+        f"cannot {what} {str(path)!r}: {error.strerror or error}",
+        expected="a place that may be written, with room left, on a disk that works",
+        do="free some space, mend its permissions, or name another place, then run the same command again",
+    )
 
 
 def create(path: Path) -> int:
@@ -22,18 +39,25 @@ def sync(descriptor: int) -> None:
 
 
 def rename(old: Path, new: Path) -> None:
-    """Give a file or folder another name, in place of a file that has it."""
-    os.replace(old, new)
+    """Give a file or folder another name, in place of a file that has it; FileNotFoundError where it is gone."""
+    try:
+        os.replace(old, new)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise refused("rename to", new, error) from error
 
 
 def remove(path: Path) -> None:
     """Remove a file's name; nothing where it is gone already."""
-    path.unlink(missing_ok=True)
+    with _telling("remove", path):
+        path.unlink(missing_ok=True)
 
 
 def remove_folder(path: Path) -> None:
     """Remove an empty folder."""
-    path.rmdir()
+    with _telling("remove", path):
+        path.rmdir()
 
 
 def make_folder(path: Path) -> None:
@@ -41,18 +65,28 @@ def make_folder(path: Path) -> None:
     if path.is_dir():
         return
     make_folder(path.parent)
-    try:
-        path.mkdir()
-    except FileExistsError:  # another process was quicker, or something else has the name
-        if not path.is_dir():
-            raise
+    with _telling("create", path):
+        try:
+            path.mkdir()
+        except FileExistsError:  # another process was quicker, or something else has the name
+            if not path.is_dir():
+                raise
     sync_folder(path.parent)
 
 
 def sync_folder(path: Path) -> None:
-    """Bring the names in a folder to the disk; renames there outlast a power cut when this returns."""
-    descriptor = os.open(path, os.O_RDONLY)
+    """Bring the names in a folder to the disk; what was renamed or removed there stays so through a power cut."""
+    with _telling("sync", path):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+@contextmanager
+def _telling(what: str, path: Path) -> Iterator[None]:
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        yield
+    except OSError as error:
+        raise refused(what, path, error) from error

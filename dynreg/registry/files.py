@@ -76,11 +76,7 @@ def write_file(path: Path, data: bytes) -> None:
         while not _write_once(path, data):
             pass
     except OSError as error:
-        raise RegistryError(
-            f"cannot write {str(path)!r}: {error.strerror or error}",
-            expected="a writable directory with room left",
-            do="free some space or mend its permissions, then run the same command again",
-        ) from error
+        raise disk.refused("write", path, error) from error
 
 
 def temporary_name(path: Path) -> Path:
@@ -135,6 +131,8 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
     except FileNotFoundError:
         yield False
         return
+    except OSError as error:
+        raise disk.refused("lock", path, error) from error
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -184,7 +182,7 @@ def _write_once(path: Path, data: bytes) -> bool:
     except FileNotFoundError:
         return False  # swept in the instant between its creation and its lock
     except BaseException:
-        with suppress(OSError):  # the first error says why
+        with suppress(RegistryError):  # the first error says why
             disk.remove(temporary)
         raise
     finally:

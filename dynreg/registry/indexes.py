@@ -50,9 +50,11 @@ def put_index(
     if present != fingerprint:  # others came while this was encoded
         disk.remove(directory.home / file.path)
         return False
-    for path in _files(directory.home, population_id, key):
-        if path.name != Path(file.path).name:
-            disk.remove(path)
+    older = [path for path in _files(directory.home, population_id, key) if path.name != Path(file.path).name]
+    for path in older:
+        disk.remove(path)
+    if older:
+        disk.sync_folder(directory.home / INDEX)
     return True
 
 

@@ -66,7 +66,7 @@ def take_away(directory: Directory) -> None:
     directory.close()
     if unused:
         gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
-        with suppress(OSError):  # an empty registry that stays does no harm
+        with suppress(OSError, RegistryError):  # an empty registry that stays does no harm
             disk.rename(directory.path, gone)
             shutil.rmtree(gone)
 
@@ -176,14 +176,7 @@ def _create(path: Path, create: bool) -> None:
     elif not create:
         problem = f"there is no registry at {str(path)!r}"
     else:
-        try:
-            disk.make_folder(path.absolute())
-        except OSError as error:
-            raise RegistryError(
-                f"cannot create {str(path)!r}: {error.strerror}",
-                expected="a place that may be written",
-                do="name another directory with --registry",
-            ) from error
+        disk.make_folder(path.absolute())
         _write_marker(path)
         return
     raise RegistryError(

@@ -11,10 +11,10 @@ from sqlalchemy import Connection, Row
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError, RobotError
-from dynreg.folder import Folder, is_hashed, read_folder
+from dynreg.folder import MAPS, Folder, is_hashed, read_folder
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import ROBOTS, StoredFile, sha256_of, write_file
+from dynreg.registry.files import ROBOTS, StoredFile, is_temporary, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
 
 _HASH = re.compile(r"[0-9a-f]{8,128}")
@@ -31,17 +31,20 @@ def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name
     """
     contents = _contents(folder, robot_hash)
     manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
+    told = canonical_json(manifest)
     with directory.catalog.read() as connection:
-        _check_same(row_of(connection, tables.robots, robot_hash), manifest)
+        known = row_of(connection, tables.robots, robot_hash)
+    _check_same(known, manifest)
+    if known is not None and known.manifest != told:
+        _withdraw_maps(directory, robot_hash, manifest)
     _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if is_hashed(n)}, manifest)
     with directory.catalog.write() as writing:
         known = row_of(writing.connection, tables.robots, robot_hash)
         _check_same(known, manifest)
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
+        _remove_other_maps(directory, robot_hash, manifest)
         kept = known.name if known else name
-        writing.put(tables.robots, {"hash": robot_hash, "name": kept, "manifest": canonical_json(manifest)})
-        for relative in json.loads(known.manifest).keys() - manifest.keys() if known else ():
-            disk.remove(directory.home / ROBOTS / robot_hash / relative)
+        writing.put(tables.robots, {"hash": robot_hash, "name": kept, "manifest": told})
 
 
 def robot_folder(directory: Directory, robot_hash: str) -> Path:
@@ -65,6 +68,25 @@ def robot_folder(directory: Directory, robot_hash: str) -> Path:
 def require_robot(connection: Connection, robot_hash: str) -> Row:
     """The catalogue's row of a robot; NoMatchError when there is none."""
     return require(connection, tables.robots, robot_hash, "robot", "register its folder first")
+
+
+def _withdraw_maps(directory: Directory, robot_hash: str, manifest: Mapping[str, str]) -> None:
+    """Promise no more the maps that are about to be replaced: a put that is cut short has lost none then."""
+    with directory.catalog.write() as writing:
+        known = require_robot(writing.connection, robot_hash)
+        lasting = dict(json.loads(known.manifest).items() & manifest.items())
+        row = {"hash": robot_hash, "name": known.name, "manifest": canonical_json(lasting)}
+        writing.put(tables.robots, row)
+
+
+def _remove_other_maps(directory: Directory, robot_hash: str, manifest: Mapping[str, str]) -> None:
+    folder = directory.home / ROBOTS / robot_hash
+    there = (path for path in (folder / MAPS).rglob("*") if path.is_file() and not is_temporary(path.name))
+    others = [path for path in there if path.relative_to(folder).as_posix() not in manifest]
+    for path in others:
+        disk.remove(path)
+    for parent in {path.parent for path in others}:
+        disk.sync_folder(parent)
 
 
 def _check_same(known: Row | None, manifest: Mapping[str, str]) -> None:

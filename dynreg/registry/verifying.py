@@ -80,6 +80,8 @@ def _rebuild(path: Path, rows: dict[str, list[Values]]) -> None:
                 catalog.begin_anew(Writing(connection), rows, after)
         finally:
             catalog.close()
+        if (place / BESIDE[0]).exists():  # SQLite keeps to itself that it could not fold its log in
+            raise disk.refused("write", path / FILE, OSError(f"{BESIDE[0]} could not be folded in"))
         for page in pages_after(place, 0):
             disk.rename(page, path / LEDGER / page.name)
         disk.sync_folder(path / LEDGER)
@@ -124,6 +126,7 @@ def _with_words(report: VerifyReport, before: str = "") -> VerifyReport:
 def _put_away(root: Path, names: list[str]) -> None:
     """Move files out of the way, to `lost+found/`; files of indexes, which are computed again, are removed."""
     place = root / LOST_AND_FOUND
+    touched = set()
     for name in names:
         source = root / name
         if name.split("/")[0] in (INDEX, CACHE) and not source.is_symlink():
@@ -131,6 +134,12 @@ def _put_away(root: Path, names: list[str]) -> None:
         elif source.exists() or source.is_symlink():
             disk.make_folder(place)
             disk.rename(source, place / f"{name.replace('/', '--')}.{secrets.token_hex(4)}")
+            touched.add(place)
+        touched.add(source.parent)
     for folder in sorted((root / ROBOTS).rglob("*"), reverse=True):
         if folder.is_dir() and not folder.is_symlink() and not any(folder.iterdir()):
             disk.remove_folder(folder)
+            touched.add(folder.parent)
+    for folder in sorted(touched):
+        if folder.is_dir():
+            disk.sync_folder(folder)
