@@ -31,11 +31,6 @@ class Seal:
         )
 
 
-def seal_of(connection: Connection, table: Table) -> Seal:
-    """The seal of the rows that a table has."""
-    return Seal().with_rows(map(tuple, connection.execute(select(table))))
-
-
 def read_seals(connection: Connection) -> dict[str, Seal]:
     """{name of a table: its seal as it was written}; the seal of nothing where there is none."""
     rows = connection.execute(select(tables.seals)).all()
