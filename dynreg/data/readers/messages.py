@@ -3,7 +3,7 @@
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from operator import attrgetter
@@ -15,6 +15,7 @@ import numpy as np
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.numbers import number, since
+from dynreg.data.readers.signals import Arrays, Signal
 from dynreg.data.series import Finding, RawLog, Series
 
 MAX_ITEMS = 64  # longer arrays are images, scans and point clouds, not signals
@@ -27,24 +28,32 @@ FOREIGN_CLOCK = 60.0  # [s] header stamps further than this from the log's own a
 Leaf = float | int | np.number | np.bool_ | np.ndarray
 
 
-def leaves(message: Any) -> Iterator[tuple[str, Leaf]]:
+def leaves(message: Any) -> list[tuple[str, Leaf]]:
     """Numeric leaves of a message: (".pose.position.x", 1.5), (".effort", array of shape (n,)).
 
     Understands dataclasses (ROS), mappings and lists (JSON) and protobuf messages. Text, bytes and arrays of
-    more than 64 items are left out, and what lies deeper than 16 levels. The walk ends after 65,536 parts.
+    more than 64 items are left out, and what lies deeper than 16 levels, or behind 65,536 other parts.
     """
-    left: list[tuple[str, Any, int]] = [("", message, 0)]
-    for _ in range(MAX_PARTS):
-        if not left:
-            return
-        path, value, depth = left.pop()
-        if isinstance(value, float | int | np.number | np.bool_):  # bool is an int
-            yield path, value
-        elif isinstance(value, np.ndarray):
-            if value.ndim == 1 and 0 < value.size <= MAX_ITEMS and value.dtype.kind in "biuf":
-                yield path, value
-        elif value is not None and not isinstance(value, str | bytes | bytearray) and depth <= MAX_DEPTH:
-            left += [(path + name, part, depth + 1) for name, part in reversed(_parts(value))]
+    out: list[tuple[str, Leaf]] = []
+    _gather_leaves("", message, 0, out, [MAX_PARTS])
+    return out
+
+
+def _gather_leaves(path: str, value: Any, depth: int, out: list[tuple[str, Leaf]], left: list[int]) -> None:
+    if isinstance(value, float | int | np.number | np.bool_):  # bool is an int
+        out.append((path, value))
+    elif isinstance(value, np.ndarray):
+        if value.ndim == 1 and 0 < value.size <= MAX_ITEMS and value.dtype.kind in "biuf":
+            out.append((path, value))
+    elif value is not None and not isinstance(value, str | bytes | bytearray) and depth <= MAX_DEPTH:
+        for name, part in _parts(value):
+            left[0] -= 1
+            if left[0] < 0:
+                return
+            if type(part) is float:  # most are
+                out.append((path + name, part))
+            else:
+                _gather_leaves(path + name, part, depth + 1, out, left)
 
 
 def _parts(value: Any) -> list[tuple[str, Any]]:
@@ -101,29 +110,6 @@ def is_joint_state(message: Any) -> bool:
     )
 
 
-class _Signal:
-    """The numbers of one leaf, and which messages held them: kept only once one did not."""
-
-    def __init__(self, row: int):
-        self.first = row
-        self.values = array("d")
-        self.rows: array | None = None
-
-    def add(self, row: int, value: float) -> None:
-        if self.rows is None and row != self.first + len(self.values):
-            self.rows = array("I", range(self.first, self.first + len(self.values)))
-        if self.rows is not None:
-            self.rows.append(row)
-        self.values.append(value)
-
-    def series(self, time: np.ndarray) -> Series:
-        if self.rows is None:
-            at = time[self.first : self.first + len(self.values)]
-        else:
-            at = time[np.frombuffer(self.rows, dtype=np.uint32)]
-        return Series(at, np.frombuffer(self.values))
-
-
 class Topic:
     """The messages of one topic, gathered leaf by leaf: the signals that are asked for, the names of all."""
 
@@ -133,8 +119,8 @@ class Topic:
         self._budget = budget
         self.log_stamps = array("Q")
         self._header_stamps = array("q")  # -1 where it is no time, -2 where there is none
-        self._signals: dict[str, _Signal | None] = {}  # None: not asked for
-        self._items: dict[str, list[str]] = {}
+        self._signals: dict[str, Signal | Arrays | None] = {}  # None: not asked for
+        self._known = 0  # signals, items of arrays counted
         self._odd: Counter[str] = Counter()
         self._crowded = False
         self._kept = 0
@@ -150,9 +136,12 @@ class Topic:
         stamp = header_stamp(message)
         self._header_stamps.append(-2 if stamp is None else stamp)
         for path, value in leaves(message):
-            if isinstance(value, np.ndarray):
-                for name, item in zip(self._named(path, len(value)), value.tolist(), strict=True):
-                    self._keep(name, row, item)
+            signal = self._signals.get(path)
+            if type(value) is float and isinstance(signal, Signal):  # nearly all are
+                signal.add(row, value)
+                self._kept += 1
+            elif isinstance(value, np.ndarray):
+                self._keep_array(path, row, value)
             else:
                 self._keep(path, row, value)
         # By name as well as by index: the order of the joints may change from message to message.
@@ -164,16 +153,11 @@ class Topic:
         self._budget.spend("numbers", self._kept)
         self._kept = 0
 
-    def _named(self, path: str, count: int) -> list[str]:
-        names = self._items.setdefault(path, [])
-        names += [f"{path}[{i}]" for i in range(len(names), count)]
-        return names[:count]
-
     def _keep(self, path: str, row: int, value: Any) -> None:
-        if path not in self._signals:
-            self._begin(path, row)
+        if path not in self._signals and self._room(1):
+            self._signals[path] = Signal(row) if self._options.wants_signal(self.name + path) else None
         signal = self._signals.get(path)
-        if signal is None:
+        if not isinstance(signal, Signal):
             return
         kept = number(value)
         if kept is None:
@@ -181,18 +165,34 @@ class Topic:
         self._kept += 1
         signal.add(row, math.nan if kept is None else kept)
 
-    def _begin(self, path: str, row: int) -> None:
-        if len(self._signals) >= MAX_LEAVES:
+    def _keep_array(self, path: str, row: int, values: np.ndarray) -> None:
+        if path not in self._signals and self._room(len(values)):
+            wanted = [self._options.wants_signal(f"{self.name}{path}[{i}]") for i in range(MAX_ITEMS)]
+            self._signals[path] = Arrays(np.flatnonzero(wanted), len(values))
+        arrays = self._signals.get(path)
+        if isinstance(arrays, Arrays) and (
+            len(values) <= arrays.longest or self._room(len(values) - arrays.longest)
+        ):
+            self._kept += arrays.add(row, values)
+
+    def _room(self, more: int) -> bool:
+        """Whether there is room for so many more signals."""
+        if self._known + more > MAX_LEAVES:
             self._crowded = True
-            return
-        self._budget.spend("columns")
-        wanted = self._options.wants_signal(self.name + path)
-        self._signals[path] = _Signal(row) if wanted else None
+            return False
+        self._known += more
+        self._budget.spend("columns", more)
+        return True
 
     def log(self, start: int, use_header: bool) -> tuple[dict[str, Series], list[Finding]]:
         """One series a signal, with time in seconds since `start` [ns], and what was seen."""
         time, findings = self._clock(start, use_header)
-        out = {self.name + path: s.series(time) for path, s in self._signals.items() if s is not None}
+        out: dict[str, Series] = {}
+        for path, kept in self._signals.items():
+            if isinstance(kept, Signal):
+                out[self.name + path] = kept.series(time)
+            elif kept is not None:
+                out.update((f"{self.name}{path}[{i}]", series) for i, series in kept.series(time))
         if self._odd:
             path, count = next(iter(self._odd.items()))
             text = f"{count} of {len(out[self.name + path])} values are no number that can be kept: empty"
@@ -206,7 +206,12 @@ class Topic:
     @property
     def names(self) -> list[str]:
         """Every signal met, asked for or not."""
-        return [self.name + path for path in self._signals]
+        every = ((path, s.longest if isinstance(s, Arrays) else None) for path, s in self._signals.items())
+        return [
+            self.name + path + item
+            for path, count in every
+            for item in ([""] if count is None else [f"[{i}]" for i in range(count)])
+        ]
 
     def _clock(self, start: int, use_header: bool) -> tuple[np.ndarray, list[Finding]]:
         # Differences are taken in whole nanoseconds: an absolute stamp in float64 is only good to 0.2 us.

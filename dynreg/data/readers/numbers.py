@@ -18,6 +18,8 @@ def number(cell: Any) -> float | None:
     >>> number(3), number(True), number("3"), number(10**400)
     (3.0, 1.0, None, None)
     """
+    if type(cell) is float:  # nearly all are
+        return cell
     if not isinstance(cell, bool | int | float | np.number | np.bool_):
         return None
     try:

@@ -45,7 +45,7 @@ def read(path: Path, options: ReadOptions) -> RawLog:
         Exception
     ) as error:  # rosbags, sqlite3, bz2, lz4 and zstd each have their own errors for a damaged file
         raise LogError(
-            f"{path.name!r} cannot be read: {error}",
+            f"{path.name!r} cannot be read: {str(error) or type(error).__name__}",
             expected="a whole bag with its index",
             do="mend it with `rosbag reindex` or `ros2 bag reindex`, or record it again",
         ) from error
