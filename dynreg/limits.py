@@ -30,6 +30,7 @@ class Limits:
     json_bytes: int = 64 << 20  # bytes of one JSON document, which takes many times as much when it is read
     pattern_seconds: int = 5  # seconds that a map's `filename` may take with one log's name
     settings_bytes: int = 1 << 20  # bytes of a metadata.yaml, an info.json, a definition of messages
+    entries: int = 1_000_000  # entries of one population of a registry
     robot_files: int = 10_000  # files in a robot's folder
     robot_bytes: int = 1_000_000_000  # bytes of a robot's folder: its model, its meshes
     xml_bytes: int = 20_000_000  # bytes of one XML file of a model

@@ -27,10 +27,12 @@ def report(
     Example: dynreg report @last --out monday.html
     """
     from dynreg.report.html import write_report
+    from dynreg.report.tables import shown_again
     from dynreg.results.stored import ReportFile
 
     with call.open() as session:
         result = session.result(ref)
-    write_report(result, out)
+    with shown_again(result):
+        write_report(result, out)
     written = ReportFile(result=ref, path=str(out), bytes=out.stat().st_size)
     call.emit(written, hint=f"open {out} in a browser")

@@ -32,6 +32,8 @@ def show(
     if stored is None:
         call.emit(result)
         return
-    from dynreg.report.tables import render
+    from dynreg.report.tables import render, shown_again
 
-    call.emit(result, render(stored), hint=f"dynreg report {result.id[:12]}")
+    with shown_again(stored):
+        tables = render(stored)
+    call.emit(result, tables, hint=f"dynreg report {result.id[:12]}")

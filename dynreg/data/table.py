@@ -63,7 +63,15 @@ def from_table(table: pa.Table, name: str = "table") -> Recording:
             for e, end in zip(about["episodes"], ends, strict=True)
         )
         return Recording(channels, episodes, about["measured"], about["provenance"])
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except (
+        KeyError,
+        IndexError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
         raise LogError(
             f"{name!r} is not a stored recording: {error}",
             expected=f"a Parquet file of {SCHEMA}",

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 from sqlalchemy import Connection, Row, select
@@ -10,8 +11,9 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
+from dynreg.registry.files import unreadable
 from dynreg.registry.populations import get_population
-from dynreg.registry.records import EntryRecord, PopulationArrays, ShardData
+from dynreg.registry.records import EntryRecord, PopulationArrays, PopulationRecord, ShardData
 from dynreg.registry.rows import require
 from dynreg.registry.shards import read_shard, read_states, read_states_header, strip
 
@@ -43,7 +45,7 @@ def load_population(
     _check_whole(population_id, shards, numbers)
     skip = "/" if "weights" in columns else "weights/"
     paths = directory.checked(*(shard.arrays_path for shard in shards))
-    parts = [decode_arrays(path, skip)[1] for path in paths]
+    parts = [_rest(path, s.stop - s.start, record, skip) for path, s in zip(paths, shards, strict=True)]
     return PopulationArrays(
         ids=tuple(row.id for row in entries),
         numbers=numbers,
@@ -67,14 +69,14 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
     states_path, arrays_path = directory.checked(holds[0].states_path, holds[0].arrays_path)
     states = np.empty((1, *read_states_header(states_path)["shape"][1:]), np.float32)
     read_states(states_path, states, position)
-    _, arrays = decode_arrays(arrays_path)
+    record = get_population(directory, entry.population_id)
+    arrays = _rest(arrays_path, holds[0].stop - holds[0].start, record)
     row = {name: array[position] for name, array in arrays.items()}
-    parameters = get_population(directory, entry.population_id).parameters
     return EntryRecord(
         id=entry.id,
         population_id=entry.population_id,
         number=entry.number,
-        values=dict(zip(parameters, row["values"].tolist(), strict=True)),
+        values=dict(zip(record.parameters, row["values"].tolist(), strict=True)),
         states=states[0],
         weights=strip(row, "weights/"),
         own_loss=float(row["own_loss"]),
@@ -134,6 +136,20 @@ def _states(directory: Directory, shards: Sequence[Row]) -> np.ndarray:
     return out
 
 
+def _rest(path: Path, rows: int, record: PopulationRecord, skip: str = "/") -> dict[str, np.ndarray]:
+    """The arrays of a shard of `rows` entries but its states; CorruptError where they are not those of a shard."""
+    _, arrays = decode_arrays(path, skip)
+    shapes = {"values": (rows, len(record.parameters)), "own_loss": (rows,), "train_loss": (rows,)}
+    shapes |= {name: (rows,) for name in arrays if name.startswith("extra/")}
+    odd = [name for name, shape in shapes.items() if name not in arrays or arrays[name].shape != shape]
+    odd += [
+        name for name, array in arrays.items() if array.shape[:1] != (rows,) or array.dtype.kind not in "fiu"
+    ]
+    if odd:
+        raise unreadable(path, f"it lacks {odd[0]!r}, or that is not of its {rows} entries")
+    return arrays
+
+
 def _stack(parts: Sequence[dict[str, np.ndarray]], name: str) -> np.ndarray:
     return np.concatenate([part[name] for part in parts])
 
@@ -141,7 +157,16 @@ def _stack(parts: Sequence[dict[str, np.ndarray]], name: str) -> np.ndarray:
 def _stack_all(parts: Sequence[dict[str, np.ndarray]], prefix: str) -> dict[str, np.ndarray]:
     names = sorted({name for part in parts for name in part if name.startswith(prefix)})
     missing = [np.full(len(part["values"]), np.nan) for part in parts]
-    return {
-        name: np.concatenate([part.get(name, absent) for part, absent in zip(parts, missing, strict=True)])
-        for name in names
-    }
+    try:
+        return {
+            name: np.concatenate(
+                [part.get(name, absent) for part, absent in zip(parts, missing, strict=True)]
+            )
+            for name in names
+        }
+    except ValueError as error:
+        raise CorruptError(
+            f"the shards of a population have arrays of different shapes: {error}",
+            expected="models of one kind",
+            do="run `dynreg verify` on the registry",
+        ) from error

@@ -8,7 +8,8 @@ from sqlalchemy import Connection, Row, select
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
-from dynreg.errors import RegistryError
+from dynreg.errors import CorruptError, RegistryError
+from dynreg.limits import limits, refuse
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import LOCKS, content_name, sweep, try_lock, unreadable
@@ -49,9 +50,11 @@ def put_population(directory: Directory, record: PopulationRecord) -> None:
 
 
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
-    """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged."""
+    """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged or it is too big."""
     with directory.catalog.read() as connection:
         row = require(connection, tables.populations, population_id, "population")
+    if row.size > limits().entries:
+        refuse(CorruptError, f"population {population_id[:12]} has too many entries", row.size, "entries")
     path = directory.locate(row.path)
     header, arrays = arrays_of(path, directory.read_bytes(row.path))
     try:

@@ -1,5 +1,7 @@
 """Results as rich tables, at most 100 columns wide: each by the room of its kind."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -7,7 +9,7 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from dynreg.errors import DynregError
+from dynreg.errors import CorruptError, DynregError
 from dynreg.report.grid import table, value_text
 from dynreg.results.result import Result
 
@@ -39,3 +41,19 @@ def refusal(result: Result) -> DynregError | None:
     """The error with which a command ends after its answer; None where all is well."""
     found = getattr(room(result), "refusal", None)
     return found and found(result)
+
+
+@contextmanager
+def shown_again(result: Result) -> Iterator[None]:
+    """A block that shows a result out of a registry; CorruptError where the result contradicts itself.
+
+    Its schema tells the kinds of its values, not that a name in one place is explained in another.
+    """
+    try:
+        yield
+    except (LookupError, ValueError, TypeError, ArithmeticError, AttributeError) as error:
+        raise CorruptError(
+            f"the stored {result.schema_name()} contradicts itself ({type(error).__name__}: {error})",
+            expected="a result as dynreg made it",
+            do="run the command that made it again",
+        ) from error

@@ -20,6 +20,7 @@ ODD = {
     "a manifest that is no JSON": "UPDATE robots SET manifest = 'x'",
     "a manifest that leads out": """UPDATE robots SET manifest = '{"../../victim": "ab"}'""",
     "a layout that is a list": "UPDATE populations SET layout = '[]'",
+    "more entries than memory has room for": f"UPDATE populations SET size = {2**40}",
     "bytes for a name": "UPDATE robots SET name = x'ff00'",
 }
 
@@ -59,7 +60,9 @@ def test_rows_that_dynreg_did_not_write_are_refused_and_found(title: str, regist
 def test_a_manifest_that_leads_out_of_the_registry_removes_nothing(registry: Path, tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_text("precious")
-    manifest = {"maps/../../../../victim": "ab" * 32}  # no hash of a robot covers its maps, so they may be replaced
+    manifest = {
+        "maps/../../../../victim": "ab" * 32
+    }  # no hash of a robot covers its maps, so they may be replaced
     old = sqlite3.connect(registry / "catalog.sqlite")
     manifest |= json.loads(old.execute("SELECT manifest FROM robots").fetchone()[0])
     old.close()

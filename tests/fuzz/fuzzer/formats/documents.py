@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from dynreg.errors import CorruptError
-from dynreg.report.tables import refusal, render
+from dynreg.report.tables import render, shown_again
 from dynreg.results import RESULTS
 from dynreg.search.journal import Journal
 from fuzzer.mutate import lines, raw, text, tree
@@ -51,9 +51,10 @@ def check_result(data: bytes) -> None:
     except (ValueError, TypeError, KeyError, RecursionError, ValidationError) as error:
         raise CorruptError("the document does not read", expected="a result", do="make it again") from error
     out = StringIO()
-    Console(file=out, width=80).print(render(result))
-    refused = refusal(result)
-    if found := obeyed(out.getvalue().replace("\n", "") + str(refused or "")):
+    with shown_again(result):
+        tables = render(result)
+    Console(file=out, width=80).print(tables)
+    if found := obeyed(out.getvalue().replace("\n", "")):
         raise ValueError(f"a terminal would obey {found!r}")
 
 
