@@ -266,6 +266,8 @@ CASES: tuple[Case, ...] = (
         lambda: bombs.parquet(90, 10**6, 20, 9),
     ),
     Case("a footer that contradicts itself", "parquet", bombs.contradiction),
+    Case("a shard without losses", "registry-file", lambda: odd.shard_of(values=np.ones((2, 1)))),
+    Case("a shard of one number", "registry-file", lambda: odd.shard_of(values=np.ones(()))),
     Case("rows of no table in a page", "ledger-page", lambda: odd.page(removed={"none": [["a"]]})),
     Case("a key that is a list in a page", "ledger-page", lambda: odd.page(removed={"results": [[["a"]]]})),
     Case("half a surrogate pair in a page", "ledger-page", lambda: odd.page(name="\ud800")),

@@ -5,8 +5,10 @@ import random
 import struct
 from collections.abc import Callable
 
+import numpy as np
 import pyarrow as pa
 
+from dynreg.registry.codec import encode_arrays
 from fuzzer.faulty import Faulty
 from fuzzer.formats import mcap, protobuf, robots, small, tables
 from fuzzer.formats.topic import Topic
@@ -110,3 +112,12 @@ def page(removed: dict | None = None, name: str = "") -> bytes:
     return json.dumps(
         told | {"number": number + 1, "removed": removed or {}, "put": names if name else {}}
     ).encode()
+
+
+def shard_of(**arrays: np.ndarray) -> bytes:
+    """The small registry's shard, the arrays of which are these."""
+    name = next(
+        name for name, _ in small.files() if name.startswith("shards/") and name.endswith(".safetensors")
+    )
+    header = {"population": small.POPULATION, "start": 0, "stop": 2}
+    return name.encode() + b"\n" + encode_arrays(arrays, header)

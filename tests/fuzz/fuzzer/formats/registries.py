@@ -12,7 +12,7 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import create_engine
+from sqlalchemy import create_engine, select
 from sqlalchemy import text as sql
 from sqlalchemy.pool import NullPool
 
@@ -22,7 +22,7 @@ from dynreg.registry import Registry, tables, verify
 from dynreg.registry.catalog import FILE
 from dynreg.registry.codec import arrays_of, canonical_json, decode_arrays
 from dynreg.registry.files import LEDGER, content_name
-from dynreg.registry.seal import seal_of, write_seals
+from dynreg.registry.seal import Seal, write_seals
 from dynreg.registry.shards import read_shard, read_states_header
 from fuzzer.formats import small
 from fuzzer.formats.tables import changed, odd_table
@@ -165,7 +165,8 @@ def _change(folder: Path, statements: list[str]) -> None:
                 connection.execute(sql("PRAGMA writable_schema=ON"))
                 connection.exec_driver_sql(line)
         with engine.begin() as connection:
-            write_seals(connection, {table.name: seal_of(connection, table) for table in tables.SEALED})
+            rows = {t.name: map(tuple, connection.execute(select(t))) for t in tables.SEALED}
+            write_seals(connection, {name: Seal().with_rows(held) for name, held in rows.items()})
     except Exception as error:  # no statement of SQLite's, or one that it refuses
         if not isinstance(getattr(error, "orig", error), sqlite3.Error | sqlite3.Warning | ValueError):
             raise
