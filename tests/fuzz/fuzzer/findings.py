@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from fuzzer.scratch import clear
 from fuzzer.table import TARGETS
 from fuzzer.target import WALL, Verdict, judge
 from fuzzer.worker import Bounds, peak, prepare
@@ -83,6 +84,7 @@ def alone(target: str, data: bytes, bounds: Bounds) -> Verdict:
     if not ready:
         os.kill(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
+    clear(child)
     if told:
         return Verdict(*json.loads(told))
     return died(target, status) if ready else Verdict("hang", f"{target}: no answer, no Python")

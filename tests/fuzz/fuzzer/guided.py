@@ -25,14 +25,17 @@ def run_guided(folder: Path, name: str, seed: int, seconds: float, limit: float,
         from fuzzer.findings import keep
         from fuzzer.table import TARGETS
         from fuzzer.target import drawn, judge
+        from fuzzer.worker import settle
     if name not in TARGETS:
         print(f"one target for atheris: {', '.join(TARGETS)}", file=sys.stderr)
         return 2
-    target, reached = TARGETS[name], folder / "reached" / name
+    target, reached = TARGETS[name], folder.resolve() / "reached" / name
     reached.mkdir(parents=True, exist_ok=True)
     for index in range(SEEDS):
         data = drawn(target, seed, index)
         (reached / f"{zlib.crc32(data):08x}").write_bytes(data)
+
+    settle()
 
     def try_one(data: bytes) -> None:
         verdict = judge(target, data, limit)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fuzzer.findings import died, keep
 from fuzzer.journal import Journal
+from fuzzer.scratch import clear
 from fuzzer.table import TARGETS
 from fuzzer.target import WALL, Verdict, drawn
 from fuzzer.worker import IDLE, Bounds, Worker
@@ -48,6 +49,7 @@ class Loop:
             for worker in self._workers:
                 os.kill(worker.pid, signal.SIGKILL)
                 os.waitpid(worker.pid, 0)
+                clear(worker.pid)
 
     def _start(self, number: int) -> None:
         worker = Worker(self.seed, self.bounds, self.folder / f"worker-{number}.log")
@@ -94,6 +96,7 @@ class Loop:
         index, _ = worker.at()
         del self._workers[worker]
         _, status = os.waitpid(worker.pid, 0)
+        clear(worker.pid)
         verdict = verdict or died(worker.target, status, worker.errors.read_text(errors="replace"))
         first, count = worker.span
         begun = {"target": worker.target, "first": first, "count": index + 1 - first, "cpu": 0.0}
@@ -110,6 +113,7 @@ class Loop:
         del self._workers[worker]
         worker.close()
         os.waitpid(worker.pid, 0)
+        clear(worker.pid)
         self._replace(worker, more)
 
     def _replace(self, worker: Worker, more: bool) -> None:

@@ -25,3 +25,9 @@ def folder(process: int) -> Path:
     made = Path(tempfile.mkdtemp(prefix=f"inputs-{process}-", dir=_MEMORY if _MEMORY.is_dir() else None))
     atexit.register(shutil.rmtree, made, ignore_errors=True)
     return made
+
+
+def clear(process: int) -> None:
+    """Remove what a process left that did not end as it should."""
+    for left in Path(_MEMORY if _MEMORY.is_dir() else tempfile.gettempdir()).glob(f"inputs-{process}-*"):
+        shutil.rmtree(left, ignore_errors=True)

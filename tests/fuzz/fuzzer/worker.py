@@ -116,14 +116,19 @@ def prepare(bounds: Bounds, errors: Path) -> None:
     os.dup2(log, 2)
     os.dup2(log, 1)
     faulthandler.enable(file=sys.__stderr__)
-    warnings.simplefilter("ignore")
-    tempfile.tempdir = str(folder(os.getpid()) / "tmp")
-    os.mkdir(tempfile.tempdir)
-    os.chdir(folder(os.getpid()))  # where MuJoCo leaves its log
+    settle()
     held = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     limit = held + 4 * bounds.megabytes * 2**20
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def settle() -> None:
+    """Take the low limits, and a folder of this process for what is temporary."""
+    warnings.simplefilter("ignore")
+    tempfile.tempdir = str(folder(os.getpid()) / "tmp")
+    os.mkdir(tempfile.tempdir)
+    os.chdir(folder(os.getpid()))  # where MuJoCo leaves its log
     os.environ.update({variable(name): str(limit) for name, limit in LIMITS.items()})
 
 
