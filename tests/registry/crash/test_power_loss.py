@@ -4,9 +4,10 @@ A sample of the cases runs here; all of them in `make slow` or by `python tests/
 """
 
 import errno
-import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -30,13 +31,25 @@ def _sqlite_can_be_watched() -> None:
         pytest.skip(str(error))
 
 
-@pytest.fixture
-def place() -> Iterator[Path]:
+@contextmanager
+def _folder() -> Iterator[Path]:
     """A folder in memory, where syncs cost nothing, if there is one."""
     memory = Path("/dev/shm")
-    folder = Path(tempfile.mkdtemp(dir=memory if memory.is_dir() else None))
-    yield folder
-    shutil.rmtree(folder)
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def place() -> Iterator[Path]:
+    with _folder() as folder:
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Iterator[Callable[[str], Recorded]]:
+    """Scenarios by name, each carried out once."""
+    with _folder() as folder:
+        yield cache(lambda name: record(SCENARIOS[name], folder / name))
 
 
 def _after_power_cuts(recorded: Recorded, place: Path) -> Tally:
@@ -47,24 +60,24 @@ def _after_power_cuts(recorded: Recorded, place: Path) -> Tally:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_after_a_power_cut_all_that_was_acknowledged_is_there(name, place):
-    tally = _after_power_cuts(record(SCENARIOS[name], place / "recorded"), place)
+def test_after_a_power_cut_all_that_was_acknowledged_is_there(name, recorded, place):
+    tally = _after_power_cuts(recorded(name), place)
     assert tally.cases and tally.wrong == {}
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_a_refused_change_is_told_in_a_sentence_and_loses_nothing(name, place):
-    recorded, tally = record(SCENARIOS[name], place / "recorded"), Tally()
-    refusals(recorded, place / "refused", tally, REFUSED / (3 * len(recorded.journal.changes)))
+def test_a_refused_change_is_told_in_a_sentence_and_loses_nothing(name, recorded, place):
+    tally = Tally()
+    refusals(recorded(name), place, tally, REFUSED / (3 * len(recorded(name).journal.changes)))
     assert tally.cases and tally.wrong == {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_crash_state_and_every_refused_change(name, place):
-    recorded, states, refused = record(SCENARIOS[name], place / "recorded"), Tally(), Tally()
-    replay_states(recorded, crash_states(recorded.journal), place / "states", states)
-    refusals(recorded, place / "refused", refused)
+def test_every_crash_state_and_every_refused_change(name, recorded, place):
+    states, refused = Tally(), Tally()
+    replay_states(recorded(name), crash_states(recorded(name).journal), place / "states", states)
+    refusals(recorded(name), place / "refused", refused)
     assert (states.wrong, refused.wrong) == ({}, {})
 
 
@@ -88,6 +101,27 @@ def test_a_repair_on_a_full_disk_changes_nothing(name, kinds, place):
         with pytest.raises(RegistryError, match="No space left.*free some space") as error:
             verify(root / REGISTRY, repair=True)
     assert type(error.value) is RegistryError and snapshot(root) == before
+    verify(root / REGISTRY, repair=True)
+    assert verify(root / REGISTRY).faults == ()
+
+
+class _NoFolding(Recorder):
+    """Refuses what SQLite writes from its log into the database, which SQLite keeps to itself."""
+
+    def allow(self, kind: str, path: str) -> None:
+        if kind == "write" and path.endswith("catalog.sqlite") and Path(f"{path}-wal").exists():
+            raise OSError(errno.EIO, "Input/output error", path)
+
+
+def test_a_new_catalogue_that_is_half_in_its_log_takes_no_place(place):
+    root, aside = place / "root", place / "aside"
+    root.mkdir()
+    aside.mkdir()
+    SCENARIOS["lost catalogue"].begin(root, aside)
+    with recording(_NoFolding(root)):
+        with pytest.raises(RegistryError, match="could not be folded in"):
+            verify(root / REGISTRY, repair=True)
+    assert not (root / REGISTRY / "catalog.sqlite").exists()
     verify(root / REGISTRY, repair=True)
     assert verify(root / REGISTRY).faults == ()
 
