@@ -88,15 +88,18 @@ def _grid(
         base = series[next(name for name in names if name in series)].time
         grid = base[(base >= start) & (base <= end)] - start
     else:
-        rows = int((end - start) * spec.rate + STAMP_TOLERANCE * spec.rate) + 1
+        most = (
+            np.floor((end - start) * spec.rate + STAMP_TOLERANCE * spec.rate) + 1
+        )  # of far stamps, infinite
         logged = max(len(s) for s in series.values())
-        if rows > max(GRID_LIMIT, 200 * logged):
+        if most > max(GRID_LIMIT, 200 * logged):
             raise LogError(
                 f"{episode.file}, episode {episode.name!r}: {logged} samples over {end - start:.4g} s "
-                f"would become {rows} rows at {spec.rate:g} Hz",
+                f"would become {most:.0f} rows at {spec.rate:g} Hz",
                 expected="a clock in seconds",
                 do='set time_unit = "ms", "us" or "ns" under [map]',
             )
+        rows = int(most)
         if rows * len(spec.channels) > limits().numbers:
             asked = f"{episode.file}, episode {episode.name!r}, becomes more numbers than are kept"
             refuse(LogError, asked, rows * len(spec.channels), "numbers")
