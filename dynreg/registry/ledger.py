@@ -94,7 +94,7 @@ def read_page(path: Path) -> tuple[Page, str]:
         }
         removed = {name: tuple(_key(name, key) for key in keys) for name, keys in document["removed"].items()}
         page = Page(int(document["number"]), document["before"], put, removed, bool(document["whole"]))
-    except (KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"it does not hold a page: {error!r}") from error
     if page.number != int(named[1]):
         raise ValueError("its number is not the one in its name")

@@ -157,7 +157,7 @@ def _version(path: Path) -> int | None:
     try:
         marker = json.loads((path / MARKER).read_bytes())
         return int(marker["version"]) if marker["format"] == "dynreg-registry" else None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 

@@ -123,7 +123,7 @@ def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
         states_path, rest_path = states[span][0], rest[span][0]
         try:
             _, data = read_shard(root / states_path, root / rest_path)
-        except (DynregError, KeyError, TypeError, ValueError) as error:
+        except (DynregError, KeyError, TypeError, ValueError, OverflowError) as error:
             found.bad[states_path] = found.bad[rest_path] = _damage(error)
             continue
         taken = [s.row for (owner, _), s in found.shards.items() if owner == population]

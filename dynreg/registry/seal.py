@@ -76,7 +76,7 @@ def strange_objects(connection: Connection, known: Collection[str]) -> list[str]
 def _written(rows: object, digest: object) -> Seal:
     try:
         return Seal(int(rows), int(digest, 16))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return Seal(-1)  # no table has it
 
 
