@@ -270,6 +270,7 @@ CASES: tuple[Case, ...] = (
     Case("a shard of one number", "registry-file", lambda: odd.shard_of(values=np.ones(()))),
     Case("rows of no table in a page", "ledger-page", lambda: odd.page(removed={"none": [["a"]]})),
     Case("a key that is a list in a page", "ledger-page", lambda: odd.page(removed={"results": [[["a"]]]})),
+    Case("a page without end", "ledger-page", lambda: odd.page(number=float("inf"))),
     Case("half a surrogate pair in a page", "ledger-page", lambda: odd.page(name="\ud800")),
     Case("a header that is a list", "shard-arrays", lambda: encode_arrays({"values": np.ones(2)}, [])),
 )

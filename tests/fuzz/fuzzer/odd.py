@@ -105,13 +105,12 @@ def ros1() -> Topic:
     )
 
 
-def page(removed: dict | None = None, name: str = "") -> bytes:
+def page(removed: dict | None = None, name: str = "", **changed: object) -> bytes:
     """A page that follows those of the small registry's ledger: rows that go, a name of a recording that comes."""
     number, told = small.last_page()
     names = {"recording_names": {"columns": ["name", "recording_id"], "rows": [[name, "ab"]]}}
-    return json.dumps(
-        told | {"number": number + 1, "removed": removed or {}, "put": names if name else {}}
-    ).encode()
+    rows = {"number": number + 1, "removed": removed or {}, "put": names if name else {}}
+    return json.dumps(told | rows | changed).encode()
 
 
 def shard_of(**arrays: np.ndarray) -> bytes:
