@@ -38,6 +38,7 @@ LIMITS = {  # a hundredth of what is allowed otherwise, so that what is large is
     "whole_bytes": 64 << 20,
     "json_bytes": 1 << 20,
     "settings_bytes": 64 << 10,
+    "pattern_seconds": 1,
     "entries": 10_000,
     "robot_bytes": 8 << 20,
     "toml_bytes": 64 << 10,
