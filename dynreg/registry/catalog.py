@@ -17,7 +17,7 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError
 from dynreg.registry.database import engine_for, explained
 from dynreg.registry.files import LEDGER
-from dynreg.registry.ledger import Page, pages_after, read_page, write_page
+from dynreg.registry.ledger import Page, last_number, pages_after, read_page, write_page
 from dynreg.registry.seal import broken_seals, broken_structure, strange_objects
 from dynreg.registry.tables import Values
 from dynreg.registry.writing import Writing
@@ -32,17 +32,23 @@ _SOUND: dict[Path, State] = {}  # what this process has compared with its seals,
 class Catalog:
     """Transactions on `catalog.sqlite` in `folder`, which migrate an older one and follow the ledger beside it.
 
+    shown : the folder that errors name, where it is another one. migrate : False leaves an older one as it is.
+
     Raises RegistryError (newer version, locked, no room) and CorruptError (not a sound database, changed from outside).
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *, shown: Path | None = None, migrate: bool = True):
         self.path = folder.absolute() / FILE
-        self._engine = engine_for(self.path)
+        self.shown = (shown or folder) / FILE
+        self._engine = engine_for(self.path, create=not self.path.exists())
+        if not migrate:
+            return
         try:
             self.migrate()
         except BaseException:
             self.close()
             raise
+        self._engine = engine_for(self.path)
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
@@ -64,8 +70,8 @@ class Catalog:
 
         What it puts is on a page of the ledger before it is in the catalogue. Raises CorruptError as `read` does.
         """
-        state = self._state()
         with self.transaction("BEGIN IMMEDIATE") as connection:
+            state = self._state()
             self._check(connection, state)
             writing = Writing(connection)
             self._follow(writing)
@@ -95,6 +101,9 @@ class Catalog:
             if migrations.LEDGER in names:
                 disk.make_folder(self.path.parent / LEDGER)
                 rows = rows_of(connection)
+                odd = [m for t in tables.HELD for row in rows[t.name] if (m := tables.misfit(t, row))]
+                if odd:
+                    raise self._changed(odd[0])
                 if any(rows.values()):
                     self.begin_anew(Writing(connection), rows)
 
@@ -103,8 +112,7 @@ class Catalog:
 
         after : number of a page that the new one has to come after, beside those in the ledger's folder.
         """
-        pages = [int(path.name.split("-")[0]) for path in pages_after(self.path.parent, 0)]
-        number = max(after, writing.last_page()[0], *pages, 0) + 1
+        number = max(after, writing.last_page()[0], last_number(self.path.parent)) + 1
         page = Page(number, put={name: tuple(values) for name, values in rows.items()}, whole=True)
         writing.follow(page, write_page(self.path.parent, page))
 
@@ -116,19 +124,19 @@ class Catalog:
             with connection, transaction:
                 yield connection
         except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
-            raise explained(self.path, error) from error
+            raise explained(self.shown, error) from error
 
     def _begun(self, begin: str) -> tuple[Connection, RootTransaction]:
         """A connection in a transaction on the file that has the name now: a repair may have replaced it meanwhile."""
         while True:
-            identity = _identity(self.path)
+            identity = identity_of(self.path)
             connection = self._engine.connect().execution_options(dynreg_begin=begin)
             try:
                 transaction = connection.begin()
             except BaseException:
                 connection.close()
                 raise
-            if identity is None or identity == _identity(self.path):
+            if identity is None or identity == identity_of(self.path):
                 return connection, transaction
             connection.close()
 
@@ -142,7 +150,7 @@ class Catalog:
 
     def _changed(self, fault: str) -> CorruptError:
         return CorruptError(
-            f"the catalogue {str(self.path)!r} was changed from outside: {fault}",
+            f"the catalogue {str(self.shown)!r} was changed from outside: {fault}",
             expected="the rows that dynreg wrote",
             do="run `dynreg verify --repair` to write it again from the ledger and the stored files",
         )
@@ -155,7 +163,10 @@ class Catalog:
     def _follow(self, writing: Writing) -> None:
         """Take over the pages of puts that were cut short after their page was written."""
         number, before = writing.last_page()
-        for path in pages_after(self.path.parent, number):
+        later = pages_after(self.path.parent, number)
+        if later:  # whoever wrote them may have been cut short before their names were synced
+            disk.sync_folder(self.path.parent / LEDGER)
+        for path in later:
             try:
                 page, sha256 = read_page(path)
                 if not page.whole and (page.number, page.before) != (number + 1, before):
@@ -172,10 +183,11 @@ class Catalog:
     def _state(self) -> State:
         """What changes when the catalogue or its ledger does: identities of their files."""
         root = self.path.parent
-        return tuple(_identity(p) for p in (self.path, root / BESIDE[0], root / LEDGER))
+        return tuple(identity_of(p) for p in (self.path, root / BESIDE[0], root / LEDGER))
 
 
-def _identity(path: Path) -> tuple[int, int, int] | None:
+def identity_of(path: Path) -> tuple[int, int, int] | None:
+    """What changes when a file does; None where there is none."""
     try:
         told = path.stat()
     except OSError:

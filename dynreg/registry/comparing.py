@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import dynreg.registry.tables as tables
+from dynreg.folder import MAPS
 from dynreg.registry.files import CACHE, INDEX, ROBOTS, SEARCHES, StoredFile
 from dynreg.registry.rebuild import Rows, manifest_of, paths_in
 from dynreg.registry.scan import Found
@@ -36,8 +37,8 @@ class Fault:
 class VerifyReport:
     """Faults, how many things of each kind were checked, and sound files that nothing put refers to.
 
-    Such leftovers come from a process that was killed before its put was done; they are no fault, and a repair
-    adopts them.
+    Such leftovers come from a process that was killed before its put was done. They are no fault: the same put takes
+    them as they are.
     """
 
     faults: tuple[Fault, ...]
@@ -100,13 +101,17 @@ def _robot_faults(held: Rows, found: Found) -> Iterator[Fault]:
         present = {n.removeprefix(prefix): f.sha256 for n, f in found.files.items() if n.startswith(prefix)}
         manifest = manifest_of(row)
         for name in sorted({*present, *manifest}):
+            is_map = name.split("/")[0] == MAPS  # a put that was cut short leaves new ones, or some of both
             if name not in manifest:
-                yield Fault("stray", prefix + name, "no file of the robot as it was registered", lost=False)
+                if not is_map:
+                    yield Fault(
+                        "stray", prefix + name, "no file of the robot as it was registered", lost=False
+                    )
             elif present.get(name) != manifest[name]:
-                problem = (
-                    "its bytes are not those that were registered" if name in present else "it is missing"
+                changed = "its bytes are not those that were registered"
+                yield Fault(
+                    "robot", prefix + name, changed if name in present else "it is missing", not is_map
                 )
-                yield Fault("robot", prefix + name, problem, lost=True)
         if not manifest:
             yield Fault("robot", prefix, "nothing tells which files it had", lost=True)
 

@@ -14,15 +14,23 @@ _LONGEST = 1 << 26  # bytes of one value: the manifest of a robot with some 500,
 
 _NO_PLACE = {"SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_AUTH"}
 _LOCKED = {"SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_PROTOCOL"}
+_REFUSED = {
+    "SQLITE_TOOBIG",
+    "SQLITE_MISMATCH",
+    "SQLITE_MISUSE",
+    "SQLITE_RANGE",
+    "SQLITE_INTERRUPT",
+    "SQLITE_ABORT",
+}
 _CUT_SHORT = "SQLITE_IOERR_SHORT_READ"  # the file ends before it should: damage, and not the disk's
 
 
-def engine_for(path: Path) -> Engine:
-    """Connections to the database at `path`; each transaction has one of its own."""
+def engine_for(path: Path, create: bool = False) -> Engine:
+    """Connections to the database at `path`, which is made with `create` alone; each transaction has its own."""
 
     def connect() -> sqlite3.Connection:
         return sqlite3.connect(
-            f"{path.absolute().as_uri()}?mode=rwc",
+            f"{path.absolute().as_uri()}?mode={'rwc' if create else 'rw'}",
             uri=True,
             timeout=BUSY_SECONDS,
             isolation_level=None,
@@ -66,11 +74,17 @@ def explained(path: Path, error: Exception) -> RegistryError:
             expected="a directory and a catalogue that may be written",
             do="mend their permissions, then run the same command again",
         )
+    if kind in _REFUSED:
+        return RegistryError(
+            f"SQLite refused to work on the catalogue {str(path)!r}: {cause} ({name})",
+            expected="values of a usual size, and a dynreg and a SQLite that fit each other",
+            do="run the same command again with --debug, and tell what it says",
+        )
     if kind in ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_NOMEM") and name != _CUT_SHORT:
         return RegistryError(
             f"the disk or the memory failed under the catalogue {str(path)!r}: {cause} ({name})",
             expected="room for a few MB more, and a disk that reads and writes",
-            do="free some space or look after the disk, then run the same command again; nothing is lost by this",
+            do="free some space or check the disk, then run the same command again",
         )
     return CorruptError(
         f"the catalogue {str(path)!r} is damaged: {cause}" + (f" ({name})" if name else ""),

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from sqlalchemy import select
 
+import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError
 from dynreg.registry.catalog import Catalog
@@ -60,6 +61,8 @@ class Directory:
         """Bring `data` to disk, before the transaction that registers it."""
         if not self.holds(file):
             write_file(self.home / file.path, data)
+        elif not self.read_only:  # whoever wrote it may have been cut short before its name was synced
+            disk.sync_folder((self.home / file.path).parent)
 
     def register(self, writing: Writing, file: StoredFile, data: bytes) -> None:
         """Enter a staged file into the catalogue, inside the caller's transaction."""
@@ -80,7 +83,7 @@ class Directory:
             raise CorruptError(
                 f"the catalogue names the file {relative!r}",
                 expected="a path inside the registry",
-                do="do not use this registry: its catalogue was changed from outside",
+                do="run `dynreg verify --dry-run`: its catalogue was changed from outside",
             )
         put_here = self.home / relative
         return put_here if self.read_only and put_here.exists() else self.path / relative

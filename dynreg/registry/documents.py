@@ -14,7 +14,7 @@ from dynreg.registry.hashes import result_id
 from dynreg.registry.records import ResultRecord
 from dynreg.registry.rows import require
 
-_KIND = re.compile(r"[a-z][a-z_]*")
+KIND = re.compile(r"[a-z][a-z_]*")
 
 
 def put_simulator(directory: Directory, config: dict[str, Any]) -> str:
@@ -40,7 +40,7 @@ def put_result(directory: Directory, kind: str, recording_id: str, document: dic
     recording_id : of the recording that it is about; "" where it is about none.
     Raises RegistryError when the kind is no plain word or the document is not plain JSON.
     """
-    if not _KIND.fullmatch(kind):
+    if not KIND.fullmatch(kind):
         raise RegistryError(
             f"a result of kind {kind!r}", expected="a word such as 'neighbours'", do="rename it"
         )

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import Connection, select
 from sqlalchemy.exc import DBAPIError
 
+import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError
 from dynreg.registry.catalog import FILE, Catalog, rows_of
@@ -22,7 +23,7 @@ from dynreg.registry.opening import beside, lost_catalog, may_write
 from dynreg.registry.rebuild import Rows
 from dynreg.registry.scan import Found, scan
 from dynreg.registry.seal import broken_seals, broken_structure
-from dynreg.registry.tables import Key, Values, key_of, named, values_of
+from dynreg.registry.tables import Key, Values, key_of, misfit, named, values_of
 
 
 @dataclass(frozen=True)
@@ -45,12 +46,19 @@ class Stored:
 
 @dataclass(frozen=True)
 class Examined:
-    """What was put, as far as it can be told; what the files hold; and what is at fault in catalogue or ledger."""
+    """What was put, as far as it can be told, and what is wrong.
+
+    held : the rows that were put. found : what the files hold. faulty : faults of the catalogue and of the ledger.
+    bad_pages : files of the ledger that cannot be used. behind : whether the ledger is ahead of the catalogue.
+    rows_lost : whether neither of them tells all.
+    """
 
     held: Rows
     found: Found
-    ledger: Ledger
     faulty: tuple[Fault, ...]
+    bad_pages: tuple[str, ...]
+    behind: bool
+    rows_lost: bool
     report: VerifyReport
 
 
@@ -61,7 +69,7 @@ def stored_in(path: Path, begin: str) -> Iterator[Stored]:
         yield Stored(faults=("it is missing or empty",) if lost_catalog(path) else ())
         return
     try:
-        opened = Directory(path, Catalog(path)) if may_write(path) else beside(path)
+        opened = Directory(path, Catalog(path, migrate=False)) if may_write(path) else beside(path)
     except CorruptError as error:
         yield Stored(faults=(error.problem,))
         return
@@ -82,8 +90,10 @@ def stored_in(path: Path, begin: str) -> Iterator[Stored]:
 
 def _read(path: Path, connection: Connection) -> Stored:
     try:
-        broken = broken_structure(connection)
+        broken = broken_structure(connection, migrations.known_tables())
         rows = _named(rows_of(connection))
+        if migrations.pending(connection):  # of format 1: nothing is sealed, and no page tells of it
+            return Stored(rows, faults=tuple(broken))
         pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
         return Stored(rows, pages, tuple(broken or broken_seals(connection)), usable=not broken)
     except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
@@ -113,8 +123,18 @@ def examine(path: Path, stored: Stored) -> Examined:
     faulty = tuple(
         Fault("ledger", what, reason, lost=bool(stored.faults)) for what, reason in sorted(gone.items())
     )
+    odd = {t.name: [r for r in held[t.name] if misfit(t, values_of(t, r))] for t in tables.HELD}
+    faults += [
+        Fault("row", f"{name} {next(iter(r.values()))!s:.24}", "not a row of dynreg's", True)
+        for name in odd
+        for r in odd[name]
+    ]
+    held = {name: [row for row in held[name] if row not in odd[name]] for name in held}
     found = scan(path, {row["path"] for row in held["files"]})
-    return Examined(held, found, ledger, (*faults, *faulty), compare(held, found, [*faults, *faulty]))
+    report = compare(held, found, [*faults, *faulty])
+    behind = any(page.number > max(stored.pages, default=0) for page, _ in ledger.pages)
+    lost = bool(gone) and bool(stored.faults)
+    return Examined(held, found, (*faults, *faulty), tuple(ledger.bad), behind, lost, report)
 
 
 def _ledger_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:

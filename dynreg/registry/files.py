@@ -9,7 +9,7 @@ import secrets
 import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -87,13 +87,16 @@ def temporary_name(path: Path) -> Path:
 @contextmanager
 def temporary_folder(path: Path) -> Iterator[Path]:
     """A new folder under a hidden name beside `path`, which goes with the block; a killed one is swept by the next."""
-    place = temporary_name(path)
-    disk.make_folder(place)
-    try:
-        with try_lock(place):
+    with ExitStack() as held:
+        while True:
+            place = temporary_name(path)
+            disk.make_folder(place)
+            if held.enter_context(try_lock(place, create=False)):
+                break  # else it was swept in the instant between its creation and its lock
+        try:
             yield place
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
 
 
 def sweep_beside(path: Path) -> None:

@@ -19,7 +19,7 @@ from dynreg.registry.codec import canonical_json
 from dynreg.registry.files import LEDGER, content_name, open_regular, write_file
 from dynreg.registry.tables import Key, Values, key_of, values_of
 
-_NAME = re.compile(r"(\d{8,12})-([0-9a-f]{16})\.json")
+_NAME = re.compile(r"(\d{8,15})-([0-9a-f]{16})\.json")
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,11 @@ def write_page(root: Path, page: Page) -> str:
     return file.sha256
 
 
+def last_number(root: Path) -> int:
+    """The number of the last page that is as it was written; 0 where there is none."""
+    return max((page.number for page, _ in read_ledger(root).pages), default=0)
+
+
 def pages_after(root: Path, number: int) -> list[Path]:
     """The files of the pages that come after `number`, in order."""
     found = (_NAME.fullmatch(path.name) for path in _files(root))
@@ -93,7 +98,10 @@ def read_page(path: Path) -> tuple[Page, str]:
             for name, told in document["put"].items()
         }
         removed = {name: tuple(_key(name, key) for key in keys) for name, keys in document["removed"].items()}
-        page = Page(int(document["number"]), document["before"], put, removed, bool(document["whole"]))
+        number, before, whole = document["number"], document["before"], document["whole"]
+        if type(number) is not int or not isinstance(before, str) or not isinstance(whole, bool):
+            raise ValueError("its head is of another kind")
+        page = Page(number, before, put, removed, whole)
     except (KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"it does not hold a page: {error!r}") from error
     if page.number != int(named[1]):

@@ -7,12 +7,12 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from sqlalchemy import func, select
+from sqlalchemy import Connection, func, select
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
-from dynreg.registry.catalog import BESIDE, FILE, Catalog
+from dynreg.registry.catalog import BESIDE, FILE, Catalog, identity_of
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
     CACHE,
@@ -23,6 +23,7 @@ from dynreg.registry.files import (
     LOST_AND_FOUND,
     SEARCHES,
     is_temporary,
+    open_regular,
     temporary_name,
     write_file,
 )
@@ -30,6 +31,7 @@ from dynreg.registry.ledger import pages_after
 
 MARKER = "dynreg.json"
 VERSION = 2  # 2 came with the ledger
+_MARKER_BYTES = 1000  # a marker has 44
 
 
 def open_directory(path: Path, create: bool) -> Directory:
@@ -62,13 +64,14 @@ def open_directory(path: Path, create: bool) -> Directory:
 
 def take_away(directory: Directory) -> None:
     """Close a registry, and remove it where its own opening made it and at most robots were stored in it since."""
-    unused = directory.made and not _holds_any(directory.catalog)
+    gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
+    with suppress(OSError, RegistryError):  # an empty registry that stays does no harm
+        if directory.made:
+            with directory.catalog.write() as writing:  # nobody puts anything meanwhile
+                if not _holds_any(writing.connection):
+                    disk.rename(directory.path, gone)
     directory.close()
-    if unused:
-        gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
-        with suppress(OSError, RegistryError):  # an empty registry that stays does no harm
-            disk.rename(directory.path, gone)
-            shutil.rmtree(gone)
+    shutil.rmtree(gone, ignore_errors=True)
 
 
 def may_write(path: Path) -> bool:
@@ -119,6 +122,7 @@ def make_folders(path: Path) -> None:
     """The folders of a registry, made where they are missing (an archive may drop empty ones)."""
     for name in (*FOLDERS, LOCKS):
         disk.make_folder(path / name)
+    disk.sync_folder(path)  # another process may have made them, and be cut short before it could
 
 
 def beside(path: Path) -> Directory:
@@ -133,10 +137,8 @@ def beside(path: Path) -> Directory:
         ) from error
     try:
         make_folders(home)
-        for name in (FILE, BESIDE[0]):
-            if (path / name).exists():
-                shutil.copyfile(path / name, home / name)
-        catalog = Catalog(home)
+        _copy_catalog(path, home)
+        catalog = Catalog(home, shown=path)
         for page in pages_after(path, catalog.last_page()):
             shutil.copyfile(page, home / LEDGER / page.name)
         return Directory(path, catalog, home)
@@ -145,17 +147,33 @@ def beside(path: Path) -> Directory:
         raise
 
 
-def _holds_any(catalog: Catalog) -> bool:
+def _copy_catalog(path: Path, home: Path) -> None:
+    """Copy the catalogue with its log as they are at one moment, while its owner may be writing."""
+    for _ in range(20):
+        before = [identity_of(path / name) for name in (FILE, BESIDE[0])]
+        for name in (FILE, BESIDE[0]):
+            (home / name).unlink(missing_ok=True)
+            with suppress(FileNotFoundError):  # a log may have been folded in
+                shutil.copyfile(path / name, home / name)
+        if before == [identity_of(path / name) for name in (FILE, BESIDE[0])]:
+            return
+    raise RegistryError(
+        f"the catalogue {str(path / FILE)!r} is written all the time",
+        expected="a moment without a write, to copy it",
+        do="run the same command again when its owner is done",
+    )
+
+
+def _holds_any(connection: Connection) -> bool:
     """Whether there is anything that was asked for; robots come along with other things."""
     asked_for = (tables.populations, tables.recordings, tables.simulators, tables.results)
-    with catalog.read() as connection:
-        counts = [connection.execute(select(func.count()).select_from(t)).scalar_one() for t in asked_for]
-    return any(counts)
+    return any(connection.execute(select(func.count()).select_from(t)).scalar_one() for t in asked_for)
 
 
 def _version(path: Path) -> int | None:
     try:
-        marker = json.loads((path / MARKER).read_bytes())
+        with open_regular(path / MARKER) as stream:
+            marker = json.loads(stream.read(_MARKER_BYTES))
         return int(marker["version"]) if marker["format"] == "dynreg-registry" else None
     except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None

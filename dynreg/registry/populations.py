@@ -2,7 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.disk as disk
@@ -56,18 +59,23 @@ def get_population(directory: Directory, population_id: str) -> PopulationRecord
     if row.size > limits().entries:
         refuse(CorruptError, f"population {population_id[:12]} has too many entries", row.size, "entries")
     path = directory.locate(row.path)
-    header, arrays = arrays_of(path, directory.read_bytes(row.path))
+    return record_of(path, arrays_of(path, directory.read_bytes(row.path)), row.size)
+
+
+def record_of(path: Path, told: tuple[dict[str, Any], dict[str, np.ndarray]], size: int) -> PopulationRecord:
+    """The record in a population's file (header and arrays); CorruptError where the header is none of dynreg's."""
+    header, arrays = told
+    kinds = {
+        "id": str,
+        "robot": str,
+        "name": str,
+        "parameters": list,
+        "seed": int,
+        "spec": dict,
+        "shard_size": int,
+    }
     try:
-        told = {
-            "id": str,
-            "robot": str,
-            "name": str,
-            "parameters": list,
-            "seed": int,
-            "spec": dict,
-            "shard_size": int,
-        }
-        odd = [name for name, kind in told.items() if not isinstance(header[name], kind)]
+        odd = [name for name, kind in kinds.items() if not isinstance(header[name], kind)]
         if odd or not all(isinstance(name, str) for name in header["parameters"]):
             raise ValueError(f"its {(odd or ['parameters'])[0]!r} is of another kind")
         return PopulationRecord(
@@ -76,7 +84,7 @@ def get_population(directory: Directory, population_id: str) -> PopulationRecord
             name=header["name"],
             channels=tuple(Channel(name, unit) for name, unit in header["channels"]),
             parameters=tuple(header["parameters"]),
-            size=row.size,
+            size=size,
             seed=header["seed"],
             spec=header["spec"],
             arrays=arrays,

@@ -3,14 +3,17 @@
 import json
 import tomllib
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import dynreg.registry.tables as tables
+from dynreg.limits import limits
 from dynreg.registry.codec import canonical_json
-from dynreg.registry.files import ROBOTS
+from dynreg.registry.files import ROBOTS, open_regular
 from dynreg.registry.hashes import result_id
-from dynreg.registry.scan import Found
+from dynreg.registry.scan import Found, FoundShard
+from dynreg.registry.tables import misfit, values_of
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]
@@ -22,18 +25,29 @@ def paths_in(held: Rows) -> set[str]:
     return {row[column] for rows in held.values() for row in rows for column in columns if row.get(column)}
 
 
-def new_rows(root: Path, held: Rows, found: Found) -> Rows:
-    """Rows for all that is sound, by table: those of `held` whose files are, and new ones for files without any."""
-    rows = _new_rows(root, held, found)
-    return {table.name: rows.get(table.name, []) for table in tables.HELD}
+def new_rows(root: Path, held: Rows, found: Found, *, adopt: bool) -> Rows:
+    """Rows for all that is sound, by table: those of `held` whose files are.
+
+    adopt : whether sound files that no row knows get rows, too, as where rows were lost. What does not fit dynreg's own
+    rows, or the others, gets none.
+    """
+    rows = _rows_of(root, held, found if adopt else _known(held, found))
+    return {t.name: [row for row in rows[t.name] if not misfit(t, values_of(t, row))] for t in tables.HELD}
 
 
-def unknown_files(rows: Rows, found: Found) -> list[str]:
-    """The files that none of these rows knows, sound ones and others."""
-    known = {row["path"] for row in rows["files"]} | {
-        f"{ROBOTS}/{row['hash']}/{name}" for row in rows["robots"] for name in manifest_of(row)
-    }
-    return sorted(name for name in {*found.files, *found.bad} if name not in known)
+def _known(held: Rows, found: Found) -> Found:
+    """What was found, without what the rows do not know."""
+    ids = {name: {row["id"] for row in held[name]} for name in ("populations", "recordings", "simulators")}
+    shards = {(row["population_id"], row["start"]): row for row in held["shards"]}
+    paths = {row["path"] for row in held["results"]}
+    return replace(
+        found,
+        shards={key: shard for key, shard in found.shards.items() if shards.get(key) == shard.row},
+        results={path: result for path, result in found.results.items() if path in paths},
+        **{
+            name: {k: v for k, v in getattr(found, name).items() if k in known} for name, known in ids.items()
+        },
+    )
 
 
 def manifest_of(row: Row) -> dict[str, str]:
@@ -45,10 +59,10 @@ def manifest_of(row: Row) -> dict[str, str]:
     return manifest if isinstance(manifest, dict) else {}
 
 
-def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
+def _rows_of(root: Path, held: Rows, found: Found) -> Rows:
     populations = _populations(held, found)
     alive = {row["id"] for row in populations}
-    shards = [shard for key, shard in sorted(found.shards.items()) if key[0] in alive]
+    shards = _fitting(held, [shard for key, shard in sorted(found.shards.items()) if key[0] in alive])
     entries = [row for shard in shards for row in shard.entries]
     hashes = {name.split("/")[1] for name in found.files if name.startswith(f"{ROBOTS}/")}
     hashes |= {row["hash"] for row in held["robots"]} | {row["robot_hash"] for row in populations}
@@ -72,6 +86,20 @@ def _new_rows(root: Path, held: Rows, found: Found) -> Rows:
     return rows | {"files": [sound.get(path) or registered[path] for path in sorted(paths_in(rows))]}
 
 
+def _fitting(held: Rows, shards: list[FoundShard]) -> list[FoundShard]:
+    """Shards of one layout for each population, in which no entry stands twice; those that a row knows come first."""
+    rows = [(row["population_id"], row["start"]) for row in held["shards"]]
+    layouts: dict[str, str] = {}
+    entries: set[str] = set()
+    kept = []
+    for shard in sorted(shards, key=lambda s: (s.row["population_id"], s.row["start"]) not in rows):
+        layout, ids = canonical_json(shard.layout), {row["id"] for row in shard.entries}
+        if layouts.setdefault(shard.row["population_id"], layout) == layout and not ids & entries:
+            entries |= ids
+            kept.append(shard)
+    return sorted(kept, key=lambda s: (s.row["population_id"], s.row["start"]))
+
+
 def _robots(root: Path, held: Rows, found: Found, used: Iterable[str]) -> list[Row]:
     """Rows of the robots; one whose row is gone is taken from its folder as it is."""
     known = {row["hash"]: row for row in held["robots"]}
@@ -79,15 +107,17 @@ def _robots(root: Path, held: Rows, found: Found, used: Iterable[str]) -> list[R
     for robot_hash in sorted(used):
         prefix = f"{ROBOTS}/{robot_hash}/"
         manifest = {n.removeprefix(prefix): f.sha256 for n, f in found.files.items() if n.startswith(prefix)}
-        row = {"hash": robot_hash, "name": _robot_name(root / prefix), "manifest": canonical_json(manifest)}
-        rows.append(known.get(robot_hash, row))
+        row = {"hash": robot_hash, "manifest": canonical_json(manifest)}
+        rows.append(known.get(robot_hash) or row | {"name": _robot_name(root / prefix)})
     return rows
 
 
 def _robot_name(folder: Path) -> str:
     try:
-        return str(tomllib.loads((folder / "robot.toml").read_text())["robot"]["name"])
-    except (OSError, ValueError, KeyError, TypeError):
+        with open_regular(folder / "robot.toml") as stream:
+            text = stream.read(limits().toml_bytes).decode()
+        return str(tomllib.loads(text)["robot"]["name"])
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return folder.name[:12]
 
 
@@ -106,7 +136,8 @@ def _populations(held: Rows, found: Found) -> list[Row]:
             "name": header["name"],
             "size": max(size, known[key]["size"]) if key in known else size,
             "path": population["path"],
-            "layout": canonical_json(shards[0].layout) if shards else None,
+            "layout": known.get(key, {}).get("layout")
+            or (canonical_json(shards[0].layout) if shards else None),
         }
     return list(rows.values())
 

@@ -35,16 +35,14 @@ def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name
     with directory.catalog.read() as connection:
         known = row_of(connection, tables.robots, robot_hash)
     _check_same(known, manifest)
-    if known is not None and known.manifest != told:
-        _withdraw_maps(directory, robot_hash, manifest)
     _write_copy(directory, robot_hash, {n: d for n, d in contents.items() if is_hashed(n)}, manifest)
     with directory.catalog.write() as writing:
         known = row_of(writing.connection, tables.robots, robot_hash)
         _check_same(known, manifest)
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
-        _remove_other_maps(directory, robot_hash, manifest)
         kept = known.name if known else name
         writing.put(tables.robots, {"hash": robot_hash, "name": kept, "manifest": told})
+    _remove_other_maps(directory, robot_hash)
 
 
 def robot_folder(directory: Directory, robot_hash: str) -> Path:
@@ -70,23 +68,18 @@ def require_robot(connection: Connection, robot_hash: str) -> Row:
     return require(connection, tables.robots, robot_hash, "robot", "register its folder first")
 
 
-def _withdraw_maps(directory: Directory, robot_hash: str, manifest: Mapping[str, str]) -> None:
-    """Promise no more the maps that are about to be replaced: a put that is cut short has lost none then."""
-    with directory.catalog.write() as writing:
-        known = require_robot(writing.connection, robot_hash)
-        lasting = dict(json.loads(known.manifest).items() & manifest.items())
-        row = {"hash": robot_hash, "name": known.name, "manifest": canonical_json(lasting)}
-        writing.put(tables.robots, row)
-
-
-def _remove_other_maps(directory: Directory, robot_hash: str, manifest: Mapping[str, str]) -> None:
+def _remove_other_maps(directory: Directory, robot_hash: str) -> None:
+    """Remove the log maps that the robot's row does not name; nobody puts any meanwhile."""
     folder = directory.home / ROBOTS / robot_hash
-    there = (path for path in (folder / MAPS).rglob("*") if path.is_file() and not is_temporary(path.name))
-    others = [path for path in there if path.relative_to(folder).as_posix() not in manifest]
-    for path in others:
-        disk.remove(path)
-    for parent in {path.parent for path in others}:
-        disk.sync_folder(parent)
+    if not any((folder / MAPS).rglob("*")):
+        return
+    with directory.catalog.write() as writing:
+        manifest = json.loads(require_robot(writing.connection, robot_hash).manifest)
+        there = [p for p in (folder / MAPS).rglob("*") if p.is_file() and not is_temporary(p.name)]
+        for path in there:
+            if path.relative_to(folder).as_posix() not in manifest:
+                disk.remove(path)
+                disk.sync_folder(path.parent)
 
 
 def _check_same(known: Row | None, manifest: Mapping[str, str]) -> None:
@@ -111,6 +104,9 @@ def _write_copy(
         if not _is_sound(path, manifest[relative]):
             disk.make_folder(path.parent)
             write_file(path, data)
+    for folder in {(directory.home / ROBOTS / robot_hash / name).parent for name in contents}:
+        disk.sync_folder(folder)  # whoever wrote what is there may have been cut short before
+    disk.sync_folder(directory.home / ROBOTS)
 
 
 def _is_sound(path: Path, sha256: str) -> bool:

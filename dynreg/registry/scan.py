@@ -4,6 +4,7 @@ Every file but those of the robots carries the hash of its bytes in its name and
 is, so the catalogue can be compared with the files, and written again from them.
 """
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from dynreg.errors import CorruptError, DynregError, RegistryError
 from dynreg.registry.cache import is_sound
 from dynreg.registry.catalog import BESIDE, FILE
 from dynreg.registry.codec import decode_arrays
+from dynreg.registry.documents import KIND
 from dynreg.registry.entries import entry_rows
 from dynreg.registry.files import (
     CACHE,
@@ -24,11 +26,13 @@ from dynreg.registry.files import (
     SEARCHES,
     StoredFile,
     is_temporary,
+    open_regular,
     sha256_of,
     unreadable,
 )
 from dynreg.registry.indexes import read_index
 from dynreg.registry.opening import MARKER
+from dynreg.registry.populations import record_of
 from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.search.journal import damage
 
@@ -62,7 +66,7 @@ def scan(root: Path, registered: set[str]) -> Found:
     found = Found()
     for path in sorted(root.iterdir()):
         if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
-            found.bad[path.name] = "no part of a registry"
+            found.bad[path.name] = "not a part of a registry"
     states, rest = {}, {}
     folders = [root / name for name in (*CONTENTS, INDEX)]
     files = (
@@ -73,6 +77,9 @@ def scan(root: Path, registered: set[str]) -> Found:
         path, folder = root / relative, relative.split("/")[0]
         if path.is_symlink():
             found.bad[relative] = "a link, which a registry does not hold"
+            continue
+        if not relative.isprintable():
+            found.bad[relative] = "its name is no plain text"
             continue
         try:
             file = StoredFile(relative, sha256_of(path), path.stat().st_size)
@@ -87,7 +94,9 @@ def scan(root: Path, registered: set[str]) -> Found:
             if folder == "shards":
                 is_states = path.suffix == ".parquet"
                 header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
-                span = (header["population"], int(header["start"]), int(header["stop"]))
+                span = (header["population"], header["start"], header["stop"])
+                if not isinstance(span[0], str) or not all(type(n) is int for n in span[1:]) or span[1] < 0:
+                    raise ValueError(f"it says that it is a shard of {span}")
                 (states if is_states else rest).setdefault(span, []).append(relative)
             elif folder == INDEX:
                 read_index(path)
@@ -137,7 +146,11 @@ def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
 
 
 def _read_population(found: Found, path: Path, file: StoredFile) -> None:
-    header, _ = decode_arrays(path)
+    header, arrays = decode_arrays(path)
+    try:
+        record_of(path, (header, arrays), size=1)
+    except RegistryError as error:  # the record refuses, too, what a population cannot be
+        raise unreadable(path, error.problem) from error
     found.populations[header["id"]] = {"header": header, "path": file.path}
 
 
@@ -152,17 +165,27 @@ def _read_recording(found: Found, path: Path, file: StoredFile) -> None:
 
 
 def _read_simulator(found: Found, path: Path, file: StoredFile) -> None:
+    _json_object(path)
     found.simulators[file.sha256] = {"id": file.sha256, "path": file.path}
 
 
 def _read_result(found: Found, path: Path, file: StoredFile) -> None:
     kind, recording, _ = path.stem.split("-")
+    _json_object(path)
+    if not KIND.fullmatch(kind):
+        raise ValueError(f"{kind!r} is no kind of result")
     found.results[file.path] = {
         "kind": kind,
         "recording": recording,
         "path": file.path,
         "sha256": file.sha256,
     }
+
+
+def _json_object(path: Path) -> None:
+    with open_regular(path) as stream:
+        if not isinstance(json.loads(stream.read()), dict):
+            raise ValueError("it is no JSON object")
 
 
 _READERS = {

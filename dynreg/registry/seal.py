@@ -5,6 +5,7 @@ The sum of the rows' hashes does not depend on their order, so that a transactio
 """
 
 import hashlib
+import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -46,9 +47,11 @@ def write_seals(connection: Connection, seals: Mapping[str, Seal]) -> None:
         connection.execute(insert(tables.seals), rows)
 
 
-def broken_structure(connection: Connection) -> list[str]:
-    """What shows that the catalogue is no sound database of dynreg's, a line each; empty where it is."""
-    strange = strange_objects(connection, tables.metadata.tables)
+def broken_structure(
+    connection: Connection, known: Collection[str] = tuple(tables.metadata.tables)
+) -> list[str]:
+    """What shows that the catalogue is no sound database of the `known` tables, a line each; empty where it is."""
+    strange = strange_objects(connection, known)
     if strange:
         return [f"it holds {name}" for name in strange]
     return [row[0] for row in connection.execute(text("PRAGMA integrity_check")) if row[0] != "ok"]
@@ -67,10 +70,18 @@ def broken_seals(connection: Connection) -> list[str]:
 
 def strange_objects(connection: Connection, known: Collection[str]) -> list[str]:
     """Views, triggers and tables of a catalogue that are none of the `known` tables."""
-    rows = connection.execute(
-        text("SELECT type, name FROM sqlite_master WHERE name NOT LIKE 'sqlite_%'")
-    ).all()
-    return [f"the {row.type} {row.name!r}" for row in rows if row.type != "table" or row.name not in known]
+    rows = connection.execute(text("SELECT type, name, rootpage, sql FROM sqlite_master")).all()
+    plain = [  # a virtual table has no page of its own, a generated column computes what is read
+        (
+            row.type == "table"
+            and row.name in known
+            and row.rootpage
+            and "GENERATED" not in (row.sql or "").upper()
+        )
+        or (row.type == "index" and row.sql is None)  # SQLite's own, of keys
+        for row in rows
+    ]
+    return [f"the {row.type} {row.name!r}" for row, is_plain in zip(rows, plain, strict=True) if not is_plain]
 
 
 def _written(rows: object, digest: object) -> Seal:
@@ -81,4 +92,5 @@ def _written(rows: object, digest: object) -> Seal:
 
 
 def _hash(row: Sequence) -> int:
-    return int.from_bytes(hashlib.sha256(repr(tuple(row)).encode("utf-8", "surrogatepass")).digest(), "big")
+    text = json.dumps(list(row), default=repr)  # ASCII; bytes are none of dynreg's and only have to differ
+    return int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")

@@ -5,11 +5,14 @@ JSON is stored as text.
 """
 
 import json
+import operator
 import re
 from collections.abc import Mapping
 from typing import Any
 
 from sqlalchemy import Column, ForeignKey, Integer, MetaData, Table, Text, UniqueConstraint, select
+
+from dynreg.limits import limits
 
 metadata = MetaData()
 
@@ -123,7 +126,13 @@ Key = tuple[Any, ...]
 
 def values_of(table: Table, row: Mapping[str, Any]) -> Values:
     """The values of a row in the order of its table's columns, None for one that it does not say."""
-    return tuple(row.get(column.name) for column in table.c)
+    return tuple(_plain(column, row.get(column.name)) for column in table.c)
+
+
+def _plain(column: Column, value: Any) -> Any:
+    if isinstance(column.type, Integer) and hasattr(value, "__index__") and not isinstance(value, bool):
+        return operator.index(value)  # numpy has whole numbers, and texts, of its own
+    return str(value) if isinstance(value, str) else value
 
 
 def named(table: Table, values: Values) -> dict[str, Any]:
@@ -147,11 +156,13 @@ def misfit(table: Table, values: Values) -> str:
     """
     for column, value in zip(table.c, values, strict=True):
         whole = isinstance(column.type, Integer)
-        fits = isinstance(value, int) and 0 <= value < _MOST if whole else _is_text(value)
+        fits = type(value) is int and 0 <= value < _MOST if whole else _is_text(value)
         if not fits and not (value is None and column.nullable):
             return f"{column.name} = {str(value)[:40]!r} in the table {table.name!r}"
         if column.name in _ODD and _ODD[column.name](value):
-            return f"{column.name} of the table {table.name!r} is none"
+            return f"{column.name} of the table {table.name!r} is not one"
+    if table is shards and not 0 < values[2] - values[1] <= limits().entries:
+        return f"a shard from {values[1]} to {values[2]}"
     return ""
 
 

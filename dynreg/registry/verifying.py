@@ -1,40 +1,46 @@
 """Is everything that was stored still there? What was lost is said, what can be rebuilt is rebuilt."""
 
+import os
 import secrets
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
-from dynreg.errors import RegistryError
+from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog
 from dynreg.registry.comparing import VerifyReport
-from dynreg.registry.examining import examine, keyed, stored_in
+from dynreg.registry.examining import Examined, examine, keyed, stored_in
 from dynreg.registry.files import (
     CACHE,
     INDEX,
     LEDGER,
+    LOCKS,
     LOST_AND_FOUND,
     ROBOTS,
     sweep,
     temporary_folder,
+    temporary_name,
+    try_lock,
     write_file,
 )
-from dynreg.registry.ledger import pages_after
-from dynreg.registry.opening import check_links, check_marker, make_folders, may_write
-from dynreg.registry.rebuild import Rows, new_rows, unknown_files
+from dynreg.registry.ledger import last_number, pages_after
+from dynreg.registry.opening import check_links, check_marker, lost_catalog, make_folders, may_write
+from dynreg.registry.rebuild import Rows, manifest_of, new_rows, paths_in
 from dynreg.registry.tables import Values, values_of
 from dynreg.registry.writing import Writing
 
-_SPARE = 8 << 20  # bytes that a repair asks for, beside three times the catalogue and the ledger
+# Bytes: a repair asks for so many beside three times the catalogue and the ledger, of which it makes copies.
+_SPARE = 8 << 20
 
 
 def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyReport:
     """Compare catalogue, ledger and files of the registry at `path`, hash by hash and row by row.
 
     With `repair` catalogue and ledger are brought in line with the files: lost entries are taken out, so that a
-    populate computes them again; sound files that no row knows are adopted; all other strange files are moved to
-    `lost+found/`; a damaged catalogue is written anew beside the old one and takes its place at the end. Populations
+    populate computes them again; damaged and added files are moved to `lost+found/`; where catalogue and ledger have
+    both lost rows, sound files that no row knows are adopted; a damaged catalogue is written anew beside the old one and takes its place at the end. Populations
     and robots that lost their own files stay, to be healed by putting them again. Other writers wait meanwhile. With
     `dry_run` nothing is changed, and the faults say what a repair would do.
 
@@ -52,17 +58,45 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
         raise RegistryError(f"{str(path)!r} is read-only", expected="a writable registry", do="copy it first")
     _check_room(path)
     make_folders(path)
+    with try_lock(path / LOCKS / "repair.lock") as mine:
+        if not mine:
+            raise RegistryError(
+                f"another process repairs {str(path)!r}",
+                expected="one repair at a time",
+                do="wait for it to end",
+            )
+        return _with_words(_repaired(path))
+
+
+def _repaired(path: Path) -> VerifyReport:
+    if (path / FILE).exists() and not lost_catalog(path):
+        with suppress(CorruptError):  # one of format 1 is brought up to date first, where that can be done
+            Catalog(path).close()
     with stored_in(path, "BEGIN IMMEDIATE") as stored:
         examined = examine(path, stored)
-        rows = new_rows(path, examined.held, examined.found)
-        changed = bool(examined.faulty) or keyed(rows) != keyed(examined.held)
+        rows = new_rows(path, examined.held, examined.found, adopt=examined.rows_lost)
+        changed = bool(examined.faulty) or examined.behind or keyed(rows) != keyed(examined.held)
         if changed and stored.connection is not None:
             stored.catalog.begin_anew(Writing(stored.connection), _values(rows))
-    if changed and stored.connection is None:
-        _rebuild(path, _values(rows))
-    _put_away(path, [*unknown_files(rows, examined.found), *examined.ledger.bad])
+        if stored.connection is not None:  # while nobody else can put anything
+            _put_away(path, _strays(rows, examined))
+    if stored.connection is None:
+        if changed:
+            _rebuild(path, _values(rows))
+        _put_away(path, _strays(rows, examined))
     sweep(path)
-    return _with_words(examined.report)
+    return examined.report
+
+
+def _strays(rows: Rows, examined: Examined) -> list[str]:
+    """Files that are no part of what is held: damaged ones, and those that were added to a robot's folder."""
+    known = paths_in(rows) | set(examined.bad_pages)
+    robots = {f"{ROBOTS}/{row['hash']}/{name}" for row in rows["robots"] for name in manifest_of(row)}
+    added = [
+        fault.what for fault in examined.report.faults if fault.kind == "stray" and fault.what not in robots
+    ]
+    damaged = [name for name in examined.found.bad if name not in known | robots]
+    return sorted({*added, *damaged, *examined.bad_pages})
 
 
 def _values(rows: Rows) -> dict[str, list[Values]]:
@@ -76,8 +110,7 @@ def _rebuild(path: Path, rows: dict[str, list[Values]]) -> None:
         catalog = Catalog(place)
         try:
             with catalog.transaction("BEGIN IMMEDIATE") as connection:
-                after = max((int(page.name.split("-")[0]) for page in pages_after(path, 0)), default=0)
-                catalog.begin_anew(Writing(connection), rows, after)
+                catalog.begin_anew(Writing(connection), rows, last_number(path))
         finally:
             catalog.close()
         if (place / BESIDE[0]).exists():  # SQLite keeps to itself that it could not fold its log in
@@ -85,8 +118,12 @@ def _rebuild(path: Path, rows: dict[str, list[Values]]) -> None:
         for page in pages_after(place, 0):
             disk.rename(page, path / LEDGER / page.name)
         disk.sync_folder(path / LEDGER)
+        if (path / FILE).exists():  # kept, and never without a name
+            kept = path / LOST_AND_FOUND / f"{FILE}.{secrets.token_hex(4)}"
+            disk.make_folder(kept.parent)
+            write_file(kept, (path / FILE).read_bytes())
         # The old log first: SQLite would play it into the new catalogue.
-        _put_away(path, [name for name in (*BESIDE, FILE) if (path / name).exists()])
+        _put_away(path, [name for name in BESIDE if (path / name).exists()])
         disk.rename(place / FILE, path / FILE)
         disk.sync_folder(path)
 
@@ -94,9 +131,17 @@ def _rebuild(path: Path, rows: dict[str, list[Values]]) -> None:
 def _check_room(path: Path) -> None:
     """Ask for the room that a repair may need, before it touches anything; RegistryError where there is none."""
     sizes = [p.stat().st_size for p in (path / FILE, path / BESIDE[0], *pages_after(path, 0)) if p.exists()]
-    probe = path / ".room.tmp-probe"
+    probe = temporary_name(path / "room")
     try:
-        write_file(probe, bytes(_SPARE + 3 * sum(sizes)))
+        descriptor = disk.create(probe)
+        try:
+            for _ in range(1 + 3 * sum(sizes) // _SPARE):
+                disk.write(descriptor, bytes(_SPARE))
+            disk.sync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise disk.refused("write", path, error) from error
     finally:
         disk.remove(probe)
 

@@ -53,14 +53,16 @@ class Writing:
 
     def follow(self, page: Page, sha256: str) -> None:
         """Do what a page of the ledger says, and note that the catalogue holds it."""
-        if page.whole:
+        if page.whole:  # the table of pages, too: `enter` begins it again
             for table in reversed(tables.SEALED):
                 self.connection.execute(delete(table))
                 self._seals[table.name] = Seal()
-        for table in reversed(tables.HELD):
-            self.remove(table, *page.removed.get(table.name, ()))
         for table in tables.HELD:
             self.put(table, *(named(table, values) for values in page.put.get(table.name, ())))
+        for table in reversed(
+            tables.HELD
+        ):  # what is removed may have been referred to by a row that was put anew
+            self.remove(table, *page.removed.get(table.name, ()))
         self.enter(page.number, sha256)
 
     def page(self) -> Page:

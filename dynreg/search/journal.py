@@ -91,10 +91,9 @@ class Journal:
 
 def damage(path: Path) -> str:
     """What shows that a journal is not as it was written, "" where nothing does; a torn last line is none."""
-    try:
-        first, *lines = path.read_bytes().split(b"\n")[:-1] or [b""]
-    except OSError as error:
-        return str(error)
+    if path.is_symlink() or not path.is_file():
+        return "no regular file"
+    first, *lines = path.read_bytes().split(b"\n")[:-1] or [b""]
     if not {"schema", "search"} <= (_checked(first) or {}).keys():
         return "its first line is damaged"
     return next((f"line {n} is damaged" for n, line in enumerate(lines, 2) if _step(line) is None), "")
