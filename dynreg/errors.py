@@ -86,6 +86,10 @@ class OldWord(FutureWarning):
     """A word that is called something else today; it still works."""
 
 
+class Damaged(UserWarning):
+    """A part of the registry that is passed over, as it is damaged; what was asked for does not need it."""
+
+
 class NotStored(UserWarning):
     """A result that is shown and not kept, as the registry may only be read."""
 

@@ -36,7 +36,7 @@ from dynreg.cli.call import (
     Shared,
 )
 from dynreg.cli.output import say
-from dynreg.errors import DynregError, NotStored, OldWord
+from dynreg.errors import Damaged, DynregError, NotStored, OldWord
 from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
@@ -158,6 +158,7 @@ def _only_own_warnings() -> None:
     warnings.simplefilter("ignore")
     warnings.simplefilter("default", OldWord)
     warnings.simplefilter("default", NotStored)
+    warnings.simplefilter("default", Damaged)
     warnings.showwarning = lambda message, *_: say(f"note: {message}")
 
 

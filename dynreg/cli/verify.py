@@ -37,5 +37,7 @@ def verify(
             expected="every stored file as it was registered",
             do="populate or ingest again what was lost"
             if repaired
+            else "run `dynreg verify --repair`"
+            if dry_run
             else "run `dynreg verify --dry-run` to see what a repair would do, then `dynreg verify --repair`",
         )

@@ -4,6 +4,7 @@ It follows the ledger, page by page, and is compared with its own seals whenever
 """
 
 import sqlite3
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +15,7 @@ from sqlalchemy.exc import DBAPIError
 import dynreg.registry.disk as disk
 import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError
+from dynreg.errors import CorruptError, Damaged
 from dynreg.registry.database import engine_for, explained
 from dynreg.registry.files import LEDGER
 from dynreg.registry.ledger import Page, last_number, pages_after, read_page, write_page
@@ -146,6 +147,12 @@ class Catalog:
         faults = broken_structure(connection) or broken_seals(connection)
         if faults:
             raise self._changed(faults[0])
+        last, root = Writing(connection).last_page()[0], self.path.parent
+        if last and not pages_after(root, last - 1) and root == self.shown.parent.absolute():
+            text = (
+                f"the ledger of {str(self.shown.parent)!r} lacks its last page; run `dynreg verify --repair`"
+            )
+            warnings.warn(text, Damaged, 2)
         _SOUND[self.path] = state
 
     def _changed(self, fault: str) -> CorruptError:

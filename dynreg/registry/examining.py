@@ -17,7 +17,7 @@ from dynreg.registry.catalog import FILE, Catalog, rows_of
 from dynreg.registry.comparing import Fault, VerifyReport, compare, differing_rows
 from dynreg.registry.database import explained
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import LEDGER
+from dynreg.registry.files import INDEX, LEDGER
 from dynreg.registry.ledger import Ledger, pages_after, read_ledger, replay
 from dynreg.registry.opening import beside, lost_catalog, may_write
 from dynreg.registry.rebuild import Rows
@@ -32,7 +32,7 @@ class Stored:
 
     rows, pages : by table; sha256 by the number of a page. faults : why it is not as dynreg left it.
     catalog, connection : for writing to it; None where its file has to be written anew. ledger : where its ledger lies.
-    usable : whether it is a sound database, whatever its rows say.
+    usable : whether it is a sound database, whatever its rows say. has_ledger : False of one of format 1.
     """
 
     rows: Rows = field(default_factory=lambda: {table.name: [] for table in tables.HELD})
@@ -42,6 +42,7 @@ class Stored:
     connection: Connection | None = None
     ledger: Path | None = None
     usable: bool = False
+    has_ledger: bool = True
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Examined:
 
     held : the rows that were put. found : what the files hold. faulty : faults of the catalogue and of the ledger.
     bad_pages : files of the ledger that cannot be used. behind : whether the ledger is ahead of the catalogue.
-    rows_lost : whether neither of them tells all.
+    rows_lost : whether pages of the ledger are lost, so that a row may be.
     """
 
     held: Rows
@@ -90,10 +91,13 @@ def stored_in(path: Path, begin: str) -> Iterator[Stored]:
 
 def _read(path: Path, connection: Connection) -> Stored:
     try:
+        if set(migrations.pending(connection)) == set(migrations.STEPS):
+            return Stored()  # its creation was cut short
         broken = broken_structure(connection, migrations.known_tables())
         rows = _named(rows_of(connection))
         if migrations.pending(connection):  # of format 1: nothing is sealed, and no page tells of it
-            return Stored(rows, faults=tuple(broken))
+            rows["files"] = [row for row in rows["files"] if not row["path"].startswith(f"{INDEX}/")]
+            return Stored(rows, faults=tuple(broken), has_ledger=False)
         pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
         return Stored(rows, pages, tuple(broken or broken_seals(connection)), usable=not broken)
     except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
@@ -110,15 +114,15 @@ def examine(path: Path, stored: Stored) -> Examined:
     gone = _ledger_faults(stored, ledger)
     told = _told(ledger)
     faults = [Fault("catalog", FILE, reason, lost=bool(gone)) for reason in stored.faults]
-    if not gone:
+    if not stored.has_ledger:
+        gone, held = {}, stored.rows
+    elif not gone:
         held = told
         if not stored.faults or stored.connection is not None:
             followed = _told(ledger, max(stored.pages, default=0))
             faults = list(differing_rows(keyed(stored.rows), keyed(followed))) or faults
-    elif not stored.faults:
-        held = stored.rows
-    else:
-        both = {name: keyed(stored.rows)[name] | keyed(told)[name] for name in told}
+    else:  # what the catalogue holds, and beside it what the pages tell that are left
+        both = {name: keyed(told)[name] | keyed(stored.rows)[name] for name in told}
         held = {name: list(rows.values()) for name, rows in both.items()}
     faulty = tuple(
         Fault("ledger", what, reason, lost=bool(stored.faults)) for what, reason in sorted(gone.items())
@@ -133,8 +137,7 @@ def examine(path: Path, stored: Stored) -> Examined:
     found = scan(path, {row["path"] for row in held["files"]})
     report = compare(held, found, [*faults, *faulty])
     behind = any(page.number > max(stored.pages, default=0) for page, _ in ledger.pages)
-    lost = bool(gone) and bool(stored.faults)
-    return Examined(held, found, (*faults, *faulty), tuple(ledger.bad), behind, lost, report)
+    return Examined(held, found, (*faults, *faulty), tuple(ledger.bad), behind, bool(gone), report)
 
 
 def _ledger_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:
@@ -142,8 +145,16 @@ def _ledger_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:
     present = {page.number: sha256 for page, sha256 in ledger.pages}
     begins = min(present, default=0)
     gone = [n for n, sha256 in stored.pages.items() if n >= begins and present.get(n) != sha256]
+    if not ledger.pages and not ledger.bad and stored.faults:
+        return {LEDGER: "it has no page"}
     return dict(ledger.bad) | (
-        {f"{LEDGER}/{min(gone):08d}": f"{len(gone)} pages are missing"} if gone else {}
+        {
+            f"{LEDGER}/{min(gone):08d}": f"it is missing, and {len(gone) - 1} more"
+            if len(gone) > 1
+            else "it is missing"
+        }
+        if gone
+        else {}
     )
 
 

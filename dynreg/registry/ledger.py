@@ -123,8 +123,13 @@ def read_ledger(root: Path) -> Ledger:
     expected, before = 1, ""
     for page, sha256 in pages:
         if not page.whole and (page.number, page.before) != (expected, before):
-            missing = f"page {expected}" if page.number > expected else f"what page {page.number} follows"
-            bad[f"{LEDGER}/{page.number:08d}"] = f"{missing} is missing"
+            bad[f"{LEDGER}/{page.number:08d}"] = (
+                "there are two of this number: copies of the registry were put together"
+                if page.number < expected
+                else f"page {expected} is missing"
+                if page.number > expected
+                else "it does not follow the page before"
+            )
         expected, before = page.number + 1, sha256
     return Ledger(tuple(pages), bad)
 

@@ -25,6 +25,7 @@ from dynreg.registry.files import (
     is_temporary,
     open_regular,
     temporary_name,
+    unreadable,
     write_file,
 )
 from dynreg.registry.ledger import pages_after
@@ -43,6 +44,12 @@ def open_directory(path: Path, create: bool) -> Directory:
     CorruptError : the catalogue is lost or damaged.
     """
     made = not path.exists()
+    if lost_marker(path):
+        raise CorruptError(
+            f"the marker {str(path / MARKER)!r} is missing or damaged",
+            expected="the marker of a registry, as a catalogue and a ledger lie beside it",
+            do="run `dynreg verify --repair`, which writes it anew",
+        )
     if not (path / MARKER).is_file():
         _create(path, create)
     check_marker(path)
@@ -58,7 +65,7 @@ def open_directory(path: Path, create: bool) -> Directory:
     make_folders(path)
     catalog = Catalog(path)
     if _version(path) != VERSION:
-        _write_marker(path)
+        write_marker(path)
     return Directory(path, catalog, made=made)
 
 
@@ -92,6 +99,11 @@ def lost_catalog(path: Path) -> bool:
         return False
     folders = [path / name for name in (*CONTENTS, LEDGER)]
     return any(not is_temporary(p.name) for f in folders if f.is_dir() for p in f.iterdir())
+
+
+def lost_marker(path: Path) -> bool:
+    """Whether a registry lies at `path` whose marker is missing or damaged."""
+    return _version(path) is None and (path / FILE).is_file() and (path / LEDGER).is_dir()
 
 
 def check_marker(path: Path) -> None:
@@ -175,11 +187,17 @@ def _version(path: Path) -> int | None:
         with open_regular(path / MARKER) as stream:
             marker = json.loads(stream.read(_MARKER_BYTES))
         return int(marker["version"]) if marker["format"] == "dynreg-registry" else None
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
+    except OSError as error:
+        problem = unreadable(path / MARKER, error)
+        if isinstance(problem, CorruptError):
+            return None
+        raise problem from error
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 
-def _write_marker(path: Path) -> None:
+def write_marker(path: Path) -> None:
+    """Write the marker of a registry of this version's format."""
     marker = {"format": "dynreg-registry", "version": VERSION}
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
@@ -195,7 +213,7 @@ def _create(path: Path, create: bool) -> None:
         problem = f"there is no registry at {str(path)!r}"
     else:
         disk.make_folder(path.absolute())
-        _write_marker(path)
+        write_marker(path)
         return
     raise RegistryError(
         problem,

@@ -126,9 +126,9 @@ def _check_name(name: str | None) -> None:
     if name is None:
         return
     plain = name and name == name.strip() and name.isprintable()
-    if not plain or name.startswith("@") or _IS_HASH.fullmatch(name):
+    if not plain or name.startswith(("@", "-")) or _IS_HASH.fullmatch(name):
         raise RegistryError(
             f"{name!r} cannot be a recording's name",
-            expected="printable text that does not begin with '@' and is no 64-digit hash",
+            expected="printable text that does not begin with '@' or '-' and is no 64-digit hash",
             do="give another --name",
         )

@@ -20,7 +20,7 @@ import dynreg.registry.references as references
 import dynreg.registry.robots as robots
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
-from dynreg.errors import NotStored, RegistryError
+from dynreg.errors import CorruptError, Damaged, NotStored, RegistryError
 from dynreg.folder import Folder
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import SEARCHES
@@ -125,11 +125,17 @@ class Registry:
         return populations.get_population(self.directory, self._id(ref, "population"))
 
     def populations(self) -> tuple[PopulationRecord, ...]:
-        """All populations, by name and id."""
+        """All populations whose files are sound, by name and id; of others a warning tells (`Damaged`)."""
         table = tables.populations
         with self.directory.catalog.read() as connection:
             ids = connection.execute(select(table.c.id).order_by(table.c.name, table.c.id)).scalars().all()
-        return tuple(populations.get_population(self.directory, identity) for identity in ids)
+        found = []
+        for identity in ids:
+            try:
+                found.append(populations.get_population(self.directory, identity))
+            except CorruptError as error:
+                warnings.warn(f"population {identity[:12]} is passed over: {error.problem}", Damaged, 2)
+        return tuple(found)
 
     def count(self, ref: str) -> int:
         """Entries that a population holds now."""

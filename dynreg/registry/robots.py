@@ -55,9 +55,9 @@ def robot_folder(directory: Directory, robot_hash: str) -> Path:
     for relative, sha256 in _covered(manifest).items():
         if not directory.holds(StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", sha256)):
             raise CorruptError(
-                f"robot {robot_hash[:12]} has lost its {relative!r}",
+                f"robot {robot_hash[:12]} has lost its {relative!r}, or it was changed",
                 expected="the folder as it was registered",
-                do="register the robot again from its own folder",
+                do="ingest a log or populate with the robot's own folder again: that puts its copy right",
             )
     put_here = directory.home / ROBOTS / robot_hash
     return put_here if put_here.is_dir() else directory.path / ROBOTS / robot_hash

@@ -59,6 +59,7 @@ class Found:
     simulators: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, dict[str, Any]] = field(default_factory=dict)
     bad: dict[str, str] = field(default_factory=dict)
+    hashes: dict[str, str] = field(default_factory=dict)  # sha256 of every file, by its path
 
 
 def scan(root: Path, registered: set[str]) -> Found:
@@ -88,6 +89,7 @@ def scan(root: Path, registered: set[str]) -> Found:
         except OSError as error:
             found.bad[relative] = _damage(unreadable(path, error))
             continue
+        found.hashes[relative] = file.sha256
         try:
             if folder != ROBOTS and not path.stem.endswith(f"-{file.sha256[:16]}"):
                 raise unreadable(path, "its bytes do not fit the hash in its name")

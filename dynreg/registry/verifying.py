@@ -10,7 +10,7 @@ import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog
-from dynreg.registry.comparing import VerifyReport
+from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.examining import Examined, examine, keyed, stored_in
 from dynreg.registry.files import (
     CACHE,
@@ -26,36 +26,54 @@ from dynreg.registry.files import (
     write_file,
 )
 from dynreg.registry.ledger import last_number, pages_after
-from dynreg.registry.opening import check_links, check_marker, lost_catalog, make_folders, may_write
+from dynreg.registry.opening import (
+    MARKER,
+    check_links,
+    check_marker,
+    lost_catalog,
+    lost_marker,
+    make_folders,
+    may_write,
+    write_marker,
+)
 from dynreg.registry.rebuild import Rows, manifest_of, new_rows, paths_in
 from dynreg.registry.tables import Values, values_of
 from dynreg.registry.writing import Writing
 
 # Bytes: a repair asks for so many beside three times the catalogue and the ledger, of which it makes copies.
-_SPARE = 8 << 20
+_SPARE = 1 << 20
 
 
 def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyReport:
     """Compare catalogue, ledger and files of the registry at `path`, hash by hash and row by row.
 
     With `repair` catalogue and ledger are brought in line with the files: lost entries are taken out, so that a
-    populate computes them again; damaged and added files are moved to `lost+found/`; where catalogue and ledger have
-    both lost rows, sound files that no row knows are adopted; a damaged catalogue is written anew beside the old one and takes its place at the end. Populations
-    and robots that lost their own files stay, to be healed by putting them again. Other writers wait meanwhile. With
-    `dry_run` nothing is changed, and the faults say what a repair would do.
+    populate computes them again; damaged and added files are moved to `lost+found/`; files under other names get their
+    own again; where pages of the ledger are lost, sound files that no row knows are adopted; a damaged catalogue is
+    written anew beside the old one and takes its place at the end. Populations and robots that lost their own files
+    stay, to be healed by putting them again. Other writers wait meanwhile. With `dry_run` nothing is changed, and the
+    faults say what a repair would do.
 
     Raises RegistryError when there is no registry at `path`, a part of it is a link, or its disk is full, fails or may
     not be written for a repair: nothing is changed then.
     """
     path = Path(path)
-    check_marker(path)
+    unmarked = lost_marker(path)
+    if not unmarked:
+        check_marker(path)
     check_links(path)
+    marker = (Fault("marker", MARKER, "it is missing or damaged", lost=False),) if unmarked else ()
     if dry_run or not repair:
         with stored_in(path, "BEGIN") as stored:
             report = examine(path, stored).report
+        report = replace(report, faults=(*marker, *report.faults))
         return _with_words(report, "would be ") if dry_run else report
     if not may_write(path):
-        raise RegistryError(f"{str(path)!r} is read-only", expected="a writable registry", do="copy it first")
+        raise RegistryError(
+            f"{str(path)!r} is read-only",
+            expected="a writable registry",
+            do="copy it, or mend its permissions",
+        )
     _check_room(path)
     make_folders(path)
     with try_lock(path / LOCKS / "repair.lock") as mine:
@@ -65,7 +83,10 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
                 expected="one repair at a time",
                 do="wait for it to end",
             )
-        return _with_words(_repaired(path))
+        report = _repaired(path)
+        if unmarked:
+            write_marker(path)
+        return _with_words(replace(report, faults=(*marker, *report.faults)))
 
 
 def _repaired(path: Path) -> VerifyReport:
@@ -74,6 +95,9 @@ def _repaired(path: Path) -> VerifyReport:
             Catalog(path).close()
     with stored_in(path, "BEGIN IMMEDIATE") as stored:
         examined = examine(path, stored)
+        back = _put_back(path, examined)
+        if back:
+            examined = examine(path, stored)
         rows = new_rows(path, examined.held, examined.found, adopt=examined.rows_lost)
         changed = bool(examined.faulty) or examined.behind or keyed(rows) != keyed(examined.held)
         if changed and stored.connection is not None:
@@ -85,7 +109,46 @@ def _repaired(path: Path) -> VerifyReport:
             _rebuild(path, _values(rows))
         _put_away(path, _strays(rows, examined))
     sweep(path)
-    return examined.report
+    faults = (*back, *_nameless(rows, examined), *examined.report.faults)
+    return replace(examined.report, faults=faults)
+
+
+def _put_back(path: Path, examined: Examined) -> list[Fault]:
+    """Give registered files their names again, whose bytes lie under others; what was done."""
+    wanted = {row["sha256"]: row["path"] for row in examined.held["files"]}
+    missing = {
+        sha256: name
+        for sha256, name in wanted.items()
+        if examined.found.hashes.get(name) != sha256 and sha256 in examined.found.hashes.values()
+    }
+    named = {sha256: name for name, sha256 in examined.found.hashes.items() if name not in wanted.values()}
+    named |= {
+        sha256: name
+        for name, sha256 in examined.found.hashes.items()
+        if wanted.get(sha256) not in (None, name)
+    }
+    moves = [(named[sha256], name) for sha256, name in missing.items() if sha256 in named]
+    beside = [(old, temporary_name(path / new), path / new) for old, new in moves]
+    for old, hidden, _ in beside:  # two files may have each other's names
+        disk.rename(path / old, hidden)
+    for _, hidden, new in beside:
+        disk.rename(hidden, new)
+        disk.sync_folder(new.parent)
+    return [
+        Fault("file", new, f"its bytes lay in {old}", lost=False, mended="has its name again")
+        for old, new in moves
+    ]
+
+
+def _nameless(rows: Rows, examined: Examined) -> list[Fault]:
+    """Recordings that got rows from their files alone: nothing tells their names, or which was the last."""
+    known = {row["id"] for row in examined.held["recordings"]}
+    problem = "with catalogue and ledger went its names and its place in the order"
+    return [
+        Fault("recording", row["id"][:12], problem, lost=True, mended="entered again without a name")
+        for row in rows["recordings"]
+        if row["id"] not in known
+    ]
 
 
 def _strays(rows: Rows, examined: Examined) -> list[str]:
@@ -141,12 +204,18 @@ def _check_room(path: Path) -> None:
         finally:
             os.close(descriptor)
     except OSError as error:
-        raise disk.refused("write", path, error) from error
+        needed = (_SPARE + 3 * sum(sizes)) / 1e6
+        raise RegistryError(
+            f"a repair of {str(path)!r} may need {needed:.1f} MB: {error.strerror}",
+            expected="so much room on its disk",
+            do="free some space, then run the same command again; nothing was changed",
+        ) from error
     finally:
         disk.remove(probe)
 
 
 _MENDED = {
+    "marker": "written anew",
     "catalog": "written anew from the ledger and the stored files",
     "ledger": "begun anew from what is held",
     "shard": "taken out of the catalogue; a populate computes it again",
@@ -165,7 +234,8 @@ _MENDED = {
 def _with_words(report: VerifyReport, before: str = "") -> VerifyReport:
     """The report with what a repair does to each fault, or `before` it what it would."""
     said = {kind: before + text for kind, text in _MENDED.items()}
-    return replace(report, faults=tuple(replace(f, mended=said.get(f.kind)) for f in report.faults))
+    faults = tuple(replace(f, mended=f.mended or said.get(f.kind)) for f in report.faults)
+    return replace(report, faults=faults)
 
 
 def _put_away(root: Path, names: list[str]) -> None:

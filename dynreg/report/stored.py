@@ -80,8 +80,7 @@ def _entry(result: EntrySummary) -> RenderableType:
 def _verification(result: Verification) -> Group:
     counts = ", ".join(f"{what} {how_many}" for what, how_many in result.checked.items())
     state = "sound" if result.clean else count(len(result.faults), "fault")
-    lines = [f"- {fault}" for fault in result.faults] + [f"mended: {done}" for done in result.repaired]
-    lines += [f"lost: {what}" for what in result.lost]
+    lines = [f"{'lost' if fault in result.lost else '-'}: {fault}" for fault in result.faults]
     return Group(Text(f"{result.registry}: {state} ({counts})", style="bold"), *map(Text, lines))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from dynreg.data.recording import Channel
 from dynreg.distance.embedding import Embedding, fit_embedding
 from dynreg.distance.population import Entries, Population, Shared, Training, cross_loss
+from dynreg.errors import CorruptError, NoMatchError
 from dynreg.index import Counted, Graph, GraphSettings, build
 from dynreg.models.mlp import MlpStack
 from dynreg.neighbours.entries import (
@@ -52,7 +53,7 @@ def begin(
     """The id of a population, and what its entries share: as the registry holds it, else made."""
     identity = population_id(robot, plan.seed, plan.training)
     registry.put_robot(robot.files, robot.hash, robot.name)
-    known = {record.id: record for record in registry.populations()}.get(identity)
+    known = _held(registry, identity)
     if known is not None:
         if plan.n > known.size:
             registry.put_population(replace(known, size=plan.n))
@@ -75,6 +76,14 @@ def begin(
     )
     registry.put_population(record)
     return identity, shared
+
+
+def _held(registry: Registry, identity: str) -> PopulationRecord | None:
+    """The population as the registry holds it; None where it is new or its file is lost, so that it is put again."""
+    try:
+        return registry.population(identity)
+    except (NoMatchError, CorruptError):
+        return None
 
 
 def fill(

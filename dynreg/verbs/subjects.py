@@ -118,7 +118,7 @@ def population_for(registry: Registry, recording: str, ref: str | None) -> tuple
     records = registry.populations()
     if ref is not None:
         identity = registry.resolve(ref, ("population",))[1]
-        record = next(r for r in records if r.id == identity)
+        record = registry.population(identity)
     else:
         record = _only_population(registry, info.robot_hash, records)
     if record.robot_hash != info.robot_hash:

@@ -1,16 +1,21 @@
 """Nothing that was changed from outside is answered with, and `verify` finds each change of a value."""
 
+import hashlib
 import json
 import os
 import shutil
 import sqlite3
 from pathlib import Path
 
+import numpy as np
 import pytest
 from flips import answers, flipped, found, judged, make, wrong
+from registry_contents import ROBOT, make_population, make_recording
 
-from dynreg.errors import CorruptError, DynregError, RegistryError
-from dynreg.registry import Registry, tables, verify
+from dynreg.data.recording import Recording
+from dynreg.errors import CorruptError, Damaged, DynregError, RegistryError
+from dynreg.registry import Registry, tables, verify, verifying
+from dynreg.registry.files import try_lock
 
 
 @pytest.fixture(scope="module")
@@ -302,3 +307,157 @@ def test_a_stored_file_that_asks_for_more_than_the_limit_is_refused(work, monkey
         for ask in (lambda: registry.load("bench"), lambda: registry.recording("first run")):
             with pytest.raises(CorruptError, match="at most 20 .*DYNREG_MAX_NUMBERS"):
                 ask()
+
+
+@pytest.mark.parametrize(
+    "damage", [Path.unlink, lambda p: p.write_text("{}"), lambda p: p.write_bytes(b"\xff")]
+)
+def test_a_lost_marker_is_written_anew(work, right, damage):
+    damage(work / "dynreg.json")
+    with pytest.raises(CorruptError, match="verify --repair"):
+        Registry.open(work)
+    assert [fault.kind for fault in verify(work).faults] == ["marker"]
+    verify(work, repair=True)
+    assert verify(work).faults == () and answers(work) == right
+
+
+def test_files_under_other_names_get_their_own_again(work, right):
+    first, second = sorted((work / "shards").glob("*.parquet"))[:2]
+    first.rename(work / "kept")
+    second.rename(first)
+    (work / "kept").rename(second)
+    recording = next((work / "recordings").iterdir())
+    recording.rename(work / "recordings" / "run.parquet")
+    next((work / "populations").iterdir()).rename(work / "populations" / "bench.safetensors")
+    report = verify(work, repair=True)
+    assert [fault.kind for fault in report.faults] == ["file"] * 4 and not report.lost
+    assert verify(work).faults == () and answers(work) == right
+
+
+def test_without_catalogue_and_ledger_the_files_come_back_and_what_is_lost_is_said(work, right):
+    (work / "catalog.sqlite").unlink()
+    shutil.rmtree(work / "ledger")
+    lost = verify(work, repair=True).lost
+    assert [fault.kind for fault in lost if "names" in fault.problem] == ["recording"] * 2
+    assert verify(work).faults == ()
+    with Registry.open(work) as registry:
+        assert registry.load("bench").ids == right["entries"][0] and len(registry.recordings()) == 2
+        assert len(registry.ids("result")) == 2 and len(registry.ids("simulator")) == 1
+
+
+def test_copies_that_were_put_together_keep_the_rows_of_both(work, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(work, other)
+    for path, seed, name in ((work, 7, "here"), (other, 8, "there")):
+        with Registry.open(path) as registry:
+            registry.put_recording(make_recording(seed), ROBOT, name)
+    shutil.copytree(other, work, dirs_exist_ok=True)
+    faults = verify(work).faults
+    assert {fault.kind for fault in faults} == {"ledger"} and "two of this number" in faults[0].problem
+    verify(work, repair=True)
+    assert verify(work).faults == ()
+    with Registry.open(work) as registry:
+        assert {"here", "there"} <= {name for info in registry.recordings() for name in info.names}
+
+
+def test_a_lost_population_hides_nothing_else_and_is_put_again(work):
+    next((work / "populations").iterdir()).unlink()
+    with Registry.open(work) as registry:
+        with pytest.warns(Damaged, match="passed over"):
+            assert registry.populations() == ()
+        assert len(registry.recordings()) == 2
+        registry.put_population(make_population())
+        assert registry.load("bench").ids
+    assert verify(work).faults == ()
+
+
+def _healed_and_cut_short(work) -> None:
+    recording = make_recording(1)
+    next(p for p in (work / "recordings").iterdir() if p.name.startswith(recording.id[:16])).write_bytes(
+        b"junk"
+    )
+    other = Recording(recording.channels, recording.episodes, provenance={"source": "copy.csv"})
+    shutil.copy(work / "catalog.sqlite", work.parent / "yesterday")
+    with Registry.open(work) as registry:
+        registry.put_recording(other, ROBOT)
+    shutil.copy(work.parent / "yesterday", work / "catalog.sqlite")
+
+
+def test_a_page_that_removes_is_followed(work):
+    """A damaged recording that is put again under another provenance gets another file; the old row goes."""
+    _healed_and_cut_short(work)
+    with Registry.open(work) as registry:
+        assert registry.recording("first run").provenance == {"source": "copy.csv"}
+    assert not verify(work).lost
+
+
+def test_two_repairs_do_not_run_at_once(work):
+    (work / "catalog.sqlite").write_bytes(b"junk" * 3000)
+    with (
+        try_lock(work / "locks" / "repair.lock"),
+        pytest.raises(RegistryError, match="another process repairs"),
+    ):
+        verify(work, repair=True)
+    verify(work, repair=True)
+    assert verify(work).faults == ()
+
+
+def test_a_put_during_a_repair_keeps_its_files(work, monkeypatch):
+    """What a waiting writer has brought to disk is not put away by the repair that it waits for."""
+    healed = make_recording(1)
+    damaged = next(p for p in (work / "recordings").iterdir() if p.name.startswith(healed.id[:16]))
+    whole = damaged.read_bytes()
+    damaged.write_bytes(b"junk")
+    put_away = verifying._put_away
+
+    def slow(root, names):
+        damaged.write_bytes(whole)  # a put stages it, and waits for the lock
+        put_away(root, names)
+
+    monkeypatch.setattr(verifying, "_put_away", slow)
+    verify(work, repair=True)
+    with Registry.open(work) as registry:
+        registry.put_recording(healed, ROBOT)
+        assert registry.recording(healed.id).id == healed.id
+    assert verify(work).faults == ()
+
+
+STRAYS = {
+    "shards": [("states", b"PAR1"), ("rest", b"junk")],
+    "populations": [("x", b"junk")],
+    "results": [("kind-0123456789abcdef", b"[1]"), ("k\xff-0-0", b"{}")],
+    "simulators": [("simulator", b"[]")],
+    "ledger": [("999999999999", b"{}")],
+    "robots": [("odd", b"x")],
+}
+
+
+@pytest.mark.parametrize("folder", STRAYS)
+def test_after_any_stray_a_repair_leaves_a_registry_that_answers_and_a_second_one_changes_nothing(
+    work, right, folder, registry_snapshot
+):
+    for stem, data in STRAYS[folder]:
+        suffix = {"shards": "parquet", "populations": "safetensors"}.get(folder, "json")
+        digest = hashlib.sha256(data).hexdigest()[:16]
+        (work / folder / f"{stem}-{digest}.{suffix}").write_bytes(data)
+    verify(work, repair=True)
+    assert verify(work).faults == () and answers(work) == right
+    before = registry_snapshot(work)
+    verify(work, repair=True)
+    assert registry_snapshot(work) == before
+
+
+def test_a_dry_run_leaves_a_registry_of_format_1_as_it_is(tmp_path, registry_snapshot):
+    shutil.unpack_archive(Path(__file__).with_name("format_1.zip"), tmp_path / "old")
+    before = registry_snapshot(tmp_path / "old")
+    assert verify(tmp_path / "old").faults == () == verify(tmp_path / "old", repair=True, dry_run=True).faults
+    assert registry_snapshot(tmp_path / "old") == before
+
+
+def test_numbers_and_texts_of_numpy_are_stored_as_plain_ones(work):
+    with Registry.open(work) as registry:
+        registry.put_recording(make_recording(5), ROBOT, np.str_("fifth"))
+        registry.put_population(make_population(np.int64(12)))
+    with Registry.open(work) as registry:
+        assert registry.population("bench").size == 12 and registry.resolve("fifth")
+    assert verify(work).faults == ()

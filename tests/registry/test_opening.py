@@ -109,15 +109,26 @@ def _half_a_catalogue(path: Path) -> None:
     (path / "catalog.sqlite").write_bytes((path / "catalog.sqlite").read_bytes()[:2000])
 
 
+def _leave_one_file(path: Path) -> None:
+    shutil.rmtree(path)
+    path.mkdir()
+    (path / "thesis.tex").write_text("")
+
+
 REFUSED = {
     "missing": (shutil.rmtree, RegistryError, "there is no registry at"),
-    "not a registry": (lambda p: (p / "dynreg.json").unlink(), RegistryError, "not a registry"),
+    "lost marker": (lambda p: (p / "dynreg.json").unlink(), CorruptError, "marker .* verify --repair"),
+    "not a registry": (_leave_one_file, RegistryError, "not a registry"),
     "newer format": (
         lambda p: (p / "dynreg.json").write_text(json.dumps({"format": "dynreg-registry", "version": 99})),
         RegistryError,
         "upgrade dynreg",
     ),
-    "other marker": (lambda p: (p / "dynreg.json").write_text("[]"), RegistryError, "not the marker"),
+    "other marker": (
+        lambda p: (p / "dynreg.json").write_text("[]"),
+        CorruptError,
+        "marker .* verify --repair",
+    ),
     "newer catalogue": (_newer_catalogue, RegistryError, "9999_future.*upgrade"),
     "lost catalogue": (lambda p: (p / "catalog.sqlite").unlink(), CorruptError, "is lost"),
     "half a catalogue": (_half_a_catalogue, CorruptError, "damaged"),

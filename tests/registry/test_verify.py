@@ -95,7 +95,7 @@ def test_reading_what_is_damaged_is_an_error_that_names_the_next_step(registry):
     _flip(_one(registry.path, "index/*"))
     for read in (registry.recording, registry.load, registry.population, registry.robot_folder):
         ref = {"recording": "first run", "robot_folder": "arm"}.get(read.__name__, "bench")
-        with pytest.raises(CorruptError, match="repair|register the robot again") as error:
+        with pytest.raises(CorruptError, match="repair|with the robot's own folder again") as error:
             read(ref)
         assert error.value.exit_status == 3
     assert registry.index("bench", "landmarks") is None
@@ -160,7 +160,9 @@ def test_files_that_a_killed_process_left_are_no_fault_and_serve_the_next_put(re
     assert report.faults == () and len(report.leftovers) == (2 if what == "entries" else 1)
     assert registry.content_hash() == content
     verify(registry.path, repair=True)
-    assert registry.content_hash() == content and len(verify(registry.path).leftovers) == len(report.leftovers)
+    assert registry.content_hash() == content and len(verify(registry.path).leftovers) == len(
+        report.leftovers
+    )
     put()
     assert registry.content_hash() != content
     assert verify(registry.path).leftovers == () == verify(registry.path).faults
