@@ -65,6 +65,8 @@ def judge(target: Target, data: bytes, seconds: float = SECONDS) -> Verdict:
         verdict = _refused(error)
     except Hung as error:
         verdict = Verdict("hang", _place(error), traceback.format_exc())
+    except MemoryError as error:
+        verdict = Verdict("memory", f"MemoryError at {_place(error)}", traceback.format_exc())
     except BaseException as error:
         verdict = Verdict("crash", f"{type(error).__name__} at {_place(error)}", traceback.format_exc())
     left = _left_behind() - held
