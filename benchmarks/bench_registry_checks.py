@@ -53,11 +53,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--against", type=Path, required=True, help="an older checkout of dynreg")
+    parser.add_argument(
+        "--against", type=Path, help="an older checkout of dynreg; else this one alone is timed"
+    )
     parser.add_argument("--entries", type=int, default=4000)
     parser.add_argument("--rounds", type=int, default=7)
     given = parser.parse_args()
-    places = {"before": given.against.resolve(), "now": HERE.parent.resolve()}
+    places = {"before": given.against, "now": HERE.parent}
+    places = {side: place.resolve() for side, place in places.items() if place is not None}
     with tempfile.TemporaryDirectory() as folder:
         log = write_log(Path(folder))
         told = {
@@ -70,8 +73,9 @@ def main() -> None:
             print(f"round {number + 1}: " + json.dumps(rounds[-1]), flush=True)
     out = {"entries": given.entries, "populate": told, "calls": table(rounds)}
     print_table(out)
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "registry_checks.json").write_text(json.dumps(out, indent=1) + "\n")
+    if given.against:
+        RESULTS.mkdir(exist_ok=True)
+        (RESULTS / "registry_checks.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 def write_log(folder: Path) -> Path:
@@ -106,7 +110,7 @@ def table(rounds: list[dict]) -> dict[str, dict[str, dict[str, float]]]:
                 side: median(
                     sum(r[side][n]) if step == "all" else r[side][n][i] for r in rounds for n in numbers
                 )
-                for side in ("before", "now")
+                for side in rounds[0]
             }
     return out
 
@@ -114,7 +118,12 @@ def table(rounds: list[dict]) -> dict[str, dict[str, dict[str, float]]]:
 def print_table(out: dict) -> None:
     """Medians in seconds of process time, and their ratios."""
     populate = {side: told["populate"] for side, told in out["populate"].items()}
-    print(f"\n{out['entries']} entries{'before s':>22}{'now s':>10}{'ratio':>8}")
+    print(
+        f"\n{out['entries']} entries"
+        + " " * 14
+        + "".join(f"{side + ' s':>10}" for side in populate)
+        + "     ratio"
+    )
     rows = [("populate and ingest", populate)]
     rows += [
         (f"{call} call, {step}", sides)
@@ -122,7 +131,8 @@ def print_table(out: dict) -> None:
         for step, sides in steps.items()
     ]
     for name, sides in rows:
-        print(f"{name:26}{sides['before']:10.3f}{sides['now']:10.3f}{sides['now'] / sides['before']:8.2f}")
+        ratio = f"{sides['now'] / sides['before']:10.2f}" if "before" in sides else ""
+        print(f"{name:26}" + "".join(f"{seconds:10.3f}" for seconds in sides.values()) + ratio)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import re
 import string
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -187,6 +187,29 @@ def factors(entry: ChannelMap, channel: ChannelSpec) -> tuple[float, float]:
     return factor * entry.scale, factor * entry.offset + shift
 
 
+def odd_text(texts: Sequence[Any]) -> str:
+    """The first text of a column that is no number, its row, and how many there are.
+
+    >>> odd_text(["0.5", "ERR", "1,5"])
+    "'ERR' in row 2 (2 of 3 are no numbers)"
+    """
+    odd = [(row, str(text)) for row, text in enumerate(texts, 1) if not _is_number(text)]
+    if not odd:
+        return f"{str(texts[0])!r} in row 1 (numbers kept as text)"
+    commas = all(re.fullmatch(r"[-+]?\d+,\d+", text) for _, text in odd)
+    return f"{odd[0][1]!r} in row {odd[0][0]} ({len(odd)} of {len(texts)} are no numbers)" + (
+        ": decimal commas" if commas else ""
+    )
+
+
+def _is_number(text: Any) -> bool:
+    try:
+        float(text)
+    except (TypeError, ValueError):
+        return text is None or not str(text).strip()
+    return True
+
+
 def identity_map(spec: RecordingSpec, sources: Mapping[str, Any], labels: Mapping[str, Any]) -> LogMap:
     """The map of a table whose columns are named like the robot's channels and settings (and `episode`).
 
@@ -195,9 +218,9 @@ def identity_map(spec: RecordingSpec, sources: Mapping[str, Any], labels: Mappin
     for channel in spec.channels:
         if channel.name in labels:
             raise MapError(
-                f"column {channel.name!r} holds text such as {str(labels[channel.name][0])!r}",
-                expected="numbers alone",
-                do="mend the log",
+                f"column {channel.name!r} holds text: {odd_text(labels[channel.name])}",
+                expected="numbers with a decimal point, or empty cells, alone",
+                do="write the column as numbers, and empty the other cells",
             )
         if not channel.optional and channel.name not in sources:
             raise MapError(

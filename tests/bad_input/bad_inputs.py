@@ -688,7 +688,7 @@ REGISTRIES = [
         "99",
         prepare=_overwrite("dynreg.json", b'{"format": "dynreg-registry", "version": 99}'),
     ),
-    Bad("a marker that is junk", "list", "dynreg.json", prepare=_overwrite("dynreg.json", b"\x00\xff")),
+    Bad("a marker that is junk", "list", "dynreg.json", 3, prepare=_overwrite("dynreg.json", b"\x00\xff")),
     Bad("a catalogue of a newer version", "list", "future", prepare=_newer_catalogue),
     Bad(
         "a catalogue that is junk",

@@ -69,8 +69,12 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
             return name
     held = next((name for name in wanted if name in names), None)
     if held is not None:
-        told = f"{path.name!r}: the time column {held!r} does not hold numbers"
-    elif options.time:
+        raise LogError(
+            f"{path.name!r}: the time column {held!r} does not hold numbers",
+            expected="numbers with a decimal point in every row below one header line",
+            do="export the log so: without a line of units, comments, decimal commas or a second header",
+        )
+    if options.time:
         told = f"{path.name!r} has no time column {options.time!r}"
     else:
         told = f"{path.name!r} has no column that looks like time"
