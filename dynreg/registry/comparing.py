@@ -18,9 +18,10 @@ Keyed = Mapping[str, Mapping[Key, Mapping[str, Any]]]  # rows by table and key
 class Fault:
     """One thing that is not as it was registered.
 
-    `kind` is "marker", "catalog", "ledger", "file", "robot", "population", "shard", "entries", "recording",
-    "simulator", "result", "index", "cache", "search", "row" or "stray"; `what` names it; `lost` tells that data are
-    gone which the registry cannot bring back by itself; `mended` says what a repair did, None where it did nothing.
+    `kind` is "marker", "catalog", "ledger", "file" (one under another name), "robot", "population", "shard", "entries",
+    "recording", "recording name", "simulator", "result", "index", "cache", "search", "row" or "stray"; `what` names it;
+    `lost` tells that data are gone which the registry cannot bring back by itself; `mended` says what a repair did,
+    None where it did nothing.
     """
 
     kind: str

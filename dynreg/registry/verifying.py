@@ -65,9 +65,9 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
     marker = (Fault("marker", MARKER, "it is missing or damaged", lost=False),) if unmarked else ()
     if dry_run or not repair:
         with stored_in(path, "BEGIN") as stored:
-            report = examine(path, stored).report
-        report = replace(report, faults=(*marker, *report.faults))
-        return _with_words(report, "would be ") if dry_run else report
+            examined = examine(path, stored)
+        report = replace(examined.report, faults=(*marker, *examined.report.faults))
+        return _with_words(_foreseen(path, examined, report), "would be ") if dry_run else report
     if not may_write(path):
         raise RegistryError(
             f"{str(path)!r} is read-only",
@@ -113,39 +113,49 @@ def _repaired(path: Path) -> VerifyReport:
     return replace(examined.report, faults=faults)
 
 
+def _misnamed(examined: Examined) -> list[tuple[str, str]]:
+    """(name that it has, name that it was registered under) of files whose registered name is gone or another's."""
+    hashes = examined.found.hashes
+    right = {row["path"]: row["sha256"] for row in examined.held["files"]}
+    free = {sha256: name for name, sha256 in hashes.items() if right.get(name) != sha256}
+    return [
+        (free[sha256], name)
+        for name, sha256 in right.items()
+        if hashes.get(name) != sha256 and sha256 in free
+    ]
+
+
 def _put_back(path: Path, examined: Examined) -> list[Fault]:
     """Give registered files their names again, whose bytes lie under others; what was done."""
-    wanted = {row["sha256"]: row["path"] for row in examined.held["files"]}
-    missing = {
-        sha256: name
-        for sha256, name in wanted.items()
-        if examined.found.hashes.get(name) != sha256 and sha256 in examined.found.hashes.values()
-    }
-    named = {sha256: name for name, sha256 in examined.found.hashes.items() if name not in wanted.values()}
-    named |= {
-        sha256: name
-        for name, sha256 in examined.found.hashes.items()
-        if wanted.get(sha256) not in (None, name)
-    }
-    moves = [(named[sha256], name) for sha256, name in missing.items() if sha256 in named]
+    moves = _misnamed(examined)
     beside = [(old, temporary_name(path / new), path / new) for old, new in moves]
     for old, hidden, _ in beside:  # two files may have each other's names
         disk.rename(path / old, hidden)
     for _, hidden, new in beside:
         disk.rename(hidden, new)
         disk.sync_folder(new.parent)
-    return [
-        Fault("file", new, f"its bytes lay in {old}", lost=False, mended="has its name again")
-        for old, new in moves
-    ]
+    return _moved(moves)
+
+
+def _moved(moves: list[tuple[str, str]]) -> list[Fault]:
+    return [Fault("file", new, f"its bytes lie in {old}", lost=False) for old, new in moves]
+
+
+def _foreseen(path: Path, examined: Examined, report: VerifyReport) -> VerifyReport:
+    """The report with what a repair would add to it: files that get their names again, recordings that get none."""
+    moves = _misnamed(examined)
+    there = {name for move in moves for name in move}
+    rows = new_rows(path, examined.held, examined.found, adopt=examined.rows_lost)
+    kept = [fault for fault in report.faults if fault.what not in there]
+    return replace(report, faults=(*_moved(moves), *_nameless(rows, examined), *kept))
 
 
 def _nameless(rows: Rows, examined: Examined) -> list[Fault]:
     """Recordings that got rows from their files alone: nothing tells their names, or which was the last."""
     known = {row["id"] for row in examined.held["recordings"]}
-    problem = "with catalogue and ledger went its names and its place in the order"
+    problem = "nothing tells its names and its place in the order any more"
     return [
-        Fault("recording", row["id"][:12], problem, lost=True, mended="entered again without a name")
+        Fault("recording name", row["id"][:12], problem, lost=True)
         for row in rows["recordings"]
         if row["id"] not in known
     ]
@@ -226,6 +236,8 @@ _MENDED = {
     "index": "dropped; it is computed again when it is needed",
     "cache": "dropped; it is computed again when it is needed",
     "search": f"moved to {LOST_AND_FOUND}/; the search begins anew",
+    "file": "given its name again",
+    "recording name": "entered again without a name",
     "row": "written anew from what was put, or taken out",
     "stray": f"moved to {LOST_AND_FOUND}/",
 }
@@ -234,7 +246,7 @@ _MENDED = {
 def _with_words(report: VerifyReport, before: str = "") -> VerifyReport:
     """The report with what a repair does to each fault, or `before` it what it would."""
     said = {kind: before + text for kind, text in _MENDED.items()}
-    faults = tuple(replace(f, mended=f.mended or said.get(f.kind)) for f in report.faults)
+    faults = tuple(replace(f, mended=said.get(f.kind)) for f in report.faults)
     return replace(report, faults=faults)
 
 
