@@ -116,14 +116,19 @@ def test_a_registry_that_may_only_be_read_answers_and_stores_nothing(
 ) -> None:
     document("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday")
     files = {p: p.read_bytes() for p in (place / "dynreg-registry").rglob("*") if p.is_file()}
-    monkeypatch.setattr("dynreg.registry.opening.may_write", lambda path: False)  # as on a mount that is read-only
+    monkeypatch.setattr(
+        "dynreg.registry.opening.may_write", lambda path: False
+    )  # as on a mount that is read-only
     with pytest.warns(NotStored, match="read-only: the result is shown, and not stored"):
         answer = document(*QUERY, statuses=(0, 4))
     assert len(answer["neighbours"]) == 2
     with pytest.warns(NotStored):
         log = dynreg("query", "run.csv", "--robot", "servo_pendulum", "-k", "2", "--budget", "8")
     assert log.status in (0, 4), log.err
-    for line in (("ingest", "run.csv", "--robot", "servo_pendulum"), ("populate", "servo_pendulum", "-n", "9")):
+    for line in (
+        ("ingest", "run.csv", "--robot", "servo_pendulum"),
+        ("populate", "servo_pendulum", "-n", "9"),
+    ):
         ended = dynreg(*line)
         assert ended.status == 1 and "is read-only" in ended.err and "copy it" in ended.err
     assert document("list", "--kind", "result")["items"] == [] and document("verify")["clean"] is True
