@@ -62,53 +62,39 @@ class Found:
     hashes: dict[str, str] = field(default_factory=dict)  # sha256 of every file, by its path
 
 
+@dataclass(frozen=True)
+class _Halves:
+    """The files of shards by (population, start, stop): those of the states, and those of the rest."""
+
+    states: dict[tuple[str, int, int], str] = field(default_factory=dict)
+    rest: dict[tuple[str, int, int], str] = field(default_factory=dict)
+
+
 def scan(root: Path, registered: set[str]) -> Found:
     """Read every file below `root` and sort it; where two would do, one in `registered` goes first."""
-    found = Found()
+    found, halves = Found(), _Halves()
     for path in sorted(root.iterdir()):
         if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
             found.bad[path.name] = "not a part of a registry"
-    states, rest = {}, {}
-    folders = [root / name for name in (*CONTENTS, INDEX)]
-    files = (
-        path for folder in folders for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
-    )
-    names = [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
-    for relative in sorted(names, key=lambda name: (name not in registered, name)):
-        path, folder = root / relative, relative.split("/")[0]
-        if path.is_symlink():
+    for relative in sorted(_names(root), key=lambda name: (name not in registered, name)):
+        if (root / relative).is_symlink():
             found.bad[relative] = "a link, which a registry does not hold"
             continue
-        if not relative.isprintable():
-            found.bad[relative] = "its name is no plain text"
-            continue
         try:
-            file = StoredFile(relative, sha256_of(path), path.stat().st_size)
+            relative.encode()
+            file = StoredFile(relative, sha256_of(root / relative), (root / relative).stat().st_size)
+            found.hashes[relative] = file.sha256
+            if _sort(found, halves, root / relative, file):
+                found.files[relative] = file
         except FileNotFoundError:
             continue  # an index that was replaced in the meantime
+        except UnicodeEncodeError:
+            found.bad[relative] = "its name is not text in UTF-8"
         except OSError as error:
-            found.bad[relative] = _damage(unreadable(path, error))
-            continue
-        found.hashes[relative] = file.sha256
-        try:
-            if folder != ROBOTS and not path.stem.endswith(f"-{file.sha256[:16]}"):
-                raise unreadable(path, "its bytes do not fit the hash in its name")
-            if folder == "shards":
-                is_states = path.suffix == ".parquet"
-                header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
-                span = (header["population"], header["start"], header["stop"])
-                if not isinstance(span[0], str) or not all(type(n) is int for n in span[1:]) or span[1] < 0:
-                    raise ValueError(f"it says that it is a shard of {span}")
-                (states if is_states else rest).setdefault(span, []).append(relative)
-            elif folder == INDEX:
-                read_index(path)
-                continue  # a cache, which no row knows
-            elif folder != ROBOTS:
-                _READERS[folder](found, path, file)
-            found.files[relative] = file
-        except (DynregError, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
+            found.bad[relative] = _damage(unreadable(root / relative, error))
+        except (DynregError, KeyError, TypeError, ValueError, RecursionError) as error:
             found.bad[relative] = _damage(error)
-    _pair(root, found, states, rest)
+    _pair(root, found, halves)
     for path in sorted((root / CACHE).rglob("*.json")):
         if not is_temporary(path.name) and not is_sound(path):
             found.bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
@@ -118,6 +104,37 @@ def scan(root: Path, registered: set[str]) -> Found:
     return found
 
 
+def _names(root: Path) -> list[str]:
+    """All files below the folders of contents, links among them, by their paths in the registry."""
+    folders = [root / name for name in (*CONTENTS, INDEX)]
+    files = (
+        path for folder in folders for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
+    )
+    return [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
+
+
+def _sort(found: Found, halves: _Halves, path: Path, file: StoredFile) -> bool:
+    """Enter what a file holds; False for one that no row knows. Raises where it does not hold what its place asks."""
+    folder = file.path.split("/")[0]
+    if folder == ROBOTS:
+        return True
+    if not path.stem.endswith(f"-{file.sha256[:16]}"):
+        raise unreadable(path, "its bytes do not fit the hash in its name")
+    if folder == INDEX:
+        read_index(path)
+    elif folder == "shards":
+        is_states = path.suffix == ".parquet"
+        header = read_states_header(path) if is_states else decode_arrays(path, skip="")[0]
+        population, start, stop = header["population"], header["start"], header["stop"]
+        if not isinstance(population, str) or type(start) is not int or type(stop) is not int or start < 0:
+            raise ValueError(f"it says that it is a shard of {population} from {start} to {stop}")
+        held = halves.states if is_states else halves.rest
+        held.setdefault((population, start, stop), file.path)
+    else:
+        _READERS[folder](found, path, file)
+    return folder != INDEX
+
+
 def _damage(error: Exception) -> str:
     """What is wrong with a file, for the report; raised where it is the disk's fault, or a right that is missing."""
     if isinstance(error, RegistryError) and not isinstance(error, CorruptError):
@@ -125,13 +142,13 @@ def _damage(error: Exception) -> str:
     return getattr(error, "problem", str(error))
 
 
-def _pair(root: Path, found: Found, states: dict, rest: dict) -> None:
+def _pair(root: Path, found: Found, halves: _Halves) -> None:
     """Join the two files of each shard; registered ones come first, later ones must not overlap them."""
-    for span in states:
-        if span not in rest:
+    for span, states_path in halves.states.items():
+        if span not in halves.rest:
             continue
         population, start, stop = span
-        states_path, rest_path = states[span][0], rest[span][0]
+        rest_path = halves.rest[span]
         try:
             _, data = read_shard(root / states_path, root / rest_path)
         except (DynregError, KeyError, TypeError, ValueError, OverflowError) as error:

@@ -168,6 +168,12 @@ def test_files_that_a_killed_process_left_are_no_fault_and_serve_the_next_put(re
     assert verify(registry.path).leftovers == () == verify(registry.path).faults
 
 
+def test_a_robot_may_call_its_files_anything_that_is_text(registry, robot):
+    (robot / "meshes" / "soft\u00adhyphen \u202e.stl").write_bytes(b"1")
+    registry.put_robot(robot, "ef" * 32, "odd")
+    assert verify(registry.path).faults == ()
+
+
 def test_half_copied_robot_is_no_fault(registry):
     half = registry.path / "robots" / ("ef" * 32)
     half.mkdir()
