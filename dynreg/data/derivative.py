@@ -19,8 +19,6 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     too many to be filled in (`gaps.silences`) there is no rate either: NaN. Raises LogError where `filter_hz` is not
     below half the sampling rate.
     """
-    from scipy.signal import butter, sosfiltfilt
-
     good = np.isfinite(series.values) & np.concatenate([[True], np.diff(series.time) > 0])
     time, values = series.time[good], series.values[good]
     nothing = np.unique(series.time[~np.isfinite(series.values)])
@@ -47,11 +45,20 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
             do='mend it, or split there with by = "gaps" under [episodes]',
         )
     grid = time[0] + period * np.arange(rows)
+    smooth = _smooth(np.interp(grid, time, values), filter_hz, period)
+    slope = np.where(silent(time, nothing, grid), np.nan, np.gradient(smooth, period))
+    return Series(grid, slope, series.unit)
+
+
+def _smooth(values: np.ndarray, filter_hz: float, period: float) -> np.ndarray:
+    """Values (T,) on a grid of `period` [s], low-passed forwards and backwards; LogError where that cannot be done."""
+    from scipy.signal import butter, sosfiltfilt
+
     try:
-        smooth = sosfiltfilt(
+        return sosfiltfilt(
             butter(FILTER_ORDER, filter_hz, fs=1.0 / period, output="sos"),
-            np.interp(grid, time, values),
-            padlen=min(3 * (FILTER_ORDER + 1), len(grid) - 1),
+            values,
+            padlen=min(3 * (FILTER_ORDER + 1), len(values) - 1),
         )
     except ValueError:  # of which LinAlgError is one
         raise LogError(
@@ -59,5 +66,3 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
             expected="a cut-off nearer to that",
             do="raise filter_hz in the map",
         ) from None
-    slope = np.where(silent(time, nothing, grid), np.nan, np.gradient(smooth, period))
-    return Series(grid, slope, series.unit)

@@ -50,19 +50,17 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
             expected="a log that passes the checks",
             do="run `dynreg doctor` on it to see everything that was found",
         )
-    starts, kept = {}, []
-    seen: Counter[str] = Counter()
-    for raw in episodes:
-        seen[raw.name] += 1
-        name = raw.name if seen[raw.name] == 1 else f"{raw.name}#{seen[raw.name]}"
-        starts[name], time, values = resample(raw, spec)
-        kept.append((name, time, values, raw.settings))
-    if not kept:
+    if not episodes:
         raise LogError(
             f"{files[0].name!r} holds no episode of two samples",
             expected="at least one",
             do="correct [episodes] in the map",
         )
+    names = _names(episodes)
+    starts, kept = {}, []
+    for name, raw in zip(names, episodes, strict=True):
+        starts[name], time, values = resample(raw, spec)
+        kept.append((name, time, values, raw.settings))
     present = np.any([np.isfinite(values).any(axis=0) for _, _, values, _ in kept], axis=0)
     channels = tuple(
         Channel(c.name, c.unit) for c, there in zip(spec.channels, present, strict=True) if there
@@ -84,6 +82,16 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
         measured=True,
         provenance=provenance,
     )
+
+
+def _names(episodes: Sequence[RawEpisode]) -> list[str]:
+    """The names of the episodes; the second of a name gets "#2"."""
+    seen: Counter[str] = Counter()
+    names = []
+    for episode in episodes:
+        seen[episode.name] += 1
+        names.append(episode.name if seen[episode.name] == 1 else f"{episode.name}#{seen[episode.name]}")
+    return names
 
 
 @_overflowing
