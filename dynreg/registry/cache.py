@@ -3,7 +3,6 @@
 A file holds its key, its document and the hash of both, so that a torn or damaged one is seen and counts as not there.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ import dynreg.registry.disk as disk
 from dynreg.errors import RegistryError
 from dynreg.registry.codec import strict_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import CACHE, open_regular, write_file
+from dynreg.registry.files import CACHE, content_hash, read_regular, write_file
 
 
 def put_cached(directory: Directory, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
@@ -27,8 +26,7 @@ def put_cached(directory: Directory, kind: str, key: Mapping[str, Any], document
 def get_cached(directory: Directory, kind: str, key: Mapping[str, Any]) -> dict[str, Any] | None:
     """What was kept under `key`; None where there is nothing or its file is damaged."""
     try:
-        with open_regular(_found(directory, kind, key)) as stream:
-            stored = json.loads(stream.read())
+        stored = json.loads(read_regular(_found(directory, kind, key)))
         sound = stored["sha256"] == _hash({"key": dict(key), "document": stored["document"]})
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
@@ -38,8 +36,7 @@ def get_cached(directory: Directory, kind: str, key: Mapping[str, Any]) -> dict[
 def is_sound(path: Path) -> bool:
     """Whether a file of the cache holds what was kept, under the name of its key."""
     try:
-        with open_regular(path) as stream:
-            stored = json.loads(stream.read())
+        stored = json.loads(read_regular(path))
         content = {"key": stored["key"], "document": stored["document"]}
         return stored["sha256"] == _hash(content) and path.stem == _hash(stored["key"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError, RegistryError):
@@ -56,4 +53,4 @@ def _name(kind: str, key: Mapping[str, Any]) -> Path:
 
 
 def _hash(document: Mapping[str, Any]) -> str:
-    return hashlib.sha256(strict_json(document)).hexdigest()
+    return content_hash(strict_json(document))

@@ -80,8 +80,7 @@ class Catalog:
             if writing.changed:
                 page = writing.page()
                 writing.enter(page.number, write_page(self.path.parent, page))
-        if state == _SOUND.get(self.path):  # no one else has written since, as far as can be told
-            _SOUND[self.path] = self._state()
+        _SOUND[self.path] = self._state()  # it was sound, and this transaction alone has changed it
 
     def close(self) -> None:
         """Let go of the file; the write-ahead log is folded in by the last one who leaves."""

@@ -16,7 +16,7 @@ from dynreg.registry.files import (
     FOLDERS,
     StoredFile,
     content_hash,
-    open_regular,
+    read_regular,
     sha256_of,
     unreadable,
     write_file,
@@ -24,9 +24,8 @@ from dynreg.registry.files import (
 from dynreg.registry.writing import Writing
 
 Identity = tuple[int, int, int, int, int]
-_CHECKED: dict[
-    Identity, str
-] = {}  # sha256 of the files that this process has read whole, as long as they stay so
+# sha256 of the files that this process has read whole, as long as they stay so
+_CHECKED: dict[Identity, str] = {}
 
 
 class Directory:
@@ -109,8 +108,7 @@ class Directory:
         """A registered file's bytes, compared with their hash; CorruptError where they are lost or changed."""
         (sha256,), path = self._registered([relative]), self.locate(relative)
         try:
-            with open_regular(path) as stream:
-                data = stream.read()
+            data = read_regular(path)
         except OSError as error:
             raise unreadable(path, error) from error
         if content_hash(data) != sha256:
@@ -133,8 +131,8 @@ class Directory:
         table, known = tables.files, {}
         names = list(relative)
         with self.catalog.read() as connection:
-            for at in range(0, len(names), 500):
-                among = table.c.path.in_(names[at : at + 500])
+            for at in range(0, len(names), tables.AT_ONCE):
+                among = table.c.path.in_(names[at : at + tables.AT_ONCE])
                 known.update(connection.execute(select(table.c.path, table.c.sha256).where(among)).all())
         missing = [name for name in names if name not in known]
         if missing:

@@ -111,51 +111,41 @@ def examine(path: Path, stored: Stored) -> Examined:
     """Compare catalogue and ledger with each other, then what they tell with the files."""
     root = path if stored.ledger is None or pages_after(path, 0) else stored.ledger
     ledger = read_ledger(root)
-    gone = _ledger_faults(stored, ledger)
-    told = _told(ledger)
-    faults = [Fault("catalog", FILE, reason, lost=bool(gone)) for reason in stored.faults]
+    pages = _page_faults(stored, ledger) if stored.has_ledger else {}
+    faults = [Fault("catalog", FILE, reason, lost=bool(pages)) for reason in stored.faults]
     if not stored.has_ledger:
-        gone, held = {}, stored.rows
-    elif not gone:
-        held = told
+        held = stored.rows
+    elif pages:  # what the catalogue holds, and beside it what the pages tell that are left
+        both = {n: rows | keyed(stored.rows)[n] for n, rows in keyed(_told(ledger)).items()}
+        held = {name: list(rows.values()) for name, rows in both.items()}
+    else:
+        held = _told(ledger)
         if not stored.faults or stored.connection is not None:
             followed = _told(ledger, max(stored.pages, default=0))
             faults = list(differing_rows(keyed(stored.rows), keyed(followed))) or faults
-    else:  # what the catalogue holds, and beside it what the pages tell that are left
-        both = {name: keyed(told)[name] | keyed(stored.rows)[name] for name in told}
-        held = {name: list(rows.values()) for name, rows in both.items()}
-    faulty = tuple(
-        Fault("ledger", what, reason, lost=bool(stored.faults)) for what, reason in sorted(gone.items())
-    )
-    odd = {t.name: [r for r in held[t.name] if misfit(t, values_of(t, r))] for t in tables.HELD}
+    faults += [Fault("ledger", what, why, lost=bool(stored.faults)) for what, why in sorted(pages.items())]
+    odd = {t.name: [row for row in held[t.name] if misfit(t, values_of(t, row))] for t in tables.HELD}
     faults += [
-        Fault("row", f"{name} {next(iter(r.values()))!s:.24}", "not a row of dynreg's", True)
-        for name in odd
-        for r in odd[name]
+        Fault("row", f"{name} {next(iter(row.values()))!s:.24}", "not a row of dynreg's", lost=True)
+        for name, rows in odd.items()
+        for row in rows
     ]
-    held = {name: [row for row in held[name] if row not in odd[name]] for name in held}
+    held = {name: [row for row in rows if row not in odd[name]] for name, rows in held.items()}
     found = scan(path, {row["path"] for row in held["files"]})
-    report = compare(held, found, [*faults, *faulty])
     behind = any(page.number > max(stored.pages, default=0) for page, _ in ledger.pages)
-    return Examined(held, found, (*faults, *faulty), tuple(ledger.bad), behind, bool(gone), report)
+    report = compare(held, found, faults)
+    return Examined(held, found, tuple(faults), tuple(ledger.bad), behind, bool(pages), report)
 
 
-def _ledger_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:
-    """Pages that are damaged, and pages that the catalogue follows and that are gone, by their names."""
-    present = {page.number: sha256 for page, sha256 in ledger.pages}
-    begins = min(present, default=0)
-    gone = [n for n, sha256 in stored.pages.items() if n >= begins and present.get(n) != sha256]
+def _page_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:
+    """Pages that are damaged, and pages that the catalogue follows and that are gone: why, by their names."""
     if not ledger.pages and not ledger.bad and stored.faults:
         return {LEDGER: "it has no page"}
-    return dict(ledger.bad) | (
-        {
-            f"{LEDGER}/{min(gone):08d}": f"it is missing, and {len(gone) - 1} more"
-            if len(gone) > 1
-            else "it is missing"
-        }
-        if gone
-        else {}
-    )
+    present = {page.number: sha256 for page, sha256 in ledger.pages}
+    begins = min(present, default=0)
+    missing = sorted(n for n, sha256 in stored.pages.items() if n >= begins and present.get(n) != sha256)
+    more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
+    return dict(ledger.bad) | {f"{LEDGER}/{number:08d}": f"it is missing{more}" for number in missing[:1]}
 
 
 def _told(ledger: Ledger, last: int | None = None) -> Rows:

@@ -61,6 +61,12 @@ def open_regular(path: Path) -> BinaryIO:
     return stream
 
 
+def read_regular(path: Path, most: int = -1) -> bytes:
+    """All bytes of a regular file, or the first `most`; OSError as `open_regular` raises it."""
+    with open_regular(path) as stream:
+        return stream.read(most)
+
+
 def sha256_of(path: Path) -> str:
     """Hash of a regular file's bytes, 64 hexadecimal digits; OSError where it is none."""
     with open_regular(path) as stream:

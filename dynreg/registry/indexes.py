@@ -12,7 +12,7 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import INDEX, content_hash, content_name, open_regular, unreadable
+from dynreg.registry.files import INDEX, content_hash, content_name, read_regular, unreadable
 from dynreg.registry.hashes import entries_hash, hash_of
 from dynreg.registry.rows import require
 
@@ -83,8 +83,7 @@ def get_index(
 def read_index(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Header and arrays of an index's file; CorruptError where its bytes do not fit the hash in its name."""
     try:
-        with open_regular(path) as stream:
-            data = stream.read()
+        data = read_regular(path)
     except OSError as error:
         raise unreadable(path, error) from error
     if not path.stem.endswith(f"-{content_hash(data)[:16]}"):

@@ -16,7 +16,7 @@ from sqlalchemy import Table
 
 import dynreg.registry.tables as tables
 from dynreg.registry.codec import canonical_json
-from dynreg.registry.files import LEDGER, content_name, open_regular, write_file
+from dynreg.registry.files import LEDGER, content_name, read_regular, write_file
 from dynreg.registry.tables import Key, Values, key_of, values_of
 
 _NAME = re.compile(r"(\d{8,15})-([0-9a-f]{16})\.json")
@@ -83,8 +83,7 @@ def pages_after(root: Path, number: int) -> list[Path]:
 
 def read_page(path: Path) -> tuple[Page, str]:
     """A page and its sha256; ValueError or OSError where the file is not as it was written."""
-    with open_regular(path) as stream:
-        data = stream.read()
+    data = read_regular(path)
     named = _NAME.fullmatch(path.name)
     if named is None:
         raise ValueError("no name of a page")

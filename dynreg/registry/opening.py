@@ -23,7 +23,7 @@ from dynreg.registry.files import (
     LOST_AND_FOUND,
     SEARCHES,
     is_temporary,
-    open_regular,
+    read_regular,
     temporary_name,
     unreadable,
     write_file,
@@ -184,8 +184,7 @@ def _holds_any(connection: Connection) -> bool:
 
 def _version(path: Path) -> int | None:
     try:
-        with open_regular(path / MARKER) as stream:
-            marker = json.loads(stream.read(_MARKER_BYTES))
+        marker = json.loads(read_regular(path / MARKER, _MARKER_BYTES))
         return int(marker["version"]) if marker["format"] == "dynreg-registry" else None
     except OSError as error:
         problem = unreadable(path / MARKER, error)

@@ -10,7 +10,7 @@ from typing import Any
 import dynreg.registry.tables as tables
 from dynreg.limits import limits
 from dynreg.registry.codec import canonical_json
-from dynreg.registry.files import ROBOTS, open_regular
+from dynreg.registry.files import ROBOTS, read_regular
 from dynreg.registry.hashes import result_id
 from dynreg.registry.scan import Found, FoundShard
 from dynreg.registry.tables import misfit, values_of
@@ -114,8 +114,7 @@ def _robots(root: Path, held: Rows, found: Found, used: Iterable[str]) -> list[R
 
 def _robot_name(folder: Path) -> str:
     try:
-        with open_regular(folder / "robot.toml") as stream:
-            text = stream.read(limits().toml_bytes).decode()
+        text = read_regular(folder / "robot.toml", limits().toml_bytes).decode()
         return str(tomllib.loads(text)["robot"]["name"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return folder.name[:12]

@@ -1,8 +1,6 @@
 """Copies of robot folders, so that a registry can be moved and still simulate."""
 
-import hashlib
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,10 +12,8 @@ from dynreg.errors import CorruptError, RegistryError, RobotError
 from dynreg.folder import MAPS, Folder, is_hashed, read_folder
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import ROBOTS, StoredFile, is_temporary, sha256_of, write_file
+from dynreg.registry.files import ROBOTS, StoredFile, content_hash, is_temporary, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
-
-_HASH = re.compile(r"[0-9a-f]{8,128}")
 
 
 def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name: str) -> None:
@@ -30,7 +26,7 @@ def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name
     stands for other files.
     """
     contents = _contents(folder, robot_hash)
-    manifest = {relative: hashlib.sha256(data).hexdigest() for relative, data in contents.items()}
+    manifest = {relative: content_hash(data) for relative, data in contents.items()}
     told = canonical_json(manifest)
     with directory.catalog.read() as connection:
         known = row_of(connection, tables.robots, robot_hash)
@@ -118,7 +114,7 @@ def _is_sound(path: Path, sha256: str) -> bool:
 
 def _contents(folder: Folder | Path, robot_hash: str) -> Mapping[str, bytes]:
     problem = f"cannot register robot {robot_hash!r}"
-    if not _HASH.fullmatch(robot_hash):
+    if not tables.ROBOT_HASH.fullmatch(robot_hash):
         raise RegistryError(problem, expected="a hash in hexadecimal digits", do="give that of the folder")
     if isinstance(folder, Folder):
         return folder.files

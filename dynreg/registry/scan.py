@@ -26,7 +26,7 @@ from dynreg.registry.files import (
     SEARCHES,
     StoredFile,
     is_temporary,
-    open_regular,
+    read_regular,
     sha256_of,
     unreadable,
 )
@@ -202,9 +202,8 @@ def _read_result(found: Found, path: Path, file: StoredFile) -> None:
 
 
 def _json_object(path: Path) -> None:
-    with open_regular(path) as stream:
-        if not isinstance(json.loads(stream.read()), dict):
-            raise ValueError("it is no JSON object")
+    if not isinstance(json.loads(read_regular(path)), dict):
+        raise ValueError("it is no JSON object")
 
 
 _READERS = {

@@ -120,6 +120,8 @@ results_of_verbs = select(results).where(results.c.kind != "threshold").subquery
 SEALED = tuple(t for t in metadata.sorted_tables if t.name not in ("migrations", "seals"))
 HELD = tuple(t for t in SEALED if t.name != "pages")  # what the pages of the ledger tell, parents first
 
+AT_ONCE = 500  # keys in one question: SQLite takes at most 32,766 values (999 before version 3.32)
+
 Values = tuple[Any, ...]  # of one row, in the order of its table's columns
 Key = tuple[Any, ...]
 
@@ -146,7 +148,7 @@ def key_of(table: Table, values: Values) -> Key:
 
 
 _MOST = 2**53  # numbers and sizes beyond it are none of dynreg's
-_HASH = re.compile(r"[0-9a-f]{8,128}")  # of a robot
+ROBOT_HASH = re.compile(r"[0-9a-f]{8,128}")
 
 
 def misfit(table: Table, values: Values) -> str:
@@ -193,7 +195,7 @@ def _odd_layout(value: str | None) -> bool:
 
 
 def _odd_hash(value: str) -> bool:
-    return not _HASH.fullmatch(value)
+    return not ROBOT_HASH.fullmatch(value)
 
 
 _ODD = {"manifest": _odd_manifest, "layout": _odd_layout, "hash": _odd_hash}

@@ -131,6 +131,8 @@ def _put_back(path: Path, examined: Examined) -> list[Fault]:
     beside = [(old, temporary_name(path / new), path / new) for old, new in moves]
     for old, hidden, _ in beside:  # two files may have each other's names
         disk.rename(path / old, hidden)
+    taken = {old for old, _ in moves}
+    _put_away(path, [new for _, new in moves if new not in taken])  # damaged files that have the names
     for _, hidden, new in beside:
         disk.rename(hidden, new)
         disk.sync_folder(new.parent)

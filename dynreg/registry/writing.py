@@ -10,8 +10,6 @@ from dynreg.registry.ledger import Page
 from dynreg.registry.seal import Seal, read_seals, write_seals
 from dynreg.registry.tables import Key, Values, key_of, named, values_of
 
-_AT_ONCE = 500  # keys in one question: SQLite takes at most 32,766 values (999 before version 3.32)
-
 
 class Writing:
     """One transaction that writes: `connection` to read by, `put` and `remove` to write by."""
@@ -95,8 +93,8 @@ class Writing:
 
     def _held(self, table: Table, keys: Sequence[Key]) -> dict[Key, Values]:
         columns, found = list(table.primary_key), {}
-        for at in range(0, len(keys), _AT_ONCE // len(columns)):
-            some = keys[at : at + _AT_ONCE // len(columns)]
+        for at in range(0, len(keys), tables.AT_ONCE // len(columns)):
+            some = keys[at : at + tables.AT_ONCE // len(columns)]
             among = columns[0].in_([k[0] for k in some]) if len(columns) == 1 else tuple_(*columns).in_(some)
             rows = map(tuple, self.connection.execute(select(table).where(among)))
             found.update((key_of(table, values), values) for values in rows)

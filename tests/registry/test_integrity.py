@@ -292,8 +292,7 @@ def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(
     def fails(path: Path) -> None:
         raise OSError(code, os.strerror(code))
 
-    for name in ("files.open_regular", "directory.open_regular", "indexes.open_regular"):
-        monkeypatch.setattr(f"dynreg.registry.{name}", fails)
+    monkeypatch.setattr("dynreg.registry.files.open_regular", fails)
     for ask in (answers, verify, lambda path: verify(path, repair=True)):
         with pytest.raises(RegistryError, match=os.strerror(code)) as error:
             ask(work)
@@ -463,3 +462,11 @@ def test_numbers_and_texts_of_numpy_are_stored_as_plain_ones(work):
     with Registry.open(work) as registry:
         assert registry.population("bench").size == 12 and registry.resolve("fifth")
     assert verify(work).faults == ()
+
+
+def test_nothing_is_put_into_a_catalogue_that_was_changed(work):
+    with Registry.open(work) as registry:
+        _sql(work, "UPDATE results SET ordinal = ordinal + 1")
+        with pytest.raises(CorruptError, match="changed from outside"):
+            with registry.directory.catalog.write() as writing:
+                writing.remove(tables.results)
