@@ -15,16 +15,22 @@ PYTHON ?= $(shell for p in python3 python3.12 python3.11 python3.13; do \
 BENCHES := $(patsubst benchmarks/bench_%.py,bench-%,$(sort $(wildcard benchmarks/bench_*.py)))
 ARGS ?=
 CASES ?=
+PAGES ?=
+NOTEBOOKS ?=
 SECONDS ?= 60
 TARGETS ?=
 SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo test test-wheel slow fuzz golden bench $(BENCHES) lint clean
+.PHONY: help env demo docs reference pages notebooks test test-wheel slow fuzz golden bench $(BENCHES) lint clean
 
 help:
-	@echo 'make demo        a real servo log (or a hidden simulated servo) against 1000 simulators'
+	@echo 'make demo        from an empty registry to the cause that a real (or simulated) servo hides, and its page'
+	@echo 'make docs        the documentation as a site, in site/index.html'
+	@echo 'make reference   writes what the pages say of commands, files and documents, from the program (seconds)'
+	@echo 'make pages       that, and runs every command on the pages and writes what is printed (minutes)'
+	@echo 'make notebooks   runs the notebooks and writes their outputs (minutes)'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
 	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
 	@echo 'make slow        the longer runs, that one included'
@@ -54,6 +60,20 @@ $(STAMP): pyproject.toml constraints.txt
 
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
+
+docs: $(STAMP)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo 'site/index.html'
+
+reference: $(STAMP)
+	@$(BIN)/python docs/hooks/made.py
+
+# PAGES="README.md docs/tutorial.md": some of them, in this order; each needs what those before it made.
+pages: reference
+	@$(BIN)/python tests/executed_pages.py $(PAGES)
+
+notebooks: $(STAMP)
+	@$(BIN)/python tests/executed_notebooks.py $(NOTEBOOKS)
 
 test: $(STAMP)
 	@$(BIN)/python -m pytest $(SPREAD) $(ARGS)
@@ -87,5 +107,5 @@ lint: $(STAMP)
 	@$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) build dist demo *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) build dist demo site *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

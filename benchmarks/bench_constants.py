@@ -25,12 +25,12 @@ from naming import RESULTS, TUNE, confident, seeds
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import search
-from dynreg.diagnose.look import look
+from dynreg.diagnose.examine import examine
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
-from dynreg.diagnose.rest import rest
 from dynreg.diagnose.threshold import known
 from dynreg.diagnose.trial import Trial, Trials, Tried, same_cause, size_error
+from dynreg.diagnose.unexplained import unexplained
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.interval import posterior
@@ -167,7 +167,7 @@ def pairs(robots: Robots, done: Sequence[Tried]) -> dict[str, Any]:
         found = one.made.found
         sample = found.data.sample(found.data.parts.chosen)
         draws = run(posterior(found.model, found.current, sample))
-        beside = run(look(found, draws, sample, robots.trials.options())).beside
+        beside = run(examine(found, draws, sample, robots.trials.options())).beside
         many += sum(each.inseparable for each in beside)
         grown += [each.growth for each in beside]
     return {"of": len(grown), "inseparable": many, "growth": round(float(np.median(grown)), 3)}
@@ -179,7 +179,7 @@ def leftovers(robots: Robots, done: Sequence[Tried]) -> dict[str, Any]:
     for one, asked in zip(done, robots.todo, strict=True):
         if not (asked.without or not asked.terms):
             continue
-        for joint in run(rest(one.made.found, "unknown")) or ():
+        for joint in run(unexplained(one.made.found, "unknown")) or ():
             if asked.terms:
                 told += joint.explained
                 signals.append([row.signal for row in joint.rows if row.share > 0])

@@ -18,7 +18,7 @@ import numpy as np
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.account import Account, told
+from dynreg.diagnose.account import Account, with_account
 from dynreg.diagnose.diagnose import Diagnosed, diagnose
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
@@ -247,7 +247,7 @@ def rows_of(asked: Recorded, given: argparse.Namespace) -> Iterator[tuple[str, d
     how |= {"max_causes": given.max_causes, "threshold_runs": 0}
     options = [DiagnosisOptions(joints=(joint,), **how) for joint in given.joints]
     began = time.perf_counter()
-    searches = [told(diagnose(asked.robot, asked.recording, one), one) for one in options]
+    searches = [with_account(diagnose(asked.robot, asked.recording, one), one) for one in options]
     found = answered(together(searches), threads=1)
     spent = (time.perf_counter() - began) / len(options)
     for joint, one, (made, seen) in zip(given.joints, options, found, strict=True):

@@ -25,6 +25,7 @@ import json, sys, time
 from pathlib import Path
 import dynreg
 from dynreg.verbs import populations
+from dynreg.verbs.subjects import recorded
 place, what, n, log = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), sys.argv[4]
 assert Path(dynreg.__file__).is_relative_to(sys.argv[5]), dynreg.__file__
 if what == "populate":
@@ -39,7 +40,7 @@ else:
         clocks = [time.process_time()]
         with dynreg.open(place, create=False) as reg:
             clocks.append(time.process_time())
-            populations.ready(reg.registry, reg.registry.resolve("run")[1], None)
+            populations.ready(recorded(reg.registry, "run", ingest=False), None)
             clocks.append(time.process_time())
             reg.query("run", budget=16)
         clocks.append(time.process_time())

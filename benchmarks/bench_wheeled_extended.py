@@ -83,6 +83,7 @@ def _told(found) -> dict:
 
 def _scores(table: Comparison) -> dict:
     """Mean errors {name: {axis: ...}}, and p-values of the extended simulator against each rival."""
+    table = table.commands
     extended = next(name for name in table.names if name not in RIVALS)
     short = {extended: "extended"} | {name: name for name in RIVALS}
     means = {short[n]: {a: s.mean for a, s in axes.items()} for n, axes in table.errors.models.items()}

@@ -61,24 +61,24 @@ INTERVAL = {  # 90 % intervals of a cause's size, after a search
     (f"{E}interval:TRIED",): [(10,), (40,)],
 }
 RIVALS = {  # causes that a log does not tell from their neighbours, after a search
-    (f"{D}apart:SHARED",): [(1.25,), (2.0,)],
-    (f"{D}apart:SAMPLED",): [(1,), (6,)],
-    (f"{D}apart:SIZES",): [((0.15, 0.75),), ((0.6, 3.0),)],
-    (f"{D}apart:BEGUN", f"{D}apart:KEPT", f"{D}apart:ENDED"): [(1, 1, 1), (2, 4, 6)],
+    (f"{D}separability:SHARED",): [(1.25,), (2.0,)],
+    (f"{D}separability:SAMPLED",): [(1,), (6,)],
+    (f"{D}separability:SIZES",): [((0.15, 0.75),), ((0.6, 3.0),)],
+    (f"{D}separability:BEGUN", f"{D}separability:KEPT", f"{D}separability:ENDED"): [(1, 1, 1), (2, 4, 6)],
 }
 REST = {  # what is left where the library lacks the cause, after a search
-    (f"{D}leftover:LEAST", f"{D}leftover:MORE"): [(0.01, 0.025), (0.04, 0.1)],
-    (f"{D}leftover:NULLS",): [(6,), (24,)],
-    (f"{D}leftover:MARGIN",): [(1.0,), (1.5,)],
-    (f"{D}leftover:MOST",): [(1500,), (6000,)],
-    (f"{D}leftover:FOLDS",): [(2,), (8,)],
-    (f"{D}leftover:NEAR",): [(0.01,), (0.04,)],
-    (f"{D}leftover:WILD",): [(0.0,), (0.004,)],
-    tuple(f"{D}leftover:{one}" for one in ("TREES", "LEAVES", "BINS", "FARTHEST")): [
+    (f"{D}residual_fit:LEAST", f"{D}residual_fit:MORE"): [(0.01, 0.025), (0.04, 0.1)],
+    (f"{D}residual_fit:NULLS",): [(6,), (24,)],
+    (f"{D}residual_fit:MARGIN",): [(1.0,), (1.5,)],
+    (f"{D}residual_fit:MOST",): [(1500,), (6000,)],
+    (f"{D}residual_fit:FOLDS",): [(2,), (8,)],
+    (f"{D}residual_fit:NEAR",): [(0.01,), (0.04,)],
+    (f"{D}residual_fit:WILD",): [(0.0,), (0.004,)],
+    tuple(f"{D}residual_fit:{one}" for one in ("TREES", "LEAVES", "BINS", "FARTHEST")): [
         (8, 4, 32, 2.5),
         (32, 16, 128, 10.0),
     ],
-    (f"{D}rest:LONGEST_LEAD",): [(5,), (20,)],
+    (f"{D}unexplained:LONGEST_LEAD",): [(5,), (20,)],
 }
 LEG = {  # names on long lists
     (f"{D}shortlist:PROBED",): [(8,), (32,)],

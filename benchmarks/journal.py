@@ -1,10 +1,11 @@
 """The journal of a long benchmark: a line of JSON for each finished step, so that a second start goes on."""
 
-import fcntl
 import json
 import os
 from pathlib import Path
 from typing import Any
+
+import portalocker
 
 
 class Journal:
@@ -31,7 +32,7 @@ class Journal:
         """Keep a line, on disk when this returns; the same as it will be read."""
         text = json.dumps(line) + "\n"
         with open(self.path, "ab", buffering=0) as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
+            portalocker.lock(file, portalocker.LockFlags.EXCLUSIVE)
             file.write(text.encode())
             os.fsync(file.fileno())
         return json.loads(text)

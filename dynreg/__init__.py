@@ -8,7 +8,6 @@
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,10 +15,7 @@ if TYPE_CHECKING:
     from dynreg.errors import DynregError
     from dynreg.session import Session, open
 
-try:
-    __version__ = version("dynreg")
-except PackageNotFoundError:  # run from a source tree that was never installed
-    __version__ = "0"
+    __version__: str
 
 # names are imported when they are first used, so that `import dynreg` stays quick
 _HOMES = {
@@ -28,7 +24,7 @@ _HOMES = {
     "Episode": "dynreg.data.recording",
     "Recording": "dynreg.data.recording",
     "Session": "dynreg.session",
-    "check_robot": "dynreg.sim.check",
+    "check_robot": "dynreg.sim.inspection",
     "load_robot": "dynreg.sim.robot",
     "open": "dynreg.session",
     "packaged_robots": "dynreg.sim.robot",
@@ -38,7 +34,18 @@ _HOMES = {
 __all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
 
 
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("dynreg")
+    except PackageNotFoundError:  # run from a source tree that was never installed
+        return "0"
+
+
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return _version()
     if name not in _HOMES:
         raise AttributeError(f"module 'dynreg' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

@@ -1,5 +1,7 @@
 """The errors that dynreg raises: each says what is wrong, what was expected and what to do next."""
 
+import shlex
+
 from dynreg.foreign import visible
 
 
@@ -90,6 +92,10 @@ class Damaged(UserWarning):
     """A part of the registry that is passed over, as it is damaged; what was asked for does not need it."""
 
 
+class Assumed(UserWarning):
+    """What was taken for granted where somebody may have meant something else; the answer stands."""
+
+
 class NotStored(UserWarning):
     """A result that is shown and not kept, as the registry may only be read."""
 
@@ -103,6 +109,15 @@ def taken_apart(message: str) -> tuple[str, str, str]:
     problem, _, rest = message.partition("; expected ")
     expected, _, do = rest.rpartition("; ")
     return problem, expected, do
+
+
+def command(*words: object) -> str:
+    """A dynreg command as it is typed: words with spaces or signs that a shell reads are quoted.
+
+    >>> command("query", "first run", "-k", 5)
+    "dynreg query 'first run' -k 5"
+    """
+    return shlex.join(["dynreg", *map(str, words)])
 
 
 def _one_line(text: str) -> str:

@@ -26,7 +26,7 @@ class Limits:
     log_files: int = 100_000  # files of one log: of a LeRobot dataset, of a rosbag2 folder
     chunk_bytes: int = 256 << 20  # bytes that are unpacked at once: a chunk, a record, a variable, a line
     unpacked_bytes: int = 64 << 30  # bytes that are unpacked of one log, one after the other
-    whole_bytes: int = 1 << 30  # bytes of a log that is held whole: a .mat file
+    whole_bytes: int = 1 << 30  # bytes of a log that is held whole: a .mat or .npz file
     json_bytes: int = 64 << 20  # bytes of one JSON document, which takes many times as much when it is read
     pattern_seconds: int = 5  # seconds that a map's `filename` may take with one log's name
     settings_bytes: int = 1 << 20  # bytes of a metadata.yaml, an info.json, a definition of messages

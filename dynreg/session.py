@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dynreg.progress import Progress
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
-from dynreg.verbs.diagnose import DiagnoseSettings, diagnose
+from dynreg.verbs.diagnose import FASTER, DiagnoseSettings, diagnose
 from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite
 from dynreg.verbs.gait import GaitSettings, gait
@@ -15,20 +16,31 @@ from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
 from dynreg.verbs.trial import TrialSettings, trial
-from dynreg.verbs.verb import Progress, Verb, about_recording, about_robot
+from dynreg.verbs.verb import Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
     from dynreg.distance.population import Training
     from dynreg.registry import Registry
+    from dynreg.results.changes import Changes
     from dynreg.results.drift import Drift
     from dynreg.results.effects import EffectsList
     from dynreg.results.experiment import Experiment
     from dynreg.results.gait import Gait
     from dynreg.results.result import Result
     from dynreg.results.robots import RobotFolder
-    from dynreg.results.stored import EntrySummary, Listing, PopulationSummary, RecordingSummary, Verification
+    from dynreg.results.stored import (
+        Collection,
+        EntrySummary,
+        Info,
+        Listing,
+        PopulationSummary,
+        RecordingSummary,
+        Removal,
+        Verification,
+    )
     from dynreg.sim.robot import Robot
+    from dynreg.watch.frames import Frames
 
 DEFAULT = "dynreg-registry"
 
@@ -94,7 +106,8 @@ class Session:
         from dynreg.verbs.subjects import loaded_robot
 
         settings = PopulateSettings(**told)
-        return populate(self.registry, loaded_robot(robot), n, settings, training=training, progress=progress)
+        loaded = loaded_robot(robot, registry=self.registry)
+        return populate(self.registry, loaded, n, settings, training=training, progress=progress)
 
     def ingest(
         self,
@@ -104,6 +117,7 @@ class Session:
         log_map: str | Path | None = None,
         name: str | None = None,
         gait: str | None = None,
+        progress: Progress | None = None,
     ) -> "RecordingSummary":
         """Read logs of a robot, check them and register them as one recording.
 
@@ -114,13 +128,14 @@ class Session:
         from dynreg.verbs.ingest import ingest
         from dynreg.verbs.subjects import loaded_robot
 
-        return ingest(self.registry, logs, loaded_robot(robot), log_map=log_map, name=name, gait=gait)
+        loaded = loaded_robot(robot, registry=self.registry)
+        return ingest(self.registry, logs, loaded, log_map=log_map, name=name, gait=gait, progress=progress)
 
     query = about_recording(query, QuerySettings, ingest=True)
 
     calibrate = about_recording(calibrate, CalibrateSettings)
 
-    diagnose = about_recording(diagnose, DiagnoseSettings)
+    diagnose = about_recording(diagnose, DiagnoseSettings, several=True, faster=FASTER)
 
     compare = about_recording(compare, CompareSettings)
 
@@ -135,8 +150,8 @@ class Session:
         log_map: str | Path | None = None,
         progress: Progress | None = None,
         **told: Any,
-    ) -> "Drift":
-        """Whether an earlier recording is still true of a wheeled robot; the result is stored.
+    ) -> "Drift | Changes":
+        """What changed since an earlier recording of a robot; the result is stored.
 
         against : the earlier recording; by default the one of this robot that was ingested first. out : a Parquet file
         for the updated displacement table, a row for each sample, with which of them still count.
@@ -183,10 +198,14 @@ class Session:
         return listing(self.registry, kind)
 
     def show(self, ref: str) -> "EntrySummary":
-        """One thing in the registry, by id, unique prefix, name or `@last`, the last recording."""
-        from dynreg.verbs.show import summary
+        """One thing in the registry, by id, unique prefix, name or `@last`, the last recording.
 
-        return summary(self.registry, *self.registry.resolve(ref))
+        Or a word for a simulator of the newest result, such as `@answer`; see `verbs.simulators`.
+        """
+        from dynreg.verbs.show import summary
+        from dynreg.verbs.simulators import told_last
+
+        return summary(self.registry, *self.registry.resolve(told_last(self.registry, ref)))
 
     def recording(self, ref: str) -> "Recording":
         """A stored recording by id, unique prefix or name: arrays by episode, and `.to_frame()`."""
@@ -198,6 +217,21 @@ class Session:
 
         return stored_result(self.registry, ref)
 
+    def remove(self, refs: "str | Sequence[str]", *, dry_run: bool = False) -> "Removal":
+        """Remove things by id, prefix or name, with what cannot be used without them; see `verbs.remove`.
+
+        dry_run : say what would go, and change nothing.
+        """
+        from dynreg.verbs.remove import remove
+
+        return remove(self.registry, [refs] if isinstance(refs, str) else refs, dry_run)
+
+    def collect(self, *, caches: bool = False, dry_run: bool = False) -> "Collection":
+        """Remove files that the registry need not keep; caches : all that can be computed again, too."""
+        from dynreg.verbs.remove import collect
+
+        return collect(self.registry, caches=caches, dry_run=dry_run)
+
     def verify(self, repair: bool = False) -> "Verification":
         """Check every hash, row and index of the registry; with `repair`, mend what can be mended."""
         from dynreg.verbs.verify import verification
@@ -208,8 +242,10 @@ class Session:
         """Copy entries, populations, recordings or results, with all they need, to a new registry."""
         from dynreg.registry import Registry, export
         from dynreg.verbs.list import listing
+        from dynreg.verbs.simulators import told_last
 
-        export(self.registry, [refs] if isinstance(refs, str) else [str(ref) for ref in refs], destination)
+        named = [refs] if isinstance(refs, str) else [str(ref) for ref in refs]
+        export(self.registry, [told_last(self.registry, ref) for ref in named], destination)
         with Registry.open(destination) as copy:
             return listing(copy, None)
 
@@ -232,8 +268,31 @@ class Session:
 
         return export_gait(self.registry, ref, Path(destination), form)
 
-    def info(self) -> dict[str, Any]:
-        """Versions, device, threads and what the registry holds."""
+    def export_run(
+        self, ref: str, destination: str | Path, form: str = "rerun", simulator: str | None = None
+    ) -> None:
+        """Write a recording beside a simulator under the same commands to a new file, for Rerun or Foxglove.
+
+        ref : a recording, or a result about one (its recording and what it recommends), by id, prefix, name or
+        `@last`. form : "rerun" (.rrd; needs rerun-sdk) or "foxglove" (MCAP). simulator : nominal, nearest, @answer,
+        diagnosed, ... or an id.
+        Raises UsageError for another form or a taken name, NoMatchError where there is no such thing.
+        """
+        from dynreg.verbs.watched import export_run
+
+        export_run(self.registry, ref, Path(destination), form, simulator)
+
+    def frames(self, ref: str, simulator: str | None = None) -> "Frames":
+        """Poses (T, nq) and channels (T,) over time of a recording and of a simulator under the same commands.
+
+        As `export_run` writes them and `dynreg view` shows them; a gait has those of its simulator alone.
+        """
+        from dynreg.verbs.watched import watched
+
+        return watched(self.registry, ref, simulator)
+
+    def info(self) -> "Info":
+        """Versions, optional parts, device, cores, and what the registry holds."""
         from dynreg.verbs.info import information
 
         return information(self.registry)

@@ -1,8 +1,11 @@
 """TOML files checked against a pydantic model, with errors that name the line and the key."""
 
+import json
 import re
 import tomllib
 import types
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -62,20 +65,48 @@ def parse_toml(text: str, name: str, model: type[Model], error: type[DynregError
     try:
         return model.model_validate(document)
     except ValidationError as problem:
-        raise _one_error(name, text, document, problem, model, error) from None
+        found = problem.errors()
+        # a misspelt key is also a missing one: what was written says more
+        first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+        fault = fault_of(document, first, model)
+        where = f"{name}, line {line_of(text, fault.location)}"
+        raise error(f"{where}{fault.problem}", expected=fault.expected, do=fault.do) from None
 
 
 def _document(text: str, name: str, error: type[DynregError]) -> dict[str, Any]:
     try:
-        if any(len(_DOTTED.findall(run)) > DEEP for run in _KEY_LIKE.findall(text)):
-            raise RecursionError  # tomllib takes the square of their number
-        return tomllib.loads(text)
+        return toml_document(text)
     except RecursionError:
         raise error(
             f"{name}: tables or lists in each other too deep", expected="flat tables", do="take it apart"
         ) from None
     except ValueError as problem:  # of tomllib's own kind, and for numbers of thousands of digits
         raise error(f"{name}: {problem}", expected="valid TOML", do="mend that line") from None
+
+
+def toml_document(text: str) -> dict[str, Any]:
+    """TOML text as plain tables; ValueError where it is none, RecursionError where its tables lie too deep."""
+    if any(len(_DOTTED.findall(run)) > DEEP for run in _KEY_LIKE.findall(text)):
+        raise RecursionError  # tomllib takes the square of their number
+    return tomllib.loads(text)
+
+
+def literal(value: Any, digits: int = 17) -> str:
+    r"""A value as TOML writes it, its numbers with so many digits.
+
+    >>> literal(0.1), literal(True), literal(["a", "b"]), literal(2.0), literal('a "b"\n')
+    ('0.1', 'true', '["a", "b"]', '2.0', '"a \\"b\\"\\n"')
+    """
+    if isinstance(value, str):
+        # as JSON does, which leaves one control character as it is
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(float(f"{value:.{digits}g}"))
+    if isinstance(value, int):
+        return str(value)
+    return "[" + ", ".join(literal(item, digits) for item in value) + "]"
 
 
 def line_of(text: str, location: Location) -> int:
@@ -142,34 +173,36 @@ def _left_open(value: str) -> str | None:
     return None
 
 
-def _one_error(
-    name: str,
-    text: str,
-    document: dict[str, Any],
-    problem: ValidationError,
-    model: type[BaseModel],
-    error: type[DynregError],
-) -> DynregError:
-    found = problem.errors()
-    # a misspelt key is also a missing one: what was written says more
-    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
-    location = _in_document(document, first["loc"])
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong at one place of a TOML file, as an error says it; `problem` goes on after the place."""
+
+    location: Location
+    problem: str
+    expected: str
+    do: str
+
+
+def fault_of(document: dict[str, Any], found: Mapping[str, Any], model: type[BaseModel]) -> Fault:
+    """One of pydantic's errors about a document, at its place there."""
+    location = in_document(document, found["loc"])
     key = _short(".".join(str(part) for part in location) or "file")
-    where = f"{name}, line {line_of(text, location)}"
-    if first["type"] == "extra_forbidden":
-        return error(
-            f"{where}: unknown key {key!r}",
-            expected=f"one of {_keys(model, first['loc'][:-1])}",
-            do="remove it or correct its spelling",
+    if found["type"] == "extra_forbidden":
+        keys = _keys(model, found["loc"][:-1])
+        return Fault(
+            location,
+            f": unknown key {key!r}",
+            f"one of {keys}",
+            "remove it or correct its spelling",
         )
-    if first["type"] == "missing":
-        return error(f"{where}: {key!r} is missing", expected=f"a value for {key!r}", do="add it")
-    message = _short(_PLAIN.get(first["type"], first["msg"].removeprefix("Value error, ")), 500)
+    if found["type"] == "missing":
+        return Fault(location, f": {key!r} is missing", f"a value for {key!r}", "add it")
+    message = _short(_PLAIN.get(found["type"], found["msg"].removeprefix("Value error, ")), 500)
     owner = _short(_name_at(document, location) or "")
-    where += f", {owner!r}" if owner else ""
-    value = first.get("input")
+    value = found.get("input")
     shown = f" = {_short(repr(value))}" if isinstance(value, str | int | float) and not _huge(value) else ""
-    return error(f"{where}: {key!r}{shown}: {message}", expected="a value that fits", do="correct that line")
+    problem = f"{f', {owner!r}' if owner else ''}: {key!r}{shown}: {message}"
+    return Fault(location, problem, "a value that fits", "correct that line")
 
 
 def _short(text: str, most: int = 100) -> str:
@@ -186,19 +219,27 @@ def _name_at(document: dict[str, Any], location: Location) -> str | None:
     here: Any = document
     found = None
     for part in location:
-        inside = part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int)
+        inside = (
+            part in here
+            if isinstance(here, dict)
+            else isinstance(here, list) and isinstance(part, int) and part < len(here)
+        )
         here = here[part] if inside else None
         if isinstance(part, int) and isinstance(here, dict) and isinstance(here.get("name"), str):
             found = here["name"]
     return found
 
 
-def _in_document(document: dict[str, Any], location: Location) -> Location:
+def in_document(document: dict[str, Any], location: Location) -> Location:
     """The location without the names that pydantic gives to the chosen members of a union."""
     kept: list[str | int] = []
     here: Any = document
     for i, part in enumerate(location):
-        inside = part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int)
+        inside = (
+            part in here
+            if isinstance(here, dict)
+            else isinstance(here, list) and isinstance(part, int) and part < len(here)
+        )
         if inside or i == len(location) - 1:
             kept.append(part)
             here = here[part] if inside else None

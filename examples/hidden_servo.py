@@ -3,9 +3,10 @@
 It is `servo_pendulum` with parameters drawn by a seed, on MuJoCo's own constraint solver with a time step of
 0.5 ms (the registry's simulators use the joint engine and 2 ms), seen through a noisy and quantised encoder
 and a coarse supply reading. Sixteen runs as on the real XL330 bench: gains 100, 200, 400 and 800, each with
-sines, a sweep, steps and a lift that ends with the torque off.
+sines, a sweep, steps and a lift that ends with the torque off. With `load_friction` its gear has dry friction in
+proportion to the load, which no simulator of the registry has.
 
-    python examples/hidden_servo.py FOLDER --seed 7
+    python examples/hidden_servo.py FOLDER --seed 7 --load-friction 0.15
 """
 
 import argparse
@@ -17,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from dynreg.rng import stream
+from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
@@ -38,15 +40,28 @@ class HiddenServo:
     secret: dict[str, float]
 
 
-def record(folder: Path, *, seed: int = 7, seconds: float = 6.0) -> HiddenServo:
-    """Draw a servo, drive it through the sixteen runs of `seconds` [s] and write one MCAP file a run."""
+def record(
+    folder: Path, *, seed: int = 7, seconds: float = 6.0, load_friction: float | None = None
+) -> HiddenServo:
+    """Draw a servo, drive it through the sixteen runs of `seconds` [s] and write one MCAP file a run.
+
+    load_friction : dry friction as a share of the torque that the gear transmits; None for none. Where it is given, the
+    parameters are drawn from the nameplate, as far off as its tolerances say; else from their ranges.
+    """
     robot = load_robot("servo_pendulum")
     rng = stream(seed, "hidden_servo", "parameters")
-    values = robot.space.from_unit(rng.uniform(0.15, 0.85, len(robot.space)))
+    if load_friction is None:
+        values = robot.space.from_unit(rng.uniform(0.15, 0.85, len(robot.space)))
+    else:
+        values = _of_nameplate(robot, rng)
     time = np.arange(0.0, seconds, PERIOD)
     runs = [(f"{name}_kp{gain:.0f}", gain, c) for gain in GAINS for name, c in commands(time, seed).items()]
     supply = stream(seed, "hidden_servo", "supply").uniform(7.2, 7.6, len(runs))
-    states = _simulate(robot, values, [c for _, _, c in runs], [gain for _, gain, _ in runs], supply)
+    lacking = (
+        None if load_friction is None else Terms((term("load_friction"),), (np.array([[load_friction]]),))
+    )
+    moved = [c for _, _, c in runs], [gain for _, gain, _ in runs]
+    states = _simulate(robot, values, *moved, supply, lacking)
     folder.mkdir(parents=True, exist_ok=True)
     logs = []
     for (name, _, command), moved, volts in zip(runs, states, supply, strict=True):
@@ -54,6 +69,17 @@ def record(folder: Path, *, seed: int = 7, seconds: float = 6.0) -> HiddenServo:
         seen = _seen(robot, moved, volts, stream(seed, "hidden_servo", "noise", name))
         _write(logs[-1], time, command, *seen)
     return HiddenServo(tuple(logs), MAP, robot.space.as_dict(values))
+
+
+def _of_nameplate(robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    """(P,) parameters as far from their nominal values as a nameplate's tolerances say."""
+    drawn = rng.standard_normal(len(robot.space))
+    return np.array(
+        [
+            np.clip(p.nominal + p.tolerance * (abs(p.nominal) or p.high - p.low) * z, p.low, p.high)
+            for p, z in zip(robot.space.parameters, drawn, strict=True)
+        ]
+    )
 
 
 def commands(time: np.ndarray, seed: int = 7) -> dict[str, Command]:
@@ -70,7 +96,12 @@ def commands(time: np.ndarray, seed: int = 7) -> dict[str, Command]:
 
 
 def _simulate(
-    robot: Robot, values: np.ndarray, runs: list[Command], gains: list[float], supply: np.ndarray
+    robot: Robot,
+    values: np.ndarray,
+    runs: list[Command],
+    gains: list[float],
+    supply: np.ndarray,
+    effects: Terms | None,
 ) -> np.ndarray:
     """(E, T, S) true states of the runs, from rest."""
     finer = robot.file.robot.model_copy(update={"timestep": TIMESTEP})
@@ -86,7 +117,7 @@ def _simulate(
         initial=np.zeros((len(runs), len(robot.channels))),
         period=PERIOD,
     )
-    return rollout(truth, values[None], run, engine="mujoco").states[0, :, :-1]
+    return rollout(truth, values[None], run, engine="mujoco", terms=effects).states[0, :, :-1]
 
 
 def _seen(
@@ -131,8 +162,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Record a simulated servo bench with secret parameters.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--load-friction", type=float, help="friction as a share of the gear's torque")
     given = parser.parse_args()
-    made = record(given.folder, seed=given.seed)
+    made = record(given.folder, seed=given.seed, load_friction=given.load_friction)
     print(f"{len(made.logs)} logs in {given.folder}; read them with --map {made.log_map}")
     print(json.dumps(made.secret, indent=2))
 

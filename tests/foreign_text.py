@@ -9,7 +9,7 @@ OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
 HOSTILE = '[red]\x1b[31m\x1b]0;t\x07\x9b\u202e\u200b\x00\r\n\t\x7f\u2028\udcff:smile:$\\frac{$<b onclick="x">\'{{7*7}}'
 # words by which rooms look something up
 OWN = {"fit", "select", "test", "validation", "dx", "dy", "dtheta", "m", "rad", "weak", "medium", "strong"}
-OWN |= {"left wheel", "right wheel", "all speeds", "turns only"}
+OWN |= {"left wheel", "right wheel", "all speeds", "turns only", "before", "after"}
 
 
 def obeyed(text: str, keep: str = "\n") -> str:

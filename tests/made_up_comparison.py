@@ -2,7 +2,21 @@
 
 import numpy as np
 
-from dynreg.results import Comparison, Contender, Cost, DrivenPath, Pace, Paths, Way
+from dynreg.results import (
+    Commands,
+    ComparedTrace,
+    Comparison,
+    Contender,
+    Cost,
+    DrivenPath,
+    Gain,
+    Horizon,
+    Pace,
+    Paths,
+    Rollouts,
+    Score,
+    Way,
+)
 from dynreg.rng import stream
 from dynreg.timed.compare import compared, spread
 
@@ -21,12 +35,7 @@ def comparison(paths: bool = True) -> Comparison:
         robot="diffdrive",
         recording="cd" * 32,
         recording_name="monday",
-        parts={"fit": 174, "validation": 40, "test": 40},
-        track=0.0884,
-        longest=2.0,
         seed=0,
-        starts=30,
-        generations=300,
         contenders=(
             Contender(name="nominal", kind="nominal simulator", parameters={"track": 0.0884}),
             Contender(
@@ -39,13 +48,80 @@ def comparison(paths: bool = True) -> Comparison:
             Contender(name="kinematic", kind="closed form", parameters={"track": 0.0884}),
             Contender(name="dynamic", kind="unicycle, fitted", parameters={"a1": 0.087, "a2": 0.101}),
         ),
-        best="dynamic",
-        errors=errors,
-        paths=Paths(runs=3, commands=10, models=ends) if paths else None,
-        driven=tuple(_driven(begin) for begin in (20.0, 31.5)) if paths else (),
-        paces=tuple(_pace(name) for name in NAMES),
+        rollouts=rollouts(NAMES[:2]) if paths else None,
+        commands=Commands(
+            parts={"fit": 174, "validation": 40, "test": 40},
+            names=NAMES,
+            track=0.0884,
+            longest=2.0,
+            starts=30,
+            generations=300,
+            best="dynamic",
+            errors=errors,
+            paths=Paths(runs=3, commands=10, models=ends) if paths else None,
+            driven=tuple(_driven(begin) for begin in (20.0, 31.5)) if paths else (),
+            paces=tuple(_pace(name) for name in NAMES),
+        ),
         notes=() if paths else ("the test part has no ten commands in a row without a gap",),
         cost=Cost(evaluations=0, rollouts=2, seconds=31.5),
+    )
+
+
+def arm(names: tuple[str, ...] = ("nominal", "extended ab12ab12", "calibrated cd34cd34")) -> Comparison:
+    """Simulators of an arm: the second errs least, the third ties with the first."""
+    kinds = ("nominal simulator", "extended simulator", "calibrated simulator")
+    contenders = (Contender(name=name, kind=kind) for name, kind in zip(names, kinds, strict=True))
+    return Comparison(
+        robot="arm",
+        recording="ef" * 32,
+        recording_name="tuesday",
+        seed=0,
+        contenders=tuple(contenders),
+        rollouts=rollouts(names, ("shoulder/position", "elbow/position")),
+        commands=None,
+        cost=Cost(evaluations=0, rollouts=3, seconds=3.1),
+    )
+
+
+def rollouts(names: tuple[str, ...], channels: tuple[str, ...] = ("base/x", "base/y")) -> Rollouts:
+    """Errors of 0.1 and 2 s: the second simulator errs by half."""
+    horizons = (Horizon(seconds=0.1, rollouts=80, whole=False), Horizon(seconds=2.0, rollouts=4, whole=True))
+    scores = tuple(
+        _score(name, i, channel, h.seconds)
+        for h in horizons
+        for channel in (None, *channels)
+        for i, name in enumerate(names)
+    )
+    time = [0.1 * i for i in range(20)]
+    curve = {name: [0.9 * float(np.sin(t + 0.1 * i)) for t in time] for i, name in enumerate(names)}
+    measured = [None if i == 3 else float(np.sin(t)) for i, t in enumerate(time)]
+    trace = ComparedTrace(
+        episode="run_1", channel=channels[0], unit="rad", time=time, measured=measured, simulators=curve
+    )
+    return Rollouts(
+        episodes=("run_1", "run_3"),
+        left_out=("run_0", "run_2[1]"),
+        names=names,
+        horizons=horizons,
+        best=names[1],
+        alike=(),
+        scores=scores,
+        traces=(trace,),
+    )
+
+
+def _score(name: str, number: int, channel: str | None, seconds: float) -> Score:
+    error = (0.5 if number == 1 else 1.0) * 0.02 * (seconds + 0.5)
+    return Score(
+        simulator=name,
+        channel=channel,
+        seconds=seconds,
+        error=error,
+        low=0.9 * error,
+        high=1.1 * error,
+        unit="spread" if channel is None else "rad",
+        gain=(None, Gain(value=0.5, low=0.45, high=0.55), Gain(value=0.0, low=-0.01, high=0.01))[number],
+        tie=(None, False, True)[number],
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import made_up_changes
 import made_up_comparison
 import made_up_diagnosis
 import made_up_drift
@@ -12,12 +13,16 @@ from dynreg.results import (
     CalibrationStep,
     CarriedEffect,
     ChannelError,
+    CollectedFile,
+    Collection,
     Cost,
+    DraftedMap,
     EntrySummary,
     Estimate,
     Gain,
     Info,
     Listing,
+    LogContents,
     LogFinding,
     LogFindings,
     Neighbour,
@@ -25,9 +30,11 @@ from dynreg.results import (
     Nominal,
     PopulationSummary,
     RecordingSummary,
+    Removal,
     ReportFile,
     Result,
     RobotCheck,
+    RobotDraft,
     RobotFolder,
     RobotLine,
     RobotList,
@@ -221,6 +228,26 @@ def listing() -> Listing:
     return Listing(registry="dynreg-registry", items=(entry(),))
 
 
+def removal() -> Removal:
+    """A recording that goes with a result."""
+    recording = EntrySummary(
+        id="b7" * 32, kind="recording", name="bench_monday", robot="servo_pendulum", detail={}
+    )
+    needing = {"needs": "recording b7b7b7b7b7b7"}
+    result = EntrySummary(
+        id="c1" * 32, kind="result", name="neighbours", robot="servo_pendulum", detail=needing
+    )
+    return Removal(
+        registry="dynreg-registry", removed=False, items=(recording, result), moved=(), bytes=120_000
+    )
+
+
+def collection() -> Collection:
+    """A file that nothing names."""
+    file = CollectedFile(path="results/neighbours-b7-c1.json", why="nothing names it", bytes=2048)
+    return Collection(registry="dynreg-registry", removed=True, files=(file,), bytes=2048)
+
+
 def verification(faults: tuple[str, ...] = ()) -> Verification:
     """A registry that was checked."""
     return Verification(
@@ -240,6 +267,8 @@ def information() -> Info:
         holds={"population": 1, "recording": 2},
         entries=1000,
         versions={"dynreg": "0.1.0", "mujoco": "4.0.0"},
+        optional={"hnswlib": None},
+        system="Linux",
         device="cpu",
         cores=2,
     )
@@ -272,6 +301,27 @@ def robot_folder() -> RobotFolder:
     )
 
 
+def robot_draft() -> RobotDraft:
+    """A folder drafted from an arm's model and a log that lacks one joint."""
+    return RobotDraft(
+        name="my_arm",
+        folder="my_arm",
+        model="arm.xml",
+        log="run.csv",
+        engines=("mujoco",),
+        control_rate=100.0,
+        timestep=0.002,
+        joints=("shoulder", "elbow"),
+        actions=("shoulder/target", "elbow/target"),
+        channels=("shoulder/position", "elbow/position", "shoulder/velocity", "elbow/velocity"),
+        parameters=("tip_mass", "gain", "shoulder_friction"),
+        bytes=4096,
+        map="my_arm/maps/log.toml",
+        missing=("elbow/target",),
+        notes=("2 meshes were not found and are left out",),
+    )
+
+
 def every_kind() -> tuple[Result, ...]:
     """One of each document."""
     return (
@@ -281,14 +331,18 @@ def every_kind() -> tuple[Result, ...]:
         entry(),
         listing(),
         verification(),
+        removal(),
+        collection(),
         calibration(),
         made_up_diagnosis.diagnosis(),
         made_up_diagnosis.effects_list(),
         made_up_diagnosis.trial(),
         made_up_diagnosis.trials(),
         made_up_diagnosis.experiment(),
+        robot_draft(),
         robot_folder(),
         made_up_gait.gait(),
+        made_up_changes.changes(),
         made_up_drift.drift(),
         made_up_comparison.comparison(),
         RobotList(
@@ -311,6 +365,27 @@ def every_kind() -> tuple[Result, ...]:
             robot="servo_pendulum",
             usable=True,
             findings=(LogFinding(severity="info", check="jitter", where="run.csv", message="uneven stamps"),),
+            contents=(
+                LogContents(
+                    log="run.csv",
+                    topic="",
+                    type="",
+                    messages=800,
+                    rate=200.0,
+                    begin=0.0,
+                    end=4.0,
+                    signals=("pos_arm", "cmd_arm"),
+                    units={"pos_arm": "deg"},
+                ),
+            ),
+            drafted=DraftedMap(
+                text="[map]\n",
+                path="map.toml",
+                found=("arm/position",),
+                missing=("arm/target",),
+                ambiguous=("arm/position",),
+                settings=("kp",),
+            ),
         ),
         ReportFile(result="@last", path="report.html", bytes=81234),
         information(),

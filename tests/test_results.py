@@ -2,16 +2,13 @@
 
 import json
 import math
-from pathlib import Path
 
 import made_up_results
 import pytest
 from pydantic import ValidationError
 
-from dynreg.cli.schemas import model_of, schema_files
+from dynreg.cli.schemas import PLACE, model_of, schema_files
 from dynreg.results import RESULTS, Cost, Neighbour, Result
-
-SCHEMAS = Path(__file__).parents[1] / "schemas"
 
 
 @pytest.mark.parametrize("result", made_up_results.every_kind(), ids=lambda r: type(r).__name__)
@@ -27,7 +24,7 @@ def test_every_kind_of_result_is_made_up_here() -> None:
 
 
 def test_the_schemas_on_disk_are_those_of_the_code() -> None:
-    on_disk = {path.name: path.read_text(encoding="utf-8") for path in SCHEMAS.glob("*.json")}
+    on_disk = {path.name: path.read_text(encoding="utf-8") for path in PLACE.glob("*.json")}
     assert on_disk == schema_files(), "run `python -m dynreg.cli.schemas`"
 
 

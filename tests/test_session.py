@@ -1,5 +1,6 @@
 """What a session refuses, and what it finds again."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import tiny_registry
 
 from dynreg import results, session
 from dynreg.data.recording import Recording
-from dynreg.errors import MapError, NoMatchError, RegistryError, UsageError
+from dynreg.errors import Assumed, MapError, NoMatchError, RegistryError, UsageError
 from dynreg.session import Session
 
 BENCH = dict(budget=7, synthesise=False)
@@ -189,7 +190,7 @@ def test_a_population_that_was_planned_and_not_computed_is_no_population(opened:
         empty.query(known)
 
 
-def test_simulators_of_another_robot_do_not_answer(
+def test_simulators_of_another_version_answer_where_they_are_named(
     registry_folder: Path, tmp_path: Path, recording: Recording
 ):
     robot = secret_servo.load_robot("servo_pendulum")
@@ -198,11 +199,13 @@ def test_simulators_of_another_robot_do_not_answer(
     table.write_text(table.read_text().replace("high = 0.6\n", "high = 0.7\n", 1))
     with session.open(shutil.copytree(registry_folder, tmp_path / "registry")) as mixed:
         known = mixed.ingest(recording, heavier)
-        with pytest.raises(NoMatchError, match="no simulators of robot"):
-            mixed.query(known)
         population = mixed.list("population").items[0].id
-        with pytest.raises(UsageError, match="a population of the same robot folder"):
-            mixed.query(known, population=population)
+        with pytest.raises(NoMatchError, match="no simulators of version 2 .*version 1 has") as error:
+            mixed.query(known)
+        words = f"dynreg populate {secret_servo.load_robot(heavier).hash[:12]} -n .*--population {population[:12]}"
+        assert re.search(words, str(error.value))
+        with pytest.warns(Assumed, match="is of version 1 of robot 'servo_pendulum'"):
+            assert mixed.query(known, population=population).population == population
 
 
 def test_two_populations_must_be_told_apart(registry_folder: Path, tmp_path: Path):
@@ -247,4 +250,4 @@ def test_a_registry_is_made_only_where_that_was_meant(tmp_path: Path, monkeypatc
 
 def test_information_counts_what_is_there(opened: Session):
     told = opened.info()
-    assert told["entries"] == 8 and told["holds"]["population"] == 1
+    assert told.entries == 8 and told.holds["population"] == 1 and told.exists

@@ -3,15 +3,16 @@
 import functools
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dynreg.cli.help import VerbHelp
 from dynreg.cli.told import parameters, told
-from dynreg.errors import UsageError
+from dynreg.errors import RobotError, UsageError
 from dynreg.foreign import visible
 from dynreg.session import DEFAULT
 from dynreg.verbs.settings import Settings
@@ -20,19 +21,30 @@ if TYPE_CHECKING:
     from dynreg.cli.settings import Settings as File
     from dynreg.results.result import Result
     from dynreg.session import Session
+    from dynreg.sim.robot import Robot
 
 _PANEL = "Global options"
 RegistryOption = Annotated[
     Path | None,
-    typer.Option(help=f"Registry directory [DYNREG_REGISTRY; ./{DEFAULT}].", rich_help_panel=_PANEL),
+    typer.Option(
+        help=f"Registry directory.  [default: DYNREG_REGISTRY, else ./{DEFAULT}]", rich_help_panel=_PANEL
+    ),
 ]
 SettingsOption = Annotated[
-    Path | None, typer.Option("--settings", help="TOML settings [./dynreg.toml].", rich_help_panel=_PANEL)
+    Path | None,
+    typer.Option(
+        "--settings", help="File with settings, in TOML.  [default: ./dynreg.toml]", rich_help_panel=_PANEL
+    ),
 ]
 JsonOption = Annotated[
-    bool, typer.Option("--json", help="One JSON document on stdout, nothing else.", rich_help_panel=_PANEL)
+    bool,
+    typer.Option(
+        "--json", help="Print one JSON document on stdout, and nothing else.", rich_help_panel=_PANEL
+    ),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, no hints.", rich_help_panel=_PANEL)]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", help="Show no progress and no hints.", rich_help_panel=_PANEL)
+]
 DebugOption = Annotated[
     bool, typer.Option("--debug", help="Show the traceback of an error.", rich_help_panel=_PANEL)
 ]
@@ -93,16 +105,31 @@ class Call:
         logs = (one is not None and Path(one).exists() for one in recordings)
         return self.open(create=robot is not None and all(logs))
 
-    def progress(self):
-        """Context manager around a progress function; see `output.progress_bars`."""
+    def robot(self, ref: str, ranges: str | None = None) -> "Robot":
+        """A robot by its packaged name or folder, or as the registry knows it, where there is one: none is made."""
+        from dynreg.verbs.subjects import loaded_robot
+
+        try:
+            return loaded_robot(ref, ranges)
+        except RobotError:
+            if not self.registry.is_dir():
+                raise
+        with self.open() as session:
+            return loaded_robot(ref, ranges, session.registry)
+
+    def progress(self, faster: str = ""):
+        """Context manager around a progress function; see `output.progress_bars`, also for `faster`."""
         from dynreg.cli.output import progress_bars
 
-        return progress_bars(not self.quiet)
+        return progress_bars(not self.quiet, faster)
 
-    def emit(self, result: "Result", shown: Any | None = None, hint: str | None = None) -> None:
+    def emit(
+        self, result: "Result", shown: Any | None = None, hint: str | Sequence[str] | None = None
+    ) -> None:
         """Print a result: its JSON document, or what is `shown` (else its tables) and a next-step hint.
 
-        Raises the error that its room ends with, where it answers that nothing fits or works.
+        hint : what comes next, or several of which one comes next, a line each. Raises the error that its room ends
+        with, where it answers that nothing fits or works.
         """
         from dynreg.cli.output import console
         from dynreg.report.tables import refusal, render
@@ -113,26 +140,31 @@ class Call:
             out = console()
             out.print(render(result) if shown is None else shown)
             if hint and not self.quiet:
-                out.print(f"next: {visible(hint)}")
+                first, *others = [hint] if isinstance(hint, str) else hint
+                out.print(
+                    "\n".join([f"next: {visible(first)}", *(f"  or: {visible(one)}" for one in others)])
+                )
         if (problem := refusal(result)) is not None:
             raise problem
 
     def emit_and_write(self, result: "Result", page: Path | None) -> None:
-        """Print a stored result, and write its page where one is asked for; else the hint says how."""
+        """Print a stored result, and write its page where one is asked for; else a hint says what comes next."""
+        from dynreg.report.tables import hint
+
         if page is not None:
             from dynreg.report.html import write_report
 
             write_report(result, page)
-        self.emit(result, hint=None if page else "dynreg report @last")
+        self.emit(result, hint=None if page else hint(result))
 
 
 def verb(
-    app: typer.Typer, name: str, help: str | None = None
+    app: typer.Typer, name: str, help: str | None = None, group: str | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register `function(call, ...)` as a command, with the global options among its own.
 
-    Its help, else its docstring, is what it does and an example. A parameter whose type is a verb's `Settings` stands
-    for an option for each of them.
+    Its help, else its docstring, is what it does and an example. group : its heading in the program's help. A
+    parameter whose type is a verb's `Settings` stands for an option for each of them.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
@@ -145,7 +177,7 @@ def verb(
 
         run.__signature__ = _signature(function)
         run.__annotations__ = {p.name: p.annotation for p in run.__signature__.parameters.values()}
-        app.command(name, help=help)(run)
+        app.command(name, help=help, cls=VerbHelp, rich_help_panel=group)(run)
         return function
 
     return register

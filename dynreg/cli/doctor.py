@@ -1,4 +1,4 @@
-"""`dynreg doctor`: what is wrong with a log, before it is ingested."""
+"""`dynreg doctor`: what a log holds and what is wrong with it, before it is ingested; a map drafted from it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,6 +7,7 @@ import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import robot_names
+from dynreg.errors import command
 
 
 def doctor(
@@ -16,14 +17,38 @@ def doctor(
         str | None, typer.Option(help="Robot whose channels they hold.", autocompletion=robot_names)
     ] = None,
     log_map: Annotated[Path | None, typer.Option("--map", help="TOML map.")] = None,
+    draft_map: Annotated[
+        Path | None,
+        typer.Option("--draft-map", metavar="FILE", help="Draft a map and write it; - for stdout."),
+    ] = None,
 ) -> None:
-    """Say what is wrong with logs.
+    """Say what is in logs, and what is wrong with them.
 
-    Looks at clocks, gaps and numbers, and with a robot at its channels, units and limits. Exit status 1
-    when the logs could not be ingested.
+    It lists topics with their types, rates and units, and checks clocks, gaps and numbers. With a robot it also
+    checks the robot's channels, units and limits. `--draft-map` writes a map to start from.
 
-    Example: dynreg doctor run.mcap --robot servo_pendulum --map my_map.toml
+    Exit status 1: the logs cannot be ingested.
+
+    Example: dynreg doctor run.mcap --robot servo_pendulum --draft-map my_map.toml
     """
+    from dynreg.errors import UsageError
     from dynreg.verbs.doctor import findings
 
-    call.emit(findings(logs, robot, log_map))
+    if log_map is not None and draft_map is not None:
+        raise UsageError(
+            f"--map {log_map} with --draft-map {draft_map}", expected="one of the two", do="leave one out"
+        )
+    answer = findings(logs, robot, log_map, draft_map)
+    if answer.drafted is not None and answer.drafted.path is None and not call.shared.json:
+        typer.echo(answer.drafted.text, nl=False)
+        return
+    call.emit(answer, hint=_next(answer, logs))
+
+
+def _next(answer, logs: list[Path]) -> str | None:
+    """The next step where a map was drafted."""
+    if answer.drafted is None:
+        return None
+    if answer.robot is None:
+        return command("robots", "init", "MODEL.xml", "--log", logs[0])
+    return command("ingest", *logs, "--robot", answer.robot, "--map", answer.drafted.path)

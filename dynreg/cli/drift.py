@@ -1,4 +1,4 @@
-"""`dynreg drift`: whether a registered recording is still true of a wheeled robot."""
+"""`dynreg drift`: what changed on a robot between two recordings."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,7 @@ def drift(
         str | None,
         typer.Option(
             metavar="EARLIER",
-            help="The recording that may be out of date [the robot's first].",
+            help="The earlier recording.  [default: the robot's first]",
             autocompletion=recording_names,
         ),
     ] = None,
@@ -29,14 +29,21 @@ def drift(
     log_map: MapOfLog = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write the updated displacement table, too: a Parquet file."),
+        typer.Option("--out", "-o", help="On wheels: also write the updated displacement table, as Parquet."),
     ] = None,
     report: Page = None,
 ) -> None:
-    """Test whether a wheeled robot still moves as an earlier recording says.
+    """Say what changed on a robot between two recordings.
 
-    Displacements are compared cell by cell of wheel speeds; what moved is named: left wheel, right wheel, all
-    speeds, turns only. It exits 0 whatever the verdict: still true, moved, too little data.
+    Both recordings are diagnosed, and every parameter and cause is fitted to each of them; the values that differ
+    are named. The verdict is changed, still true, or unexplained: nothing differs, and neither diagnosis explains the
+    recent recording. A robot on wheels is tested in cells of wheel speeds: the answer is left wheel, right wheel, all
+    speeds, turns only, still true, or too little data.
+
+    The logs' own clocks say which recording is the earlier one, where they tell the day; else --against does. An
+    option without a meaning for the robot is an error.
+
+    Exit status 0 whatever the verdict.
 
     Example: dynreg drift friday --against monday --report friday.html
     """

@@ -6,6 +6,7 @@ import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import robot_names
+from dynreg.errors import command
 
 
 def effects(
@@ -13,15 +14,19 @@ def effects(
     robot: Annotated[
         str | None,
         typer.Argument(
-            metavar="ROBOT", help="Packaged name or robot folder [none].", autocompletion=robot_names
+            metavar="ROBOT",
+            help="Packaged name or robot folder. Without one, all effects.",
+            autocompletion=robot_names,
         ),
     ] = None,
-    near: Annotated[bool, typer.Option("--near", help="Also what tells those apart that are near.")] = False,
+    near: Annotated[
+        bool, typer.Option("--near", help="Also show the experiments that separate similar effects.")
+    ] = False,
 ) -> None:
     """List the physical effects that a diagnosis can name.
 
-    With their usual sizes, those that no usual log tells apart, and the experiment that does. With a robot:
-    those that it can have. --json has it all.
+    Each has its usual sizes. A second table lists effects that no usual log separates, and the experiment that does.
+    With a robot, only the effects that it can have are listed. --json prints everything.
 
     Example: dynreg effects servo_pendulum
     """
@@ -30,4 +35,4 @@ def effects(
 
     result = Session.effects(robot)
     shown = None if call.shared.json else render(result, near=near)
-    call.emit(result, shown, hint=f"dynreg trial {robot or 'ROBOT'} --effect EFFECT")
+    call.emit(result, shown, hint=command("trial", robot or "ROBOT", "--effect", "EFFECT"))

@@ -1,4 +1,4 @@
-"""`dynreg excite`: commands for the experiment that tells two causes apart."""
+"""`dynreg excite`: commands for the experiment that separates two causes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,7 +7,7 @@ import typer
 
 from dynreg.cli.call import Call, can_write
 from dynreg.cli.options import RobotFolder
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, command
 from dynreg.verbs.excite import ExciteSettings
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ def excite(
     settings: ExciteSettings,
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap.")],
 ) -> None:
-    """Write commands that tell two effects apart.
+    """Write an experiment that separates two effects.
 
-    They keep to the limits of the robot's actions; play them, log, and diagnose the log.
+    The commands keep to the limits of the robot's actions. Play them on the robot, and diagnose the log.
 
     Example: dynreg excite servo_pendulum --for payload,coulomb_friction -o next.csv
     """
@@ -35,7 +35,7 @@ def excite(
         commands, experiment = Session.excite(robot, **vars(settings), progress=progress)
     _write(commands, out)
     written = experiment.model_copy(update={"file": str(out)})
-    call.emit(written, hint=f"play {out}, then dynreg diagnose LOG --robot {robot}")
+    call.emit(written, hint=f"play {out}, then {command('diagnose', 'LOG', '--robot', robot)}")
 
 
 def _check_file(out: Path) -> None:

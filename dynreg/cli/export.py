@@ -1,14 +1,18 @@
-"""`dynreg export`: a part of the registry as its own, a simulator as a robot folder, a gait as commands."""
+"""`dynreg export`: a part of the registry as a new one, a simulator as a robot folder, a gait as commands."""
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import stored_names
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, command
+from dynreg.verbs.simulators import NAMES
+
+if TYPE_CHECKING:
+    from dynreg.session import Session
 
 
 class Form(StrEnum):
@@ -20,11 +24,20 @@ class Form(StrEnum):
     mcap = "mcap"
     python = "python"
     foxglove = "foxglove"
+    rerun = "rerun"
     gif = "gif"
     png = "png"
 
 
 _PLAYED = "play it, then `dynreg ingest LOG --robot ROBOT --gait @last`"
+_OPENED = {Form.rerun: "rerun FILE", Form.foxglove: "open it in Foxglove; plot /channels/NAME.residual"}
+
+
+def _is_run(session: "Session", ref: str, simulator: str | None) -> bool:
+    """Whether a log for Foxglove is of a recording; without a simulator @last is the last gait."""
+    from dynreg.verbs.watched import is_run
+
+    return simulator is not None or (ref != "@last" and is_run(session.registry, ref))
 
 
 def export(
@@ -33,43 +46,62 @@ def export(
         list[str],
         typer.Argument(
             metavar="ID...",
-            help="What to export: hashes, prefixes, names or @last (the last recording).",
+            help="What to export: hashes, prefixes, names, @last (the last recording), @answer.",
             autocompletion=stored_names,
         ),
     ],
-    to: Annotated[Path, typer.Option(help="New directory; new file for a gait.")],
+    to: Annotated[Path, typer.Option(help="New folder of a registry or a robot; new file of anything else.")],
     form: Annotated[
         Form,
-        typer.Option(
-            "--as", help="A registry; a simulator as a robot folder; a gait as commands, as a run or drawn."
-        ),
+        typer.Option("--as", help="What is written; see above."),
     ] = Form.registry,
+    simulator: Annotated[
+        str | None,
+        typer.Option(
+            "--with",
+            metavar="ID",
+            help=f"As foxglove or rerun: the simulator beside the recording, an id or one of {', '.join(NAMES)}."
+            "  [default: what the result recommends, else nominal]",
+        ),
+    ] = None,
 ) -> None:
-    """Copy stored things to a new registry, or write a simulator as a robot folder.
+    """Write stored things to a new registry, robot folder or file.
 
-    All that they need comes with them: a population its robot and entries, a result its recording and the
-    simulators that it names. @last is the last recording; `dynreg list --kind result` has the ids of results.
-    As a robot, a simulator is a robot.toml with its parameters and effects and one MJCF file for MuJoCo alone.
-    As csv, mcap or python, a gait (its id, its JSON file or @last, here the last gait) is a table, a log of joint
-    commands, or a Python module that needs nothing else; as gif or png it is drawn, in the simulator in which it
-    walks least. As foxglove, its run there is an MCAP log of joints and pose; of a recording that was ingested with
-    --gait, what was measured and what the simulator does under the same commands.
+    --as registry: a new registry with the things and all that they need.
+
+    --as robot: a simulator as a robot folder: robot.toml with its parameters and effects, and one MJCF file.
+
+    --as foxglove, rerun: a recording beside a simulator under the same commands, with both robots, every channel
+    and its residual. Foxglove gets an MCAP log, Rerun an .rrd file. A result means its recording and the simulator
+    that it recommends.
+
+    --as csv, mcap, python: the joint commands of a gait. ID is the gait's id, its JSON file or @last, the last gait.
+
+    --as gif, png: a picture of a gait in the simulator in which it walks least. A gait as foxglove is its run there.
+
+    @last is the last recording, but for gaits. `dynreg list --kind result` shows the ids of results.
 
     Example: dynreg export monday --to monday-registry
     """
     if form is not Form.registry and len(refs) != 1:
-        what = "simulator" if form is Form.robot else "gait"
+        what = "simulator" if form is Form.robot else "thing"
         raise UsageError(
             f"--as {form} with {len(refs)} things", expected=f"one {what}", do="export them one by one"
         )
+    if simulator is not None and form not in (Form.foxglove, Form.rerun):
+        raise UsageError(f"--with and --as {form}", expected="--as foxglove or rerun", do="leave --with out")
     with call.open() as session:
+        if form is Form.rerun or (form is Form.foxglove and _is_run(session, refs[0], simulator)):
+            session.export_run(refs[0], to, form.value, simulator)
+            call.emit(session.show(refs[0]), f"{to}: written", hint=_OPENED[form])
+            return
         if form not in (Form.registry, Form.robot):
             hint = None if form in (Form.gif, Form.png, Form.foxglove) else _PLAYED
             call.emit(session.export_gait(refs[0], to, form.value), f"{to}: written", hint=hint)
             return
         if form is Form.robot:
             folder = session.export_robot(refs[0], to)
-            call.emit(folder, hint=f"dynreg robots check {to}")
+            call.emit(folder, hint=command("robots", "check", to))
             return
         result = session.export(refs, to)
-    call.emit(result, hint=f"dynreg list --registry {to}")
+    call.emit(result, hint=command("list", "--registry", to))

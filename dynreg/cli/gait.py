@@ -24,7 +24,7 @@ def gait(
     log_map: MapOfLog = None,
     film: Annotated[
         Path | None,
-        typer.Option(help="Draw the gait, too, into this new file: .gif, or .png for four stills."),
+        typer.Option(help="Also draw the gait into this new file: .gif, or .png for four stills."),
     ] = None,
 ) -> None:
     """Seek a gait, and draw it where a film is asked for."""

@@ -4,12 +4,17 @@ from dynreg.cli.call import Call
 
 
 def info(call: Call) -> None:
-    """Show versions, registry and machine.
+    """Show versions, optional parts, machine and registry.
+
+    It works without a registry and does not make one.
 
     Example: dynreg info
     """
-    from dynreg.results.stored import Info
+    from dynreg.verbs.info import information
 
+    if not call.registry.exists():
+        call.emit(information(call.registry))
+        return
     with call.open() as session:
-        result = Info.model_validate(session.info())
+        result = session.info()
     call.emit(result)

@@ -7,6 +7,7 @@ import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import robot_names
+from dynreg.errors import command
 
 
 def ingest(
@@ -21,21 +22,29 @@ def ingest(
         str | None, typer.Option(help="Stored gait that was played: its id, or @last (the last gait).")
     ] = None,
 ) -> None:
-    """Bring logs in as one recording.
+    """Read logs and store them as one recording.
 
-    Reads MCAP, ROS bags, CSV, Parquet, LeRobot datasets, MATLAB .mat and bam JSON. Logs of a packaged
-    robot's bench find their map by themselves; a table whose columns carry the robot's
-    channel names needs none.
+    It reads MCAP, ROS bags, CSV, Parquet, NumPy .npz, LeRobot datasets, MATLAB .mat and bam JSON. A map says which
+    column of the log is which channel. `robots init --log` drafts one in the robot's folder, and it is found by itself.
+    A table with the robot's channel names needs none.
 
     Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday
     """
-    from dynreg.sim.robot import load_robot
+    from dynreg.registry.recordings import check_name
+    from dynreg.verbs.diagnose import first_command
     from dynreg.verbs.subjects import read_log
 
-    loaded = load_robot(robot)
-    recording = read_log(logs, loaded, log_map)  # before a registry is made for it
-    with call.open(create=True) as session:
-        result = session.ingest(recording, loaded, name=name, gait=gait)
+    check_name(name)
+    loaded = call.robot(robot)
+    with call.progress() as progress:
+        recording = read_log(logs, loaded, log_map, progress)  # before a registry is made for it
+        with call.open(create=True) as session:
+            result = session.ingest(recording, loaded, name=name, gait=gait, progress=progress)
     named = result.name or result.recording[:12]
-    beside = f"dynreg export {named} --as foxglove --to run.mcap"
-    call.emit(result, hint=beside if gait else f"dynreg query {named} -k 5")
+    if gait or not set(loaded.actions) <= set(result.channels):
+        ask = [command("export", named, "--as", "foxglove", "--to", "run.mcap")]
+    elif result.simulators != 0:
+        ask = [command("query", named, "-k", 5), first_command(named, loaded)]
+    else:
+        ask = [first_command(named, loaded), command("populate", robot, "-n", 1000)]
+    call.emit(result, hint=ask)

@@ -11,7 +11,10 @@ from dynreg.verbs.settings import Option
 
 def list_(
     call: Call,
-    kind: Annotated[str | None, typer.Option(help="Only this kind.", autocompletion=one_of(KINDS))] = None,
+    kind: Annotated[
+        str | None,
+        typer.Option(help="Show only this kind.", metavar="|".join(KINDS), autocompletion=one_of(KINDS)),
+    ] = None,
 ) -> None:
     """List what the registry holds.
 

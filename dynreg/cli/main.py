@@ -21,11 +21,13 @@ from dynreg.cli import (
     listing,
     ordinary,
     populate,
+    removing,
     report,
     robots,
     show,
     trial,
     verify,
+    view,
 )
 from dynreg.cli.call import (
     DebugOption,
@@ -35,8 +37,9 @@ from dynreg.cli.call import (
     SettingsOption,
     Shared,
 )
+from dynreg.cli.help import WIDTH, GroupHelp
 from dynreg.cli.output import say
-from dynreg.errors import Damaged, DynregError, NotStored, OldWord
+from dynreg.errors import Assumed, Damaged, DynregError, NotStored, OldWord
 from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
@@ -57,7 +60,8 @@ app = typer.Typer(
     add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    cls=GroupHelp,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDTH},
 )
 
 
@@ -92,28 +96,42 @@ def _root(
     ctx.obj = Shared(registry, settings_file, json, quiet, debug)
 
 
-robots.register(app)
+PREPARE = "Robots, logs and simulators"
+robots.register(app, PREPARE)
 ordinary.register(
     app,
     {
-        "populate": populate.populate,
-        "ingest": ingest.ingest,
-        "list": listing.list_,
-        "show": show.show,
-        "query": None,
-        "effects": effects.effects,
-        "diagnose": None,
-        "gait": gait.gait,
-        "excite": excite.excite,
-        "trial": trial.trial,
-        "calibrate": None,
-        "compare": None,
-        "drift": drift.drift,
-        "report": report.report,
-        "export": export.export,
-        "verify": verify.verify,
-        "doctor": doctor.doctor,
-        "info": info.info,
+        PREPARE: {
+            "doctor": doctor.doctor,
+            "ingest": ingest.ingest,
+            "populate": populate.populate,
+        },
+        "Ask about a recording": {
+            "query": None,
+            "diagnose": None,
+            "calibrate": None,
+            "compare": None,
+            "drift": drift.drift,
+        },
+        "Use an answer": {
+            "report": report.report,
+            "export": export.export,
+            "view": view.view,
+            "gait": gait.gait,
+        },
+        "Effects and experiments": {
+            "effects": effects.effects,
+            "excite": excite.excite,
+            "trial": trial.trial,
+        },
+        "The registry": {
+            "list": listing.list_,
+            "show": show.show,
+            "rm": removing.rm,
+            "gc": removing.gc,
+            "verify": verify.verify,
+            "info": info.info,
+        },
     },
 )
 
@@ -148,7 +166,12 @@ def run() -> None:
     _without_opengl()
     # a letter that the terminal's encoding lacks is no error
     sys.stdout.reconfigure(errors="backslashreplace")
-    sys.exit(main(sys.argv[1:]))
+    status = main(sys.argv[1:])
+    try:
+        sys.stdout.flush()
+    except OSError:  # said already; what is still held back would be tried, and fail, once more at the end
+        _end_quietly()
+    sys.exit(status)
 
 
 def _only_own_warnings() -> None:
@@ -159,6 +182,7 @@ def _only_own_warnings() -> None:
     warnings.simplefilter("default", OldWord)
     warnings.simplefilter("default", NotStored)
     warnings.simplefilter("default", Damaged)
+    warnings.simplefilter("default", Assumed)
     warnings.showwarning = lambda message, *_: say(f"note: {message}")
 
 
@@ -187,7 +211,7 @@ def _unforeseen(error: Exception) -> str:
     else:
         said = " ".join(f"{type(error).__name__}: {error}".split())
         return f"{said}; this is a bug in dynreg; run again with --debug"
-    return f"{why}; expected room, memory and permissions as they are needed; see to these, then run it again"
+    return f"{why}; expected enough disk space, memory and permissions; provide them, then run it again"
 
 
 def _usage(error: Exception, arguments: Sequence[str]) -> str:
@@ -197,7 +221,6 @@ def _usage(error: Exception, arguments: Sequence[str]) -> str:
     if context is None:
         return f"{problem}; expected another value; see `dynreg --help`"
     form = " ".join(context.command.get_usage(context).removeprefix("Usage:").split())
-    form = form.replace("{", "").replace("}", "")
     return f"{problem}; expected {form}; see `{context.command_path} --help`"
 
 

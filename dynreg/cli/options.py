@@ -15,12 +15,21 @@ AnyRecording = Annotated[
         autocompletion=recording_names,
     ),
 ]
+SomeRecordings = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="RECORDING...",
+        help="Names, hashes, @last (the last recording), or paths of logs.",
+        autocompletion=recording_names,
+    ),
+]
 RobotFolder = Annotated[
     str,
     typer.Argument(metavar="ROBOT", help="Packaged name or robot folder.", autocompletion=robot_names),
 ]
 RobotOfLog = Annotated[
-    str | None, typer.Option(help="Robot of a log given by path.", autocompletion=robot_names)
+    str | None,
+    typer.Option(help="Robot of a log; any with a recording's channels.", autocompletion=robot_names),
 ]
 MapOfLog = Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")]
-Page = Annotated[Path | None, typer.Option(help="Write an HTML report as well.")]
+Page = Annotated[Path | None, typer.Option(help="Also write an HTML report to this file.")]

@@ -7,26 +7,31 @@ from typing import Any
 import typer
 
 from dynreg.cli.call import Call, can_write, verb
-from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotFolder, RobotOfLog
+from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotFolder, RobotOfLog, SomeRecordings
 from dynreg.session import rows
 from dynreg.verbs.verb import Verb
 
+OTHERS = "Other commands"
 
-def register(app: typer.Typer, own: Mapping[str, Callable[..., None] | None]) -> None:
-    """Add commands to the program, in this order: functions for what takes something special, None for the others.
 
-    Verbs of a session that are not named come last.
+def register(app: typer.Typer, own: Mapping[str, Mapping[str, Callable[..., None] | None]]) -> None:
+    """Add commands to the program, in this order, {heading in its help: {name: function}}.
+
+    Functions are for what takes something special, None stands for the others. Verbs of a session that are not named
+    come last.
     """
     known = rows()
-    for name, function in {**own, **{name: None for name in known if name not in own}}.items():
-        row = known.get(name)
-        verb(app, name, row and row.help)(function or _ABOUT[row.about](name, row))
+    named = {name for commands in own.values() for name in commands}
+    for heading, commands in {**own, OTHERS: {name: None for name in known if name not in named}}.items():
+        for name, function in commands.items():
+            row = known.get(name)
+            verb(app, name, row and row.help, heading)(function or _ABOUT[row.about](name, row))
 
 
 def _about_recording(name: str, row: Verb) -> Callable[..., None]:
     def command(
         call: Call,
-        recording: AnyRecording,
+        recording: SomeRecordings if row.several else AnyRecording,
         settings: row.settings,
         robot: RobotOfLog = None,
         log_map: MapOfLog = None,
@@ -34,10 +39,15 @@ def _about_recording(name: str, row: Verb) -> Callable[..., None]:
     ) -> None:
         can_write(report)
         # a log that is registered before the verb begins would stay where that fails: none is the first of a registry
-        opened = call.open() if row.ingest else call.open_for(robot, recording)
-        with opened as session, call.progress() as progress:
+        every = recording if row.several else [recording]
+        opened = call.open() if row.ingest else call.open_for(robot, *every)
+        with opened as session, call.progress(row.faster) as progress:
             result = getattr(session, name)(
-                recording, **vars(settings), robot=robot, log_map=log_map, progress=progress
+                every if len(every) > 1 else every[0],
+                **vars(settings),
+                robot=robot,
+                log_map=log_map,
+                progress=progress,
             )
         call.emit_and_write(result, report)
 
@@ -55,10 +65,8 @@ def ask_about_robot(
     call: Call, name: str, robot: str, settings: Mapping[str, Any], report: Path | None
 ) -> None:
     """Ask a verb about a robot, in a registry that is made if need be; print the answer, and write its page."""
-    from dynreg.sim.robot import load_robot
-
     can_write(report)
-    loaded = load_robot(robot)  # a mistake here makes no registry
+    loaded = call.robot(robot)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
         result = getattr(session, name)(loaded, **settings, progress=progress)
     call.emit_and_write(result, report)

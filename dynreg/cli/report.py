@@ -21,8 +21,8 @@ def report(
 ) -> None:
     """Write a stored result as one HTML page.
 
-    Queries, diagnoses, trials, calibrations, gaits, comparisons and drifts have a page; it needs no other file and
-    no network. @last is the last result here, and the last recording in the other verbs.
+    The page needs no other file and no network. @last is the last result here; in other commands it is the last
+    recording.
 
     Example: dynreg report @last --out monday.html
     """

@@ -1,5 +1,6 @@
-"""`dynreg robots`: the packaged robots, and the check of a robot folder."""
+"""`dynreg robots`: the packaged robots, the check of a robot folder, and a folder drafted from a model."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,14 +17,18 @@ from dynreg.cli.call import (
     verb,
 )
 from dynreg.cli.completion import robot_names
+from dynreg.cli.help import GroupHelp
+from dynreg.errors import command
+from dynreg.verbs.robot_draft import RobotDraftSettings
 
 
-def register(app: typer.Typer) -> None:
-    """Add `robots` and `robots check` to the program."""
-    group = typer.Typer(rich_markup_mode=None)
-    app.add_typer(group, name="robots")
+def register(app: typer.Typer, panel: str) -> None:
+    """Add `robots` and its commands to the program, under a heading of its help."""
+    group = typer.Typer(rich_markup_mode=None, cls=GroupHelp)
+    app.add_typer(group, name="robots", rich_help_panel=panel)
     verb(group, "list")(list_robots)
     verb(group, "check")(check)
+    verb(group, "init")(init)
     group.callback(invoke_without_command=True)(_default)
 
 
@@ -35,7 +40,7 @@ def _default(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """List robots, or check a folder of your own.
+    """List robots; draft or check a folder of your own.
 
     Example: dynreg robots check my_arm/
     """
@@ -61,11 +66,44 @@ def check(
         typer.Argument(metavar="FOLDER", help="Robot folder or packaged name.", autocompletion=robot_names),
     ],
 ) -> None:
-    """Check a robot folder: its robot.toml, its model, every name in it, and whether it can be simulated.
+    """Check a robot folder.
+
+    The check reads robot.toml and the model, resolves every name, and simulates a little.
+    It prints all errors and warnings, each with its line in robot.toml.
+
+    Exit status 1: there are errors, and the folder cannot be used. Warnings alone exit with 0.
 
     Example: dynreg robots check my_arm/
     """
     from dynreg.verbs.robots import robot_check
 
     result = robot_check(folder)
-    call.emit(result, hint=f"dynreg populate {folder} -n 1000" if result.sound else None)
+    call.emit(result, hint=_use(folder) if result.sound else None)
+
+
+def _use(folder: str) -> str:
+    """What to do with a sound robot: with one of a user's own, to bring in a log."""
+    own = Path(folder).is_dir()
+    return command("ingest", "LOG", "--robot", folder) if own else command("populate", folder, "-n", 1000)
+
+
+def init(
+    call: Call,
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="MJCF or URDF file of the robot.")],
+    settings: RobotDraftSettings,
+    log: Annotated[
+        Path | None, typer.Option(help="A log of the robot: rate, noise and a map are taken from it.")
+    ] = None,
+) -> None:
+    """Draft a robot folder from an MJCF or URDF file.
+
+    The folder holds the model, robot.toml and, with --log, a map of the log. Drives, limits and parameters come from
+    the model. Comments in robot.toml say what was guessed or left out.
+
+    Example: dynreg robots init go2.xml --log run.parquet --drive position --kp 20 --kd 1.5
+    """
+    from dynreg.verbs.robot_draft import robot_draft
+
+    with call.progress() as progress:
+        result = robot_draft(model, log, settings, progress)
+    call.emit(result, hint=command("robots", "check", result.folder))

@@ -1,4 +1,7 @@
-"""JSON schemas of every document that dynreg prints: `python -m dynreg.cli.schemas FOLDER` writes them."""
+"""JSON schemas of every document that dynreg prints: `python -m dynreg.cli.schemas` writes them.
+
+They lie in the package, `dynreg/schemas/`, so that a wheel has them: `importlib.resources.files("dynreg") / "schemas"`.
+"""
 
 import json
 import sys
@@ -6,6 +9,8 @@ from pathlib import Path
 
 from dynreg.results import RESULTS
 from dynreg.results.result import Result
+
+PLACE = Path(__file__).parents[1] / "schemas"
 
 
 def schema_files() -> dict[str, str]:
@@ -18,8 +23,8 @@ def model_of(schema: str) -> type[Result]:
     return {model.model_fields["schema_"].default: model for model in RESULTS.values()}[schema]
 
 
-def main(folder: str = "schemas") -> None:
-    """Write all schemas into `folder`."""
+def main(folder: str | Path = PLACE) -> None:
+    """Write all schemas into `folder`; by default where the package keeps them."""
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     for name, text in schema_files().items():

@@ -14,15 +14,16 @@ def show(
         str,
         typer.Argument(
             metavar="ID",
-            help="Hash, prefix of one, name or @last (the last recording).",
+            help="Hash, prefix of one, name, @last (the last recording), @answer.",
             autocompletion=stored_names,
         ),
     ],
 ) -> None:
     """Show one stored thing.
 
-    That is an entry, a recording, a population, a simulator, a robot or a result. @last is the last
-    recording; `dynreg report @last` takes the last result.
+    It may be an entry, a recording, a population, a simulator, a robot or a result. @last is the last
+    recording. @answer is the simulator that the last query recommends; diagnosed is the extended simulator of the
+    last diagnosis.
 
     Example: dynreg show @last
     """

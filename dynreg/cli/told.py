@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dynreg.cli.settings import Settings as File
 
 Kind = TypeVar("Kind", bound=Settings)
+LONGEST_CHOICES = 60  # columns that choices may take beside a flag
 
 
 def parameters(kind: type[Settings]) -> list[inspect.Parameter]:
@@ -27,7 +28,11 @@ def parameters(kind: type[Settings]) -> list[inspect.Parameter]:
             annotation=Annotated[
                 _type(one, how),
                 typer.Option(
-                    *_flags(one, how), help=_help(one, how), metavar=how.metavar, autocompletion=_offers(how)
+                    *_flags(one, how),
+                    help=_help(one, how),
+                    metavar=_metavar(one, how),
+                    show_default=False,
+                    autocompletion=_offers(how),
                 ),
             ],
         )
@@ -48,7 +53,9 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
             value = getattr(file, one.name, None)
         if value is not None:
             flags[one.name] = how.flag_of(one.name)
-            said[one.name] = _names(value) if _listed(one, how) else value
+            said[one.name] = (
+                _names(value if isinstance(value, str) else ",".join(value)) if _listed(one) else value
+            )
             if said[one.name] == () and how.some:
                 raise how.empty(f"{flags[one.name]} {value!r}", one.name)
     try:
@@ -65,13 +72,13 @@ def _flags(one: Field, how: Option) -> tuple[str, ...]:
     return () if not how.flag and one.default is True else (how.flag or how.flag_of(one.name),)
 
 
-def _listed(one: Field, how: Option) -> bool:
+def _listed(one: Field) -> bool:
     """Whether its value is a list with commas."""
-    return not how.repeated and any(get_origin(t) is tuple for t in (one.type, *get_args(one.type)))
+    return any(get_origin(t) is tuple for t in (one.type, *get_args(one.type)))
 
 
 def _type(one: Field, how: Option) -> Any:
-    kind = str if _listed(one, how) else list[str] if how.repeated else one.type
+    kind = list[str] if how.repeated else str if _listed(one) else one.type
     return kind | None if _default(one, how) is None else kind
 
 
@@ -84,10 +91,28 @@ def _default(one: Field, how: Option) -> Any:
     return ",".join(one.default) if isinstance(one.default, tuple) else one.default
 
 
+def _metavar(one: Field, how: Option) -> str | None:
+    """What stands for its value: the choices, where there is room for them."""
+    choices = "|".join(how.allowed)
+    fits = choices and len(choices) <= LONGEST_CHOICES and not _listed(one)
+    return how.metavar or (choices if fits else None)
+
+
 def _help(one: Field, how: Option) -> str:
-    """Its sentence, with what stands in for a value that is not given in brackets."""
-    usual = how.usual or (f"{one.default}" if how.shared and one.default is not None else "")
-    return f"{how.sentence.removesuffix('.')} [{usual}]." if usual else how.sentence
+    """Its sentence, with its choices where they do not stand in place of the value, and with its default."""
+    metavar = _metavar(one, how)
+    sentence = how.help if metavar and metavar == "|".join(how.allowed) else how.sentence
+    usual = how.usual or _written(one, how)
+    return f"{sentence}  [default: {usual}]" if usual else sentence
+
+
+def _written(one: Field, how: Option) -> str:
+    """The default as a command line would give it; "" where there is none, or it is an absent flag."""
+    if one.default is False or one.default in (MISSING, None, (), ""):
+        return ""
+    if one.default is True:
+        return how.flag_of(one.name).removeprefix("--")
+    return ",".join(one.default) if isinstance(one.default, tuple) else f"{one.default}"
 
 
 def _offers(how: Option) -> Callable[[str], list[str]] | None:

@@ -25,8 +25,10 @@ def trial(
             autocompletion=effect_names,
         ),
     ] = None,
-    nothing: Annotated[bool, typer.Option("--none", help="Hide nothing: count the false alarms.")] = False,
-    every: Annotated[bool, typer.Option("--all", help="Hide every effect in turn, -n robots each.")] = False,
+    nothing: Annotated[bool, typer.Option("--none", help="Hide nothing, and count false alarms.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Hide each effect in turn, in -n robots each.")
+    ] = False,
     report: Page = None,
 ) -> None:
     """Hide what the flags say, and diagnose."""

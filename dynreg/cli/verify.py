@@ -11,16 +11,18 @@ from dynreg.errors import CorruptError
 def verify(
     call: Call,
     repair: Annotated[
-        bool, typer.Option("--repair", help="Bring the catalogue in line with the files.")
+        bool, typer.Option("--repair", help="Correct the catalogue so that it agrees with the files.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what --repair would do, and change nothing.")
+        bool, typer.Option("--dry-run", help="Show what --repair would do; change nothing.")
     ] = False,
 ) -> None:
-    """Check that all that was stored is still there.
+    """Check that stored data are complete and unchanged.
 
-    Compares the catalogue and the ledger with the stored files, hash by hash. Exit status 3 when data are lost or
-    changed. A repair moves what it cannot use to lost+found/ in the registry; it deletes nothing but caches.
+    It compares the catalogue and the ledger with the stored files, hash by hash. A repair moves unusable files to
+    lost+found/ in the registry; it deletes nothing but caches.
+
+    Exit status 3: data are lost or changed.
 
     Example: dynreg verify --dry-run
     """

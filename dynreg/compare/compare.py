@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.compare.contenders import MODELS, Making, Plan, Predicts, Progress, made
+from dynreg.compare.contenders import MODELS, Making, Plan, Predicts, made
 from dynreg.compare.paces import Pace, paces
 from dynreg.compare.paths import DrivenPath, Paths, driven, ends, runs
 from dynreg.compare.simulated import replayed
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
+from dynreg.progress import Progress
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import Robot
 from dynreg.timed.commands import AXES
@@ -29,7 +30,7 @@ STILL = 1e-9  # m, rad: a displacement that does not change
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """What was found of a recording's commands: parts to fit, to validate and to test, and all that was compared.
+    """The answer about a recording's commands: the parts to fit, to validate and to test, and all that was compared.
 
     contenders : by name, simulators first. paths : None where the test part has no run of commands without a gap.
     """

@@ -10,6 +10,7 @@ import numpy as np
 
 from dynreg.compare.mlp import train_mlp
 from dynreg.models.threads import available_threads
+from dynreg.progress import Progress
 from dynreg.timed.cellwise import fit_cellwise
 from dynreg.timed.commands import Commands
 from dynreg.timed.fit import Breeding, fit_unicycle
@@ -17,8 +18,6 @@ from dynreg.timed.models import Kinematic, Model, Unicycle
 from dynreg.timed.networks import WEIGHTS, train
 from dynreg.timed.told import Told
 from dynreg.timed.unicycle import NAMES
-
-Progress = Callable[[str, int, int], None]
 
 
 class Predicts(Protocol):
@@ -71,7 +70,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Making:
-    """What models are made from: the commands of a recording, those to fit and to validate (slices), and how."""
+    """The input of models: the commands of a recording, slices to fit and to validate, and settings."""
 
     told: Told
     fit: slice
@@ -129,7 +128,7 @@ def _mlp(making: Making, report: Callable[[int, int], None]) -> tuple[Model, dic
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a model is made, what it is, and the fewest commands that it can be fitted to."""
+    """A kind of model: how it is made, what it is, and the fewest commands that it needs."""
 
     make: Callable[[Making, Callable[[int, int], None]], tuple[Model, dict[str, float]]]
     kind: str

@@ -1,4 +1,4 @@
-"""How long predictions take, beside the closed form."""
+"""The time of predictions, compared with that of the closed form."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dynreg.timed.models import Kinematic
 from dynreg.timed.told import Told
 
 ALONE = 50  # commands that are timed one by one
-TIMES = 3  # of which the quickest counts
+TIMES = 3  # timings of a model; the quickest counts
 MICRO = 1e6
 
 

@@ -13,7 +13,7 @@ from dynreg.timed.told import Told
 
 COMMANDS = 10  # in a row: the length of the paper's navigation task
 SHOWN = 4  # runs that are drawn
-SHARES = (0.25, 0.5, 0.75, 1.0)  # of each command's time, at which a drawn path has a point
+SHARES = (0.25, 0.5, 0.75, 1.0)  # a drawn path has a point at these shares of each command's time
 CM = 100.0
 SAME = 1e-6  # s between the end of one command and the begin of the next
 

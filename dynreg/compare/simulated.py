@@ -1,4 +1,4 @@
-"""What a simulator says of timed commands: the whole recording replayed once, and its pose read at every command.
+"""A simulator's answer to timed commands: it replays the whole recording once, and its pose is read at every command.
 
 So its memory is right: a lag, a delay or wheels that still turn reach from one command into the next.
 """
@@ -129,7 +129,7 @@ def evenly(robot: Robot, recording: Recording) -> Recording:
 def _poses(
     robot: Robot, even: Recording, cut: Windows, states: np.ndarray, pose: tuple[str, ...]
 ) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-    """Of states (W, T+1, S), a window for each episode that moves."""
+    """Poses of states (W, T+1, S), a window for each episode that moves."""
     columns = [robot.channels.index(name) for name in pose]
     out = {}
     for number, (start, stop), rows in zip(cut.episode, cut.rows, states, strict=True):

@@ -1,17 +1,22 @@
-"""What can be wrong with a log, and where: clocks, gaps, numbers, units, limits."""
+"""Checks of a log: clocks, gaps, numbers, units, limits."""
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.names import joint_of, quantity_of
+from dynreg.data.outliers import bends, spikes
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Finding, Series
 
 STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clock
 JITTER = 3.0  # 99th percentile over median period
 STUCK_SHARE, STUCK_SECONDS = 0.2, 1.0
+IN_VAIN = 3.0  # times what moved the joint elsewhere: neither friction nor a load holds it then
+STUCK_WAY = 0.1  # way of the velocity, as a share of how far the position goes in all
+SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
 TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
 LIMIT_MARGIN = 0.01  # share of the range
@@ -40,13 +45,17 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
         for name in spec.settings
         if name not in episode.settings and name not in spec.usual
     ]
+    findings += episode.findings
     specs = {c.name: c for c in spec.channels}
     shown = {name: s for name, s in episode.channels.items() if not specs[name].hold}
     findings += check_clocks(episode.channels, where, None)
     findings += check_clocks(shown, where, None if spec.rate is None else gap, only_gaps=True)
     for name, series in episode.channels.items():
         here = f"{where}, {name}"
-        findings += check_numbers(series, here)
+        findings += check_numbers(series, here, episode.dropped.get(name))
+        # an impact is over in a sample of a velocity; a position cannot come back so
+        told = specs[name].kind in ("state", "input") and specs[name].unit not in ("rad/s", "m/s")
+        findings += check_spikes(series, here, f"under [channels.{json.dumps(name)}]") if told else ()
         findings += check_range(
             series, specs[name], here, followed=spec.rate is None and quantity_of(name) == "yaw"
         )
@@ -75,10 +84,12 @@ def check_clocks(
 
 def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
     """Stamps that run back, stand still, repeat or scatter."""
-    if not np.all(np.isfinite(time)):
-        row = int(np.argmin(np.isfinite(time)))
-        yield Finding("error", "clock", f"{where}, row {row}", "the time stamp is not a number")
-        return
+    good = np.isfinite(time)
+    if not good.all():
+        row = int(np.argmin(good))
+        text = f"{int((~good).sum())} rows have no time stamp: they are left out"
+        yield Finding("warning" if good.any() else "error", "clock", f"{where}, row {row}", text)
+        time = time[good]
     steps = np.diff(time)
     if not len(steps):
         return
@@ -105,11 +116,28 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             else f"{int(equal.sum())} stamps repeat the one before; the last row of each stands",
         )
     moving = steps[steps > 0]
-    if len(moving) >= 10:
+    if len(moving) >= 10 and np.median(moving) > SLOW_STEP:
+        yield _slow(float(np.median(moving)), where)
+    elif len(moving) >= 10:
         median, late = np.median(moving), np.quantile(moving, 0.99)
         if late > JITTER * median:
             text = f"uneven stamps: median {1e3 * median:.3g} ms, 99 % below {1e3 * late:.3g} ms"
             yield Finding("info", "jitter", where, text)
+
+
+def _slow(step: float, where: str) -> Finding:
+    """What is said of a clock whose rows lie so many seconds apart: the unit that makes it a usual rate."""
+    unit, name = (
+        ("ns", "nanoseconds")
+        if step > 2e5
+        else ("us", "microseconds")
+        if step > 200
+        else ("ms", "milliseconds")
+    )
+    text = (
+        f'the median step is {step:.4g} s: the clock looks like {name}; set time_unit = "{unit}" under [map]'
+    )
+    return Finding("warning", "clock", where, text)
 
 
 def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
@@ -127,15 +155,36 @@ def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
         )
 
 
-def check_numbers(series: Series, where: str) -> Iterator[Finding]:
-    """Values that are no numbers."""
+def check_numbers(series: Series, where: str, dropped: np.ndarray | None = None) -> Iterator[Finding]:
+    """Values that are no numbers, but for those at the stamps `dropped` (N,), which the map wanted away."""
     bad = ~np.isfinite(series.values)
     if bad.all():
         yield Finding("error", "nan", where, "holds no number at all")
-    elif bad.any():
+        return
+    if dropped is not None and len(dropped):
+        bad &= ~np.isin(series.time, dropped)
+    if bad.any():
         row = int(np.argmax(bad))
         text = f"{int(bad.sum())} of {len(bad)} values are NaN or infinite; they are left out"
         yield Finding("warning", "nan", f"{where}, row {row}, {series.time[row]:.3f} s", text)
+
+
+def check_spikes(series: Series, where: str, table: str) -> Iterator[Finding]:
+    """Single samples far from both neighbours: glitches of a bus or a register, not motion.
+
+    table : the one in the map to which the cure is to be written, in words.
+    """
+    rows = spikes(series.values)
+    if len(rows):
+        heights = bends(series.values)[rows]
+        far = int(np.argmax(np.abs(heights)))
+        first = ", ".join(f"{series.time[r]:.3f} s" for r in rows[:3]) + (", ..." if len(rows) > 3 else "")
+        text = (
+            f"{len(rows)} single-sample {'spike' if len(rows) == 1 else 'spikes'} (at {first}), the largest by "
+            f"{heights[far]:+.4g}{f' {series.unit}' if series.unit else ''} at {series.time[rows[far]]:.3f} s; "
+            f'to leave {"it" if len(rows) == 1 else "them"} out, write outliers = "drop" in the map {table}'
+        )
+        yield Finding("warning", "spike", f"{where}, row {int(rows[0])}", text)
 
 
 def check_range(
@@ -170,6 +219,10 @@ def check_range(
         if out.any():
             limits = f"[{channel.low:g}, {channel.high:g}] {channel.unit}"
             text = f"{100 * out.mean():.1f} % of values lie beyond {limits}, as far as {largest:.4g}"
+            if channel.kind == "action":
+                text += (
+                    "; replays cut them off there, as the drive is said to (`low` and `high` of the action)"
+                )
             yield Finding("warning", "limits", where, text)
     if channel.unit == "rad" and channel.kind != "action" and largest < 7.0 and not followed:
         jumps = np.flatnonzero(np.abs(np.abs(np.diff(values)) - 2 * np.pi) < 0.3)
@@ -179,7 +232,10 @@ def check_range(
 
 
 def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where: str) -> Iterator[Finding]:
-    """States that keep one value while a command of the same joint moves."""
+    """States that keep one value while their joint is seen to move, or while its command pushes in vain.
+
+    A servo that has settled, or is held by friction or by its load, keeps one value too.
+    """
     for name, series in episode.channels.items():
         if specs[name].kind != "state" or len(series) < 3 or _position_of(name) in episode.channels:
             continue
@@ -188,22 +244,54 @@ def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where
         begin, end = series.time[start], series.time[start + run]
         if end - begin < max(STUCK_SECONDS, STUCK_SHARE * (series.time[-1] - series.time[0])):
             continue
-        if any(_moves(episode.channels[a], begin, end) for a in _commands(name, episode, specs)):
-            text = (
-                f"stays at {series.values[start]:.6g} from {begin:.3f} to {end:.3f} s while its command moves"
-            )
-            yield Finding("warning", "stuck", f"{where}, {name}, row {start}", text)
+        if _travels(name, series, episode, begin, end):
+            why = "while its velocity says that it moves"
+        elif any(_pushed(series, episode.channels[a], begin, end) for a in _commands(name, episode, specs)):
+            why = "though its command pushes: the sensor is stuck, or the joint is"
+        else:
+            continue
+        text = f"stays at {series.values[start]:.6g} from {begin:.3f} to {end:.3f} s {why}"
+        yield Finding("warning", "stuck", f"{where}, {name}, row {start}", text)
 
 
 def _commands(name: str, episode: RawEpisode, specs: Mapping[str, ChannelSpec]) -> list[str]:
+    """The commands of the channel's joint; none where the drive is off at times."""
+    enables = [n for n in episode.channels if specs[n].kind == "enable" and joint_of(n) == joint_of(name)]
+    if any((episode.channels[n].values == 0).any() for n in enables):
+        return []
     actions = [n for n in episode.channels if specs[n].kind == "action"]
-    same = [n for n in actions if joint_of(n) == joint_of(name)]
-    return same or actions
+    return [n for n in actions if joint_of(n) == joint_of(name)]
 
 
-def _moves(series: Series, begin: float, end: float) -> bool:
-    inside = series.values[(series.time >= begin) & (series.time <= end)]
-    return len(inside) > 1 and np.ptp(inside) > 0.1 * np.ptp(series.values) > 0
+def _travels(name: str, position: Series, episode: RawEpisode, begin: float, end: float) -> bool:
+    """Whether the joint's own velocity channel goes a way, from `begin` to `end` [s], that cannot stay unseen."""
+    velocity = episode.channels.get(f"{joint_of(name)}/velocity")
+    if velocity is None or quantity_of(name) != "position":
+        return False
+    inside = (velocity.time >= begin) & (velocity.time <= end) & np.isfinite(velocity.values)
+    way = np.cumsum(velocity.values[inside][1:] * np.diff(velocity.time[inside]))
+    straight = (
+        np.ptp(way - np.linspace(0.0, way[-1], len(way))) if len(way) > 1 else 0.0
+    )  # a bias is no motion
+    return bool(straight > STUCK_WAY * np.nanmax(np.abs(position.values - np.nanmedian(position.values))))
+
+
+def _pushed(position: Series, command: Series, begin: float, end: float) -> bool:
+    """Whether a command pushed in vain: both ways by more than usually moves the joint, or far more than ever did.
+
+    What pushes a servo is how far its command is from what is measured; elsewhere the command itself.
+    """
+    told = np.interp(position.time, command.time, command.values)
+    same = position.unit == command.unit
+    push = told - position.values if same else told
+    inside = (position.time >= begin) & (position.time <= end)
+    moved = np.append(np.diff(position.values) != 0, False) & ~inside & np.isfinite(push)
+    held = push[inside & np.isfinite(push)]
+    if not moved.any() or not len(held):
+        return False
+    enough = max(float(np.median(np.abs(push[moved]))), 0.1 * float(np.nanmax(np.abs(push))))
+    most = IN_VAIN * float(np.quantile(np.abs(push[moved]), 0.99))
+    return bool((held.min() < -enough and held.max() > enough) or (same and np.abs(held).max() > most))
 
 
 def _position_of(name: str) -> str:
@@ -229,12 +317,11 @@ def _velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:
 def velocity_slope(position: Series, velocity: Series) -> float | None:
     """Slope of a velocity signal on the rate of its position, both as mean values over 20 samples.
 
-    The means of the rate are differences of position, so encoder steps hardly matter. None where either
-    hardly moves, or the two do not correlate (r < 0.8), so that nothing can be said.
+    The means of the rate are differences of position, so encoder steps hardly matter; single-sample spikes of both
+    are left out. None where either hardly moves, or the two do not correlate (r < 0.8), so that nothing can be said.
     """
-    rows = np.isfinite(position.values)
+    rows, good = (_plain(series.values) for series in (position, velocity))
     time, values = position.time[rows], position.values[rows]
-    good = np.isfinite(velocity.values)
     if len(time) < 200 or good.sum() < 200 or np.any(np.diff(time) < 0) or np.any(np.diff(velocity.time) < 0):
         return None
     edges = time[:: max(len(time) // max(len(time) // 20, 1), 1)]
@@ -248,6 +335,13 @@ def velocity_slope(position: Series, velocity: Series) -> float | None:
     if np.std(rate) == 0 or np.std(mean) == 0 or abs(np.corrcoef(rate, mean)[0, 1]) < 0.8:
         return None
     return float(np.dot(rate, mean) / np.dot(rate, rate))
+
+
+def _plain(values: np.ndarray) -> np.ndarray:
+    """(T,) whether a value is a number and no single-sample spike."""
+    good = np.isfinite(values)
+    good[spikes(values)] = False
+    return good
 
 
 def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:

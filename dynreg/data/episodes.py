@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.data.attitude import euler
 from dynreg.data.derivative import derivative
-from dynreg.data.maps import LogMap, SettingMap, factors
+from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors
+from dynreg.data.outliers import far_from_median, spikes
 from dynreg.data.patterns import search
-from dynreg.data.schema import RecordingSpec
-from dynreg.data.series import RawLog, Series
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Finding, RawLog, Series
 from dynreg.errors import LogError, MapError
 from dynreg.limits import limits, refuse
 
@@ -20,12 +22,20 @@ Select = Callable[[Series], Series]
 
 @dataclass(frozen=True)
 class RawEpisode:
-    """One run before resampling: each channel on the stamps on which it was logged, and its settings."""
+    """One run before resampling: each channel on the stamps on which it was logged, and its settings.
+
+    clock : [s] the absolute time at which the log's stamps are 0. log : number of the log among those read with it.
+    findings : what the map had dropped. dropped : {channel: stamps [s] of the values that it had dropped}.
+    """
 
     name: str
     file: str
     channels: Mapping[str, Series]
     settings: Mapping[str, float] = field(default_factory=dict)
+    clock: float = 0.0
+    log: int = 0
+    findings: tuple[Finding, ...] = ()
+    dropped: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[RawEpisode, ...]:
@@ -35,10 +45,20 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
     """
     out = []
     for part, select in _parts(log, log_map):
-        channels = _channels(log, log_map, spec, select)
+        logged = _channels(log, log_map, spec, select)
         settings = _settings(log, log_map, select)
         name = _name(log, log_map, settings, part)
-        out.append(RawEpisode(name, log.path.name, channels, settings))
+        where = f"{log.path.name}, episode {name}"
+        kept = {
+            key: _kept(series, log_map.channels[key], f"{where}, {key}") for key, series in logged.items()
+        }
+        channels = {key: series for key, (series, _) in kept.items()}
+        found = tuple(finding for _, more in kept.values() for finding in more)
+        clock = float(log.metadata.get("start", 0.0))
+        dropped = {key: _lost(logged[key], series) for key, series in channels.items()}
+        out.append(
+            RawEpisode(name, log.path.name, channels, settings, clock, findings=found, dropped=dropped)
+        )
     if log_map.episodes.by == "gaps":
         out = [piece for episode in out for piece in _split_at_gaps(episode, log_map.episodes.gap)]
     return tuple(_differentiated(episode, log_map, spec) for episode in out)
@@ -49,7 +69,7 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
 
     A table's column marks its rows. A message's field marks time: it holds until the next message.
     """
-    column = log_map.episodes.column
+    column = _episode_column(log, log_map)
     if column is None:
         yield None, lambda series: series
         return
@@ -79,6 +99,23 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
         key = distinct[number]
         text = f"{key:g}" if isinstance(key, float) else str(key)
         yield text, lambda series, number=number: series.rows(rows.of(series, number))
+
+
+def _episode_column(log: RawLog, log_map: LogMap) -> str | None:
+    """The column that tells episodes apart: the map's, else that of a format which has one, such as LeRobot's."""
+    told = log_map.episodes
+    return told.column if "by" in told.model_fields_set else log.metadata.get("episode_column")
+
+
+def episodes_of(log: RawLog) -> tuple[RawLog, ...]:
+    """A log of a format that tells episodes apart by a column, in these; each has its clock. Else the log itself."""
+    if log.metadata.get("episode_column") is None:
+        return (log,)
+    out = []
+    for name, select in _parts(log, LogMap(channels={})):
+        sources = {key: select(series) for key, series in log.sources.items()}
+        out.append(replace(log, path=log.path.with_name(f"{log.path.name}, episode {name}"), sources=sources))
+    return tuple(out)
 
 
 class _Rows:
@@ -120,26 +157,65 @@ def _channels(log: RawLog, log_map: LogMap, spec: RecordingSpec, select: Select)
         entry = log_map.channels.get(channel.name)
         if entry is None or entry.source is None:
             continue  # absent, or differentiated later from a channel of this episode
-        if entry.source in log.sources:
-            # in the channel's unit, on stamps without its delay
-            series = select(log.sources[entry.source])
-            if entry.unit is None and series.unit is not None:
-                entry = entry.model_copy(update={"unit": series.unit})
-            factor, offset = factors(entry, channel)
-            values = series.values * factor + offset
-            if entry.unwrap:
-                good = np.isfinite(values)
-                values[good] = np.unwrap(values[good])
-            out[channel.name] = Series(series.time - entry.delay, values, channel.unit)
+        missing = [name for name in entry.sources if name not in log.sources]
+        if not missing:
+            out[channel.name] = _channel(log, entry, channel, select)
         elif not channel.optional:
-            near = [name for name in log.names if name.split(".")[0] == entry.source.split(".")[0]]
-            near = near or log.metadata.get("topics") or [*log.names]
-            raise MapError(
-                f"{log.path.name!r} has no source {entry.source!r} for channel {channel.name!r}",
-                expected=f"one of {near[:30]}",
-                do="correct `source` in the map, or run `dynreg doctor` on the log to list what it holds",
-            )
+            raise _no_source(log, missing[0], channel.name)
     return out
+
+
+def _channel(log: RawLog, entry: ChannelMap, channel: ChannelSpec, select: Select) -> Series:
+    """A channel in its unit, on stamps without its delay."""
+    if entry.angle is None:
+        series = select(log.sources[entry.sources[0]])
+    else:
+        series = euler([select(log.sources[name]) for name in entry.sources], entry.angle, channel.name)
+    if entry.unit is None and series.unit is not None:
+        entry = entry.model_copy(update={"unit": series.unit})
+    factor, offset = factors(entry, channel)
+    values = series.values * factor + offset
+    if entry.unwrap:
+        good = np.isfinite(values)
+        values[good] = np.unwrap(values[good])
+    return Series(series.time - entry.delay, values, channel.unit)
+
+
+def _kept(series: Series, entry: ChannelMap, where: str) -> tuple[Series, tuple[Finding, ...]]:
+    """A channel without the values that its map drops, and what was dropped or clipped."""
+    values, told = series.values.copy(), []
+    if entry.valid is not None:
+        out = (values < entry.valid[0]) | (values > entry.valid[1])
+        told += [f"{int(out.sum())} beyond `valid`"] if out.any() else []
+        values[out] = np.nan
+    if entry.outliers is not None:
+        rows = spikes(values) if entry.outliers == "drop" else far_from_median(values, float(entry.outliers))
+        told += [f"{len(rows)} as `outliers`"] if len(rows) else []
+        values[rows] = np.nan
+    findings = [f"values are dropped: {', '.join(told)}"] if told else []
+    if entry.clip is not None:
+        out = (values < entry.clip[0]) | (values > entry.clip[1])
+        findings += [f"{int(out.sum())} values are clipped"] if out.any() else []
+        values = np.clip(values, *entry.clip)
+    if not findings:
+        return series, ()
+    kept = Series(series.time, values, series.unit)
+    return kept, tuple(Finding("info", "dropped", where, text) for text in findings)
+
+
+def _lost(before: Series, after: Series) -> np.ndarray:
+    """(N,) stamps [s] of the values that a map dropped."""
+    return after.time[np.isfinite(before.values) & np.isnan(after.values)]
+
+
+def _no_source(log: RawLog, source: str, channel: str) -> MapError:
+    near = [name for name in log.names if name.split(".")[0] == source.split(".")[0]]
+    near = near or log.metadata.get("topics") or [*log.names]
+    return MapError(
+        f"{log.path.name!r} has no source {source!r} for channel {channel!r}",
+        expected=f"one of {near[:30]}",
+        do="correct `source` in the map, or run `dynreg doctor` on the log to list what it holds",
+    )
 
 
 def _settings(log: RawLog, log_map: LogMap, select: Select) -> dict[str, float]:
@@ -148,7 +224,7 @@ def _settings(log: RawLog, log_map: LogMap, select: Select) -> dict[str, float]:
         value = _setting(entry, log, select)
         value = entry.default if value is None else value
         if value is not None:
-            out[name] = entry.scale * value
+            out[name] = entry.scale * value + entry.offset
     return out
 
 

@@ -1,4 +1,4 @@
-"""Where a signal is silent for longer than it usually is: no straight line may stand for what happened there."""
+"""Gaps: spans in which a signal is silent for longer than usual, and must not be interpolated."""
 
 import numpy as np
 

@@ -1,16 +1,21 @@
-"""From log files to a Recording: read, map, check, resample, and write down what was done."""
+"""Log files become a Recording: they are read, mapped, checked and resampled, and the provenance says how."""
 
 import hashlib
+import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynreg.data.checks import check_clocks, check_episode, check_numbers, errors
-from dynreg.data.episodes import RawEpisode, raw_episodes
+from dynreg.data.behaviour import check_behaviour
+from dynreg.data.checks import check_clocks, check_episode, check_numbers, check_spikes, errors
+from dynreg.data.clocks import Span, laid
+from dynreg.data.drafting import as_logged
+from dynreg.data.episodes import RawEpisode, episodes_of, raw_episodes
 from dynreg.data.maps import DEFAULT_GAP, LogMap, check_map, identity_map
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.data.readers.merge import side_by_side
@@ -18,9 +23,10 @@ from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.resample import resample
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, RawLog
+from dynreg.data.words import steady
 from dynreg.errors import DynregError, LogError, MapError
 
-__all__ = ["Finding", "RawLog", "doctor", "read_log", "read_recording"]
+__all__ = ["Finding", "RawLog", "doctor", "examine", "read_log", "read_recording"]
 
 Paths = Sequence[str | Path] | str | Path
 
@@ -35,13 +41,50 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
 
     Without a map the logs are tables whose columns have the names of the robot's channels (and `time`,
     perhaps `episode` and settings). Channels are in `spec` order; optional ones that no episode has are left
-    out. Warnings, file hashes, the map and the resampling go to the provenance.
+    out. Episodes are ordered as `clocks.laid` says. `time` of each tells the rest before it; where that is not known
+    it begins at 0 again. Warnings, file hashes, the map, the resampling and the absolute begins (`clocks` [s]) go to
+    the provenance.
 
     Raises LogError for a log that cannot be read or that a check refuses, MapError for a map that does not
     fit the robot or the log.
     """
     files = _expand(paths)
     episodes, findings, log_map = _mapped(files, spec, log_map)
+    _refuse(files, episodes, findings)
+    read = [_Placed(raw, *resample(raw, spec)) for raw in episodes]
+    order = laid([p.span for p in read])
+    placed = [read[k] for k in order.order]
+    names = _names([p.raw for p in placed])
+    kept = [
+        (name, begin + p.time, p.values, p.raw.settings)
+        for name, p, begin in zip(names, placed, order.begins, strict=True)
+    ]
+    present = np.any([np.isfinite(values).any(axis=0) for _, _, values, _ in kept], axis=0)
+    channels = tuple(
+        Channel(c.name, c.unit) for c, there in zip(spec.channels, present, strict=True) if there
+    )
+    provenance = {
+        "files": [entry for path in files for entry in _hashes(path)],
+        "robot": spec.robot,
+        "map": log_map.model_dump(exclude_defaults=True),
+        "resampling": {
+            "rate": spec.rate,
+            "hold": [c.name for c in spec.channels if c.hold and c.name in {k.name for k in channels}],
+            "starts": {name: p.start for name, p in zip(names, placed, strict=True)},
+        },
+        "clocks": {name: p.span.begin for name, p in zip(names, placed, strict=True)},
+        "findings": [vars(f) for f in (*findings, *order.findings)],
+    }
+    return Recording(
+        channels,
+        tuple(Episode(name, time, values[:, present], settings) for name, time, values, settings in kept),
+        measured=True,
+        provenance=provenance,
+    )
+
+
+def _refuse(files: Sequence[Path], episodes: Sequence[RawEpisode], findings: Sequence[Finding]) -> None:
+    """Raises LogError for a log that a check refuses, or that holds no episode."""
     blocking = errors(findings)
     if blocking:
         more = f" (and {len(blocking) - 1} more)" if len(blocking) > 1 else ""
@@ -56,32 +99,25 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
             expected="at least one",
             do="correct [episodes] in the map",
         )
-    names = _names(episodes)
-    starts, kept = {}, []
-    for name, raw in zip(names, episodes, strict=True):
-        starts[name], time, values = resample(raw, spec)
-        kept.append((name, time, values, raw.settings))
-    present = np.any([np.isfinite(values).any(axis=0) for _, _, values, _ in kept], axis=0)
-    channels = tuple(
-        Channel(c.name, c.unit) for c, there in zip(spec.channels, present, strict=True) if there
-    )
-    provenance = {
-        "files": [entry for path in files for entry in _hashes(path)],
-        "robot": spec.robot,
-        "map": log_map.model_dump(exclude_defaults=True),
-        "resampling": {
-            "rate": spec.rate,
-            "hold": [c.name for c in spec.channels if c.hold and c.name in {k.name for k in channels}],
-            "starts": starts,
-        },
-        "findings": [vars(f) for f in findings],
-    }
-    return Recording(
-        channels,
-        tuple(Episode(name, time, values[:, present], settings) for name, time, values, settings in kept),
-        measured=True,
-        provenance=provenance,
-    )
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """An episode at the robot's control rate.
+
+    start : [s] its begin on the log's clock. time : (T,) [s] from 0. values : (T, C).
+    """
+
+    raw: RawEpisode
+    start: float
+    time: np.ndarray
+    values: np.ndarray
+
+    @property
+    def span(self) -> Span:
+        """Where it lies on the clock that the log keeps."""
+        begin = self.raw.clock + self.start
+        return Span(begin, begin + float(self.time[-1]), self.raw.log, self.raw.file)
 
 
 def _names(episodes: Sequence[RawEpisode]) -> list[str]:
@@ -109,25 +145,64 @@ def doctor(
             episodes, findings, _ = _mapped(files, spec, log_map)
         except DynregError as error:
             return (_finding(error, files),)
+        spans = []
         for episode in episodes if not errors(findings) else ():
             try:
-                resample(episode, spec)
+                spans.append(_Placed(episode, *resample(episode, spec)).span)
             except LogError as error:
                 where = f"{episode.file}, episode {episode.name}"
                 findings.append(Finding("error", "span", where, str(error)))
-        return tuple(findings)
-    findings = []
-    options = _options(log_map)
-    for path in files:
-        try:
-            log = read_log(path, options)
-        except DynregError as error:
-            findings.append(_finding(error, [path]))
-            continue
-        findings += [*log.findings, *check_clocks(log.sources, path.name, _gap(log_map))]
-        for name, series in log.sources.items():
-            findings += check_numbers(series, f"{path.name}, {name}")
-    return tuple(findings)
+        return (*findings, *order_of(spans))
+    found, spans = [], []
+    for number, path in enumerate(files):
+        log, more = examine(path, log_map)
+        found += more
+        spans += spans_of(log, number) if log is not None else ()
+    return (*found, *order_of(spans))
+
+
+def spans_of(log: RawLog, number: int) -> list[Span]:
+    """Where the runs of a log, which is the one of this number, lie on its clock before any robot is known."""
+    parts = [(part.path.name, _stamps(part)) for part in episodes_of(log)]
+    return [Span(float(at.min()), float(at.max()), number, name) for name, at in parts if len(at)]
+
+
+def _stamps(log: RawLog) -> np.ndarray:
+    """The first and last stamps of every signal of a log, on its clock [s]."""
+    ends = [(np.min(s.time), np.max(s.time)) for s in log.sources.values() if len(s)]
+    every = np.array(ends).ravel() + float(log.metadata.get("start", 0.0))
+    return every[np.isfinite(every)]
+
+
+def order_of(spans: Sequence[Span]) -> tuple[Finding, ...]:
+    """What is to be said of the order of several logs, and of the rests between them; nothing of one log."""
+    return laid(spans).findings if len({span.log for span in spans}) > 1 else ()
+
+
+@_overflowing
+def examine(path: str | Path, log_map: LogMap | None = None) -> tuple[RawLog | None, tuple[Finding, ...]]:
+    """A log as it is, before any robot is known, and what the checks find; None where it cannot be read."""
+    path = Path(path)
+    try:
+        log = read_log(path, _options(log_map)).stamped()
+    except DynregError as error:
+        return None, (_finding(error, [path]),)
+    findings = [*log.findings]
+    for part in episodes_of(log):
+        findings += check_clocks(part.sources, part.path.name, _gap(log_map))
+    for name, series in log.sources.items():
+        findings += check_numbers(series, f"{path.name}, {name}")
+        if log.metadata.get("episode_column") is None and steady(name):
+            table = f"under the channel that has source = {json.dumps(name)}"
+            findings += check_spikes(series, f"{path.name}, {name}", table)
+    return log, (*findings, *_behaviour(log))
+
+
+def _behaviour(log: RawLog) -> Iterator[Finding]:
+    """What is to be said of the joints of a log, as far as their names tell which they are."""
+    with suppress(DynregError):  # the log says too little, or contradicts itself; the other checks tell why
+        drafted = as_logged(log)
+        yield from check_behaviour(raw_episodes(log, drafted.log_map, drafted.spec), drafted.spec)
 
 
 def _mapped(
@@ -137,13 +212,14 @@ def _mapped(
         check_map(log_map, spec)
     episodes: list[RawEpisode] = []
     findings: list[Finding] = []
-    for log in _logs(files, log_map):
+    for number, log in enumerate(_logs(files, log_map)):
         if log_map is None:
             log_map = identity_map(spec, log.sources, log.labels)
         findings += log.findings
         for episode in raw_episodes(log, log_map, spec):
-            episodes.append(episode)
+            episodes.append(replace(episode, log=number))
             findings += check_episode(episode, spec, _gap(log_map))
+    findings += check_behaviour(episodes, spec, findings)
     return episodes, findings, log_map
 
 
@@ -151,14 +227,14 @@ def _logs(files: Sequence[Path], log_map: LogMap | None) -> Iterable[RawLog]:
     options = _options(log_map)
     if log_map is None or not log_map.files:
         for path in files:
-            yield read_log(path, options)
+            yield read_log(path, options).stamped()
         return
     for stem, members in _groups(files, log_map.files).items():
         logs = {}
         for member, path in members.items():
             own = [s for s in options.sources if s.startswith(f"{member}.")]
             wanted = tuple(s.removeprefix(f"{member}.") for s in own)
-            logs[member] = read_log(path, replace(options, sources=wanted))
+            logs[member] = read_log(path, replace(options, sources=wanted)).stamped()
         yield side_by_side(next(iter(members.values())).with_name(stem), logs)
 
 

@@ -1,4 +1,4 @@
-"""What is read as a log: a file on disk, or bytes in memory that go by a name."""
+"""A log to read: a file on disk, or named bytes in memory."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

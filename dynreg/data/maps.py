@@ -22,44 +22,108 @@ class _Strict(BaseModel):
 
 
 class ChannelMap(_Strict):
-    """Where one channel comes from.
+    """[channels."<name>"]: where one channel comes from.
 
-    value = scale * logged + offset in `unit`, converted to the robot's SI unit; `delay` [s] is subtracted
-    from the stamps. `derivative_of` names another channel, which is differentiated in SI units after a
-    zero-phase second-order Butterworth filter at `filter_hz`; it takes no `unit`. `unwrap` removes the turns
-    of 2 pi from a wrapped angle.
+    value = scale * logged + offset in `unit`, converted to the robot's SI unit. A derivative is taken in SI units;
+    it has no `unit` of its own.
     """
 
-    source: str | None = None
-    derivative_of: str | None = None
-    filter_hz: float | None = Field(default=None, gt=0)
-    unit: str | None = None
-    scale: float = 1.0
-    offset: float = 0.0
-    delay: float = 0.0
-    unwrap: bool = False
+    source: str | tuple[str, str, str, str] | None = Field(
+        default=None,
+        description="Where the numbers are: `topic.field[index]`, `topic.field[joint]`, or a column. With `angle`: the "
+        "field of a message that holds x, y, z and w, or a list of four signals in the order w, x, y, z.",
+    )
+    angle: Literal["roll", "pitch", "yaw"] | None = Field(
+        default=None,
+        description="The source is a quaternion, of which this is an Euler angle [rad]: turns about z, y, then x.",
+    )
+    derivative_of: str | None = Field(
+        default=None, description="Another channel of the map, of which this one is the derivative."
+    )
+    filter_hz: float | None = Field(
+        default=None,
+        gt=0,
+        description="Cut-off of a zero-phase Butterworth filter before the derivative [Hz].",
+    )
+    unit: str | None = Field(
+        default=None,
+        description="The log's unit; it becomes the robot's SI unit. Without it, the log is in SI units.",
+    )
+    scale: float = Field(default=1.0, description="Factor of the logged number, before the unit.")
+    offset: float = Field(default=0.0, description="Added to the scaled number, in the log's unit.")
+    delay: float = Field(default=0.0, description="How late the stamps are [s]; it is subtracted from them.")
+    unwrap: bool = Field(default=False, description="`true` removes the turns of 2 pi from a wrapped angle.")
+
+    valid: tuple[float, float] | None = Field(
+        default=None,
+        description="Least and largest value that can be, in the robot's unit; those beyond are dropped.",
+    )
+    outliers: Literal["drop"] | float | None = Field(
+        default=None,
+        description='`"drop"` drops the single-sample spikes that `dynreg doctor` finds; a number drops every value '
+        "further than this from the median of the five samples about it, in the robot's unit.",
+    )
+    clip: tuple[float, float] | None = Field(
+        default=None, description="Least and largest value, in the robot's unit; those beyond become these."
+    )
+
+    @model_validator(mode="after")
+    def _ranges(self) -> "ChannelMap":
+        for name, told in (("valid", self.valid), ("clip", self.clip)):
+            if told is not None and not told[0] < told[1]:
+                raise ValueError(
+                    f"`{name}` runs from {told[0]:g} to {told[1]:g}; give the lower number first"
+                )
+        if isinstance(self.outliers, float) and not self.outliers > 0:
+            raise ValueError(
+                f'`outliers` = {self.outliers:g} would drop all; give a number above 0, or "drop"'
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_origin(self) -> "ChannelMap":
         if (self.source is None) == (self.derivative_of is None):
             raise ValueError("give one of `source` and `derivative_of`")
+        if self.derivative_of is not None and (self.valid or self.outliers or self.clip):
+            raise ValueError(
+                "`valid`, `outliers` and `clip` go with a `source`: give them to the channel it is of"
+            )
         if self.derivative_of is not None and self.unit is not None:
             raise ValueError("a derivative takes the unit of its channel: leave `unit` out")
         if self.filter_hz is not None and self.derivative_of is None:
             raise ValueError("`filter_hz` goes with `derivative_of`")
         if self.unit is not None and self.unit not in UNITS:
             raise ValueError(f"unknown unit {self.unit!r}; one of {', '.join(UNITS)}")
+        if self.angle is None and isinstance(self.source, tuple):
+            raise ValueError('four sources are a quaternion: give `angle` = "roll", "pitch" or "yaw"')
+        if self.angle is not None and (self.source is None or self.unit not in (None, "rad")):
+            raise ValueError("`angle` goes with the `source` of a quaternion and is in rad: leave `unit` out")
         return self
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Every signal that the channel is made of: one, or the w, x, y, z of a quaternion; none for a derivative."""
+        if self.source is None:
+            return ()
+        if isinstance(self.source, tuple):
+            return self.source
+        return tuple(f"{self.source}.{part}" for part in "wxyz") if self.angle else (self.source,)
 
 
 class SettingMap(_Strict):
-    """Where one setting comes from: the log's metadata, a fixed value, or the file's name."""
+    """[settings.<name>]: where one setting comes from. Give one of `metadata`, `value` and `filename`."""
 
-    metadata: str | None = None
-    value: float | None = None
-    filename: str | None = None
-    scale: float = 1.0
-    default: float | None = None
+    metadata: str | None = Field(
+        default=None, description="Key of the log's metadata, or a column, that holds the setting."
+    )
+    value: float | None = Field(default=None, description="The setting itself, the same in every episode.")
+    filename: str | None = Field(
+        default=None,
+        description="Regular expression with one group, which finds the setting in the file's name.",
+    )
+    scale: float = Field(default=1.0, description="Factor of the number that was found.")
+    offset: float = Field(default=0.0, description="Added to the scaled number.")
+    default: float | None = Field(default=None, description="Value where the log does not state it.")
 
     @model_validator(mode="after")
     def _one_origin(self) -> "SettingMap":
@@ -75,15 +139,24 @@ class SettingMap(_Strict):
 
 
 class EpisodeMap(_Strict):
-    """How a log falls into episodes, and their names.
+    """[episodes]: how a log falls into episodes, and their names."""
 
-    `gap` [s] is the silence that ends an episode (by = "gaps") or is reported (otherwise).
-    """
-
-    by: Literal["file", "column", "gaps"] = "file"
-    column: str | None = None
-    gap: float = Field(default=DEFAULT_GAP, gt=0, allow_inf_nan=True)  # inf: no silence is too long
-    name: str | None = None
+    by: Literal["file", "column", "gaps"] = Field(
+        default="file",
+        description="What an episode is: a `file`, the rows with one value of a `column`, or what lies "
+        "between `gaps`.",
+    )
+    column: str | None = Field(default=None, description="The column that numbers or names the episodes.")
+    gap: float = Field(
+        default=DEFAULT_GAP,
+        gt=0,
+        allow_inf_nan=True,
+        description="Silence that ends an episode, or that is reported where `by` is not `gaps` [s]; `inf`: none.",
+    )
+    name: str | None = Field(
+        default=None,
+        description="Name of an episode, such as `kp{kp:g}`: names of settings and metadata in braces.",
+    )
 
     @model_validator(mode="after")
     def _column_given(self) -> "EpisodeMap":
@@ -100,26 +173,40 @@ class EpisodeMap(_Strict):
         return self
 
 
-class _Head(_Strict):
-    robot: str | None = None
-    time: str | None = None
-    time_unit: Literal["s", "ms", "us", "ns"] = "s"
-    note: str | None = None
+class HeadMap(_Strict):
+    """[map]: the map and the log's clock."""
+
+    robot: str | None = Field(
+        default=None, description="The robot that the map is for; other robots are then refused."
+    )
+    time: str | None = Field(
+        default=None, description="The column with the time; without it, the usual names are tried."
+    )
+    time_unit: Literal["s", "ms", "us", "ns"] = Field(default="s", description="Unit of that column.")
+    note: str | None = Field(default=None, description="One line for people.")
 
 
 class LogMap(_Strict):
-    """A whole map file. `files` names the members of an episode that lies in several files, by suffix."""
+    """The whole file."""
 
-    map: _Head = Field(default_factory=_Head)
-    channels: dict[str, ChannelMap]
-    settings: dict[str, SettingMap] = Field(default_factory=dict)
-    episodes: EpisodeMap = Field(default_factory=EpisodeMap)
-    files: dict[str, str] = Field(default_factory=dict)
+    map: HeadMap = Field(default_factory=HeadMap, description="The map and the log's clock.")
+    channels: dict[str, ChannelMap] = Field(
+        description="Where each channel and each action of the robot comes from, by its name."
+    )
+    settings: dict[str, SettingMap] = Field(
+        default_factory=dict, description="Where each setting comes from, by its name."
+    )
+    episodes: EpisodeMap = Field(default_factory=EpisodeMap, description="How the log falls into episodes.")
+    files: dict[str, str] = Field(
+        default_factory=dict,
+        description='Members of an episode that lies in several files: `{name = "suffix"}`.',
+    )
 
     @property
     def sources(self) -> tuple[str, ...]:
         """Every name in a log that the map may ask for."""
-        names = [c.source for c in self.channels.values()] + [s.metadata for s in self.settings.values()]
+        names = [name for c in self.channels.values() for name in c.sources]
+        names += [s.metadata for s in self.settings.values()]
         return tuple(name for name in (*names, self.episodes.column) if name is not None)
 
 
@@ -137,6 +224,12 @@ def read_map(path: str | Path) -> LogMap:
 def parse_map(text: str, name: str = "map") -> LogMap:
     """A map from TOML text; `name` is what its errors call it. Raises MapError as `read_map` does."""
     return parse_toml(text, name, LogMap, MapError)
+
+
+def read_own_map(path: str | Path) -> LogMap:
+    """A map of a robot's own folder, which is for that robot whatever name it says; raises as `read_map`."""
+    found = read_map(path)
+    return found.model_copy(update={"map": found.map.model_copy(update={"robot": None})})
 
 
 def check_map(log_map: LogMap, spec: RecordingSpec) -> None:
@@ -226,7 +319,7 @@ def identity_map(spec: RecordingSpec, sources: Mapping[str, Any], labels: Mappin
             raise MapError(
                 f"the log has no column {channel.name!r}",
                 expected=f"columns named like the robot's channels, not {list(sources)[:20]}",
-                do="write a map and pass it with --map",
+                do="draft a map with `dynreg doctor LOG --robot ROBOT --draft-map map.toml`, and pass it with --map",
             )
     episodes = {"by": "column", "column": "episode"} if "episode" in sources or "episode" in labels else {}
     return LogMap.model_validate(

@@ -8,7 +8,7 @@ def parts_of(name: str) -> tuple[str, str]:
 
 
 def joint_of(name: str) -> str:
-    """What a channel is measured at, or a command moves: "arm" of "arm/position"."""
+    """The joint or body of a channel or a command: "arm" of "arm/position"."""
     return parts_of(name)[0]
 
 

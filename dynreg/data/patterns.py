@@ -30,7 +30,7 @@ print(json.dumps(told))
 
 @dataclass(frozen=True)
 class Search:
-    """What came of a search: the pattern's groups, the text of the first where it was found, what is wrong with it."""
+    """The result of a search: the pattern's groups, the text of the first one, and what is wrong with the pattern."""
 
     groups: int
     found: str | None

@@ -4,11 +4,21 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dynreg.axes import chosen, curves, draw_each
+from dynreg.data.clocks import ABSOLUTE, begins
 from dynreg.errors import LogError
+from dynreg.foreign import visible
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_ROWS = 20  # most rows of the table in a notebook
+FAR = 4e9  # [s] of a clock: the year 2096; stamps beyond it are in another unit
 
 
 @dataclass(frozen=True)
@@ -58,6 +68,10 @@ class Episode:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "settings", {str(k): float(v) for k, v in sorted(self.settings.items())})
+
+    def __repr__(self) -> str:
+        settings = "".join(f", {name}={value:g}" for name, value in self.settings.items())
+        return f"<Episode {self.name!r}: {len(self.time)} rows, {self.duration:.1f} s{settings}>"
 
     @property
     def duration(self) -> float:
@@ -110,6 +124,12 @@ class Recording:
         return tuple(c.name for c in self.channels)
 
     @property
+    def rate(self) -> float | None:
+        """Rows a second, the median over all; None where every episode has a single one."""
+        gaps = [np.diff(episode.time) for episode in self.episodes if len(episode.time) > 1]
+        return float(1.0 / np.median(np.concatenate(gaps))) if gaps else None
+
+    @property
     def id(self) -> str:
         """Content hash, 64 hexadecimal digits."""
         digest = hashlib.sha256(json.dumps([[c.name, c.unit] for c in self.channels]).encode())
@@ -118,6 +138,19 @@ class Recording:
             digest.update(episode.time.tobytes())
             digest.update(episode.values.tobytes())
         return digest.hexdigest()
+
+    def begins(self, pause: float = 0.0) -> np.ndarray:
+        """(E,) seconds from the first episode's begin to each one's; see `clocks.begins`, also for `pause`."""
+        return begins(*(np.array([e.time[at] for e in self.episodes]) for at in (0, -1)), pause)
+
+    @property
+    def began(self) -> float | None:
+        """Seconds since a common epoch at which its first episode began, by the log's own clock.
+
+        None where that is no clock of the day (it begins at 0 or with the computer), or nothing tells it.
+        """
+        clocks = [*self.provenance.get("clocks", {}).values()]
+        return min(clocks) if clocks and min(clocks) >= ABSOLUTE and max(clocks) < FAR else None
 
     def columns(self, names: Sequence[str]) -> np.ndarray:
         """Column numbers of the channels `names`; LogError when one is missing."""
@@ -137,6 +170,53 @@ class Recording:
         return Recording(
             self.channels, tuple(by_name[name] for name in names), self.measured, self.provenance
         )
+
+    def plot(
+        self,
+        channels: "str | Sequence[str] | None" = None,
+        episode: str | None = None,
+        ax: "Axes | None" = None,
+    ) -> "np.ndarray":
+        """Channels of an episode over time [s], each on an axes of its own in a new figure; (n,) matplotlib axes.
+
+        channels : names, by default all. episode : its name, by default the first. ax : for one channel, where to draw.
+        Raises UsageError for a channel or an episode that there is not, and for many channels on one `ax`.
+        """
+        names = chosen(self.names, channels, "channel")
+        one = chosen([e.name for e in self.episodes], episode, "episode")[0]
+        shown = next(e for e in self.episodes if e.name == one)
+
+        def draw(place: "Axes", name: str) -> None:
+            column = self.names.index(name)
+            curves(
+                place, shown.time, {name: shown.values[:, column]}, f"{name} [{self.channels[column].unit}]"
+            )
+
+        places = draw_each(names, draw, ax, what="channels")
+        places[0].set_title(f"episode {one}")
+        return places
+
+    def __repr__(self) -> str:
+        rows = sum(len(e.time) for e in self.episodes)
+        seconds = sum(e.duration for e in self.episodes)
+        kind = "measured" if self.measured else "simulated"
+        return (
+            f"<Recording {self.id[:12]}: {len(self.episodes)} episodes, {len(self.channels)} channels, {rows} rows,"
+            f" {seconds:.1f} s, {kind}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """The channels, and a table with a row for each episode."""
+        import pandas as pd
+
+        rows = [
+            {"episode": e.name, "rows": len(e.time), "seconds": e.duration, **e.settings}
+            for e in self.episodes
+        ]
+        named = ", ".join(f"{c.name} [{c.unit}]" for c in self.channels)
+        shown = pd.DataFrame(rows).map(lambda v: visible(v) if isinstance(v, str) else v)
+        table = shown.to_html(index=False, float_format="%.4g", na_rep="-", max_rows=MOST_ROWS)
+        return f"<p>{escape(visible(repr(self)))}</p><p>channels: {escape(visible(named))}</p>{table}"
 
     def to_frame(self):
         """A pandas DataFrame: columns `episode`, `time`, then one for each channel."""

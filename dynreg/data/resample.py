@@ -1,4 +1,4 @@
-"""From the log's own stamps to the robot's control rate: said, never silent."""
+"""Resampling from the log's own stamps to the robot's control rate; every change is reported."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point sti
 
 
 def clean(series: Series) -> Series:
-    """Rows with a finite value on strictly increasing stamps; of equal stamps the last row stands."""
+    """Rows with a finite value on strictly increasing stamps; the last row of equal stamps is kept."""
     series = series.rows(np.isfinite(series.values) & np.isfinite(series.time))
     if len(series) < 2:
         return series

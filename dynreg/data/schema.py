@@ -1,4 +1,4 @@
-"""What a robot's recordings must hold, said without knowing the robot."""
+"""The channels and settings that a recording must hold, without the robot itself."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,7 @@
 """A log as it was read: every numeric signal under its source name, before any robot is known."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -91,3 +91,25 @@ class RawLog:
 
     def __post_init__(self):
         object.__setattr__(self, "names", tuple(self.names) or (*self.labels, *self.sources))
+
+    def topic_of(self, source: str) -> str:
+        """The topic of a signal, "" in tables; of many things in one topic theirs, such as "/tf[odom->base_link]"."""
+        topics = self.metadata.get("topics") or ()
+        topic = max((t for t in topics if source.startswith((f"{t}.", f"{t}["))), key=len, default="")
+        return source[: source.index("]") + 1] if topic and source[len(topic)] == "[" else topic
+
+    def stamped(self) -> "RawLog":
+        """The log without the rows that have no time stamp, and a finding that counts them."""
+        bare = {name: ~np.isfinite(s.time) for name, s in self.sources.items()}
+        name = next((name for name, rows in bare.items() if rows.any() and not rows.all()), None)
+        if name is None:
+            return self
+        count, row = int(bare[name].sum()), int(np.argmax(bare[name]))
+        told = "1 row has no time stamp and is" if count == 1 else f"{count} rows have no time stamp and are"
+        found = Finding("warning", "clock", f"{self.path.name}, {name}, row {row}", f"{told} left out")
+        labels = {
+            key: texts[~bare[name]] if len(texts) == len(bare[name]) else texts
+            for key, texts in self.labels.items()
+        }
+        sources = {key: s.rows(~bare[key]) if not bare[key].all() else s for key, s in self.sources.items()}
+        return replace(self, sources=sources, labels=labels, findings=(*self.findings, found))

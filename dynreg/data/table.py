@@ -140,9 +140,9 @@ def write_csv(recording: Recording, path: str | Path) -> None:
 def to_mcap(recording: Recording) -> bytes:
     """A log of JSON messages: the channel "arm/position" is the field `position` of topic "/arm".
 
-    Episodes follow each other with a pause of 1 s; "/episode" tells where each begins, "/settings" its
-    settings. `map_for` gives the map that reads it back (stamps are whole nanoseconds, and episodes are
-    named by their number).
+    Episodes lie as far apart as their times tell; one whose time begins anew follows after a pause of 1 s. "/episode"
+    tells where each begins, "/settings" its settings. `map_for` gives the map that reads it back (stamps are whole
+    nanoseconds, and episodes are named by their number).
     """
     from mcap.writer import CompressionType, Writer
 
@@ -152,8 +152,7 @@ def to_mcap(recording: Recording) -> bytes:
     writer.start(profile="", library="dynreg")
     schema = writer.register_schema("object", "jsonschema", b'{"type":"object"}')
     topics = {t: writer.register_channel(t, "json", schema) for t in ("/episode", "/settings", *groups)}
-    start = 0.0
-    for number, episode in enumerate(recording.episodes):
+    for number, (episode, start) in enumerate(zip(recording.episodes, recording.begins(_PAUSE), strict=True)):
         base = start - episode.time[0]
 
         def send(topic: str, message: dict, time: float, base: float = base) -> None:
@@ -165,7 +164,6 @@ def to_mcap(recording: Recording) -> bytes:
         for time, row in zip(episode.time, episode.values.tolist(), strict=True):
             for topic, fields in groups.items():
                 send(topic, {f: row[i] for f, i in fields.items() if np.isfinite(row[i])}, time)
-        start += episode.duration + _PAUSE
     writer.finish()
     return sink.getvalue()
 

@@ -1,16 +1,16 @@
-"""What the simulators of a diagnosis do on the windows that it is judged by, and what is known of their parameters."""
+"""The evaluation of a diagnosis: errors of its simulators on the judged windows, gains, and parameter intervals."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.diagnose.diagnose import Diagnosed
-from dynreg.diagnose.leftover import Leftover
-from dynreg.diagnose.look import Look, look
-from dynreg.diagnose.loose import Loose, loose_ends
+from dynreg.diagnose.examine import Examined, examine
+from dynreg.diagnose.identifiability import Unidentified, same_as_parameters, unidentified
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
-from dynreg.diagnose.rest import rest
+from dynreg.diagnose.residual_fit import ResidualFit
+from dynreg.diagnose.unexplained import unexplained
 from dynreg.diagnose.where import ErrorRow, split_errors
 from dynreg.evidence.data import Data
 from dynreg.evidence.estimate import Estimate, estimates
@@ -27,13 +27,17 @@ from dynreg.sim.effects import Terms
 
 @dataclass(frozen=True)
 class Account:
-    """Of a diagnosis, by the windows that it is judged by.
+    """The evaluation of a diagnosis on the judged windows (the test part; without one the select part).
 
-    states : (3, W, T+1, S) of the simulator that it began with, the calibrated and the extended one. errors : (3, C)
-    their mean absolute errors in every weighted channel, in its unit. where : the calibrated one's by regime of motion.
-    gains : of each cause over the causes before it; gain : of all together; None where nothing was held out.
-    causes : parameters of each cause. draws : of the extended simulator. simulators : by kind, parameters (P,) and
-    effects. rest : None where nothing is left. simulated : how many simulators were run through the judged windows.
+    states : (3, W, T+1, S) of the initial, the calibrated and the extended simulator. errors : (3, C) their mean
+    absolute errors in every weighted channel, in its unit. where : errors of the calibrated simulator by regime.
+    gains : of each cause over the causes before it; gain : of all causes together; None if nothing was held out.
+    over_start : gain of the last simulator over that of the start; None if nothing was held out.
+    causes : parameters of each cause. draws : posterior draws of the extended simulator. simulators : {kind: parameters
+    (P,) and effects}. unidentified : parameters that the recording does not identify. same :
+    (key of a cause, parameter) that do the same. examined : the cause with its
+    rivals. residuals : fits of the unexplained acceleration; None if the causes explain everything.
+    simulated : number of simulators that ran through the judged windows.
     """
 
     states: np.ndarray
@@ -41,23 +45,25 @@ class Account:
     where: tuple[ErrorRow, ...]
     gains: tuple[Gain | None, ...]
     gain: Gain | None
+    over_start: Gain | None
     causes: tuple[dict[str, Estimate], ...]
     draws: Posterior
     simulators: dict[str, tuple[np.ndarray, Terms | None]]
-    loose: Loose
-    look: Look | None
-    rest: tuple[Leftover, ...] | None
+    unidentified: Unidentified
+    same: tuple[tuple[str, str], ...]
+    examined: Examined | None
+    residuals: tuple[ResidualFit, ...] | None
     simulated: int
 
 
-def told(search: Search[Diagnosed], options: DiagnosisOptions) -> Search[tuple[Diagnosed, Account]]:
-    """What a search for causes came to, and the account of it."""
+def with_account(search: Search[Diagnosed], options: DiagnosisOptions) -> Search[tuple[Diagnosed, Account]]:
+    """The result of a search for causes, and its evaluation."""
     made = yield from search
     return made, (yield from account(made, options))
 
 
 def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
-    """Simulate the windows that the diagnosis is judged by, once, and say what follows."""
+    """Simulate the judged windows once, and evaluate the diagnosis on them."""
     found, problem, judged, seed = made.found, made.problem, made.judged, options.seed
     model, data, posed = found.model, found.data, problem.data
     given, chosen = found.current.hypothesis.given, posed.parts.chosen
@@ -68,8 +74,9 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     draws = yield from posterior(model, found.current, sample, seed=seed)
     (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)
     curvature, _ = information(found.current, residual, slope, sample.reweighted(residual))
-    # of the log posterior; sizes have no prior, and one that does nothing no curvature
+    # of the log posterior; effect sizes have no prior, so an effect without influence has no curvature
     covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
+    names = [model.robot.space.parameters[i].name for i in model.coordinates.free]
     left = [posed.window_errors(one, judged) for one in states] if made.tested else []
     gained = lambda i, j: gain(left[i], left[j]) if left else None  # noqa: E731
     kinds = {"calibrated": found.base} | ({"extended": found.current} if found.accepted else {})
@@ -79,12 +86,14 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
         where=split_errors(model.robot, posed.windows.take(judged), three[1]),
         gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
         gain=gained(1, -1) if found.accepted else None,
+        over_start=gained(0, -1),
         causes=tuple(estimates(model, found.current, given + i, draws) for i in range(found.accepted)),
         draws=draws,
         simulators={kind: simulator(model, posed, one, options) for kind, one in kinds.items()},
-        loose=loose_ends(model.coordinates, covariance),
-        look=(yield from look(found, draws, sample, options)),
-        rest=(yield from rest(found, made.verdict, seed)),
+        unidentified=unidentified(model.coordinates, covariance),
+        same=same_as_parameters(found.current, names, curvature),
+        examined=(yield from examine(found, draws, sample, options)),
+        residuals=(yield from unexplained(found, made.verdict, seed)),
         simulated=len(states),
     )
 
@@ -92,13 +101,13 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
 def simulator(
     model: Model, data: Data, point: Point, options: DiagnosisOptions
 ) -> tuple[np.ndarray, Terms | None]:
-    """Parameters (P,) of the point's simulator, and its effects (of one row; None without).
+    """Parameters (P,) of the point's simulator, and its effects (one row; None without).
 
-    It has the motor noise that the windows to fit and to select by tell: no fit sees that; see `replay.jitter`.
+    Its motor noise is estimated from the fit and select windows, because no fit sees it; see `replay.jitter`.
     """
     values, own = model.coordinates.values(point.nominal), point.hypothesis.terms
-    told = model.coordinates.effect_values(point.hypothesis, point.effect[None])
-    terms = Terms(own, tuple(told)) if own else None
+    sizes = model.coordinates.effect_values(point.hypothesis, point.effect[None])
+    terms = Terms(own, tuple(sizes)) if own else None
     where = {"engine": model.engine, "threads": options.threads, "seed": options.seed}
     return jitter(model.robot, data.windows, values, terms, data.parts.chosen, **where), terms
 

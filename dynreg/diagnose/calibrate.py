@@ -9,20 +9,20 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.rng import stream
 
-# bench_constants names 16 of 21 with half and with twice of all, `Short.draws` too; with twice, in 1.1 times the time,
-# the calibrated model leaves a cause less to gain, 2335 nats of 2646.
-BEGUN = 3  # iterations of all starts,
-CLOSER, FINALISTS = 3, 2  # then so many more of the best few,
-ITERATIONS = 8  # and of the best alone, once more where the time step's part is taken off;
-ENOUGH = 0.05  # nats that an iteration must gain for another one
+# bench_constants names 16 of 21 with half and with twice of all these (and of `Short.draws`). With twice, in 1.1 times
+# the time, the calibrated model explains more, and a cause gains 2335 nats in place of 2646.
+BEGUN = 3  # iterations of all starts
+CLOSER, FINALISTS = 3, 2  # further iterations of the best starts, and their number
+ITERATIONS = 8  # of the best start alone; again after the correction for the time step
+ENOUGH = 0.05  # the fit stops when an iteration gains fewer nats
 
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """The simulator that a search for causes begins with.
+    """The calibrated simulator, from which a search for causes begins.
 
-    model : with what the time step does to it taken off. point : where it lies. sample : the windows to fit, by the
-    independent samples of its residual.
+    model : corrected for the error of the time step. point : its coordinates. sample : the windows to fit, weighted by
+    the independent samples of its residual.
     """
 
     model: Model
@@ -31,14 +31,14 @@ class Calibrated:
 
 
 def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[Calibrated]:
-    """Fit the simulator that the model begins with a posteriori, on the windows to fit.
+    """The maximum a posteriori of the model's parameters, on the windows to fit.
 
-    Starts at the nameplate and at `draws` from its tolerances: dry friction makes local optima.
+    The fits start at the nameplate and at `draws` samples from its tolerances: dry friction makes local optima.
     """
     start, sample = model.start, data.sample(data.fit)
     apart = stream(seed, "calibrate").standard_normal((draws, len(model.coordinates)))
     points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
-    if model.accuracy.fine:  # what the time step does to contacts leads the fit astray from its start
+    if model.accuracy.fine:  # with contacts the error of the time step would mislead the fit from its start
         model = yield from model.corrected(points[:1], data)
     points, cost = yield from fit(model, points, sample, iterations=BEGUN)
     for rounds, kept in ((CLOSER, FINALISTS), (ITERATIONS, 1)) if draws else ((ITERATIONS, 1),):

@@ -1,10 +1,10 @@
-"""Diagnose: what a simulator gets wrong, and the causes by name.
+"""Diagnose: name the physical causes of a simulator's error.
 
-One page: pose the problem, calibrate, find the threshold, name one cause after the other while they pass it (screen,
-refit, score, accept), settle, and tell what is left.
+The steps: pose the problem, calibrate, find the threshold, accept one cause after the other while its evidence exceeds
+the threshold (screen, refit, score), fit all parameters together, and judge the residual.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,30 +12,30 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.joints import terms_at
+from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.settle import revise, unlike
-from dynreg.diagnose.shown import shown
-from dynreg.diagnose.threshold import Cache, Threshold, threshold
+from dynreg.diagnose.threshold import Cache, Threshold, found_before, threshold
 from dynreg.diagnose.verdict import Evidence, Verdict, verdict_of
 from dynreg.diagnose.zeros import zeroed
 from dynreg.errors import UsageError
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import single_terms
-from dynreg.evidence.lockstep import Search, together
+from dynreg.evidence.lockstep import Search, counted, together
 from dynreg.evidence.model import Model
+from dynreg.progress import Progress
 from dynreg.sim.config import SimConfig
-from dynreg.sim.effects import Term
+from dynreg.sim.effects import Term, applicable
+from dynreg.sim.effects import effect as effect_of
 from dynreg.sim.robot import Robot
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosed:
-    """What a search for causes came to, and how it is judged. problem : as posed; found : where the search ended."""
+    """The result of a search for causes. problem : as posed. found : the final state of the search."""
 
     problem: Problem
     found: State
@@ -45,7 +45,7 @@ class Diagnosed:
 
     @property
     def judged(self) -> np.ndarray:
-        """(K,) windows by which the simulators are judged: those of the test part, where something was held out."""
+        """(K,) numbers of the judged windows: the test part; without one the select part."""
         parts = self.problem.data.parts
         return np.flatnonzero(parts.test if self.tested else parts.select)
 
@@ -64,15 +64,27 @@ def diagnose(
     cache: Cache | None = None,
     progress: Progress | None = None,
 ) -> Search[Diagnosed]:
-    """Name what a simulator of `robot` lacks to move as the recording says: `start`, by default the nominal one.
+    """Name the effects that a simulator of `robot` lacks to explain the recording.
 
-    Fit, select and test are disjoint by trajectory; nothing reads test here. cache : keeps thresholds.
-    Raises as `pose` and `offered`.
+    start : the simulator, by default the nominal one. cache : of thresholds.
+    Fit, select and test parts have no trajectory in common; nothing here reads the test part.
+    Raises the errors of `pose` and `offered`.
     """
     model, data = pose(robot, recording, options, start)
     problem = yield from planned(model, data, offered(model, data, options))
     limit = threshold(problem, recording, options, cache, progress)
-    return (yield from search(problem, recording, limit, options, progress))
+    runs = 0 if found_before(problem, recording, options, cache) else options.threshold_runs
+    total = problem.plan.expected(len(model.coordinates), len(problem.terms), runs)
+    found, _ = yield from counted(
+        search(problem, recording, limit, options, progress), simulated(progress, total)
+    )
+    return found
+
+
+def simulated(progress: Progress | None, total: int) -> Callable[[int], None]:
+    """What tells how many of about `total` simulations are done; of more than that, nine tenths."""
+    report = progress or (lambda *_: None)
+    return lambda done: report("simulations", done, max(total, done + done // 9))
 
 
 def search(
@@ -82,7 +94,7 @@ def search(
     options: DiagnosisOptions,
     progress: Progress | None = None,
 ) -> Search[Diagnosed]:
-    """Calibrate, find the threshold, add one cause after the other while they pass it, refit on fit and select."""
+    """Calibrate, find the threshold, add causes while they exceed it, and refit on the fit and select parts."""
     report = progress or (lambda *_: None)
     plan, posed = problem.plan, problem.data
     report("calibrate", 0, 1)
@@ -110,7 +122,7 @@ def search(
 
 
 def accepted(state: State, posed: Data) -> Search[State]:
-    """The search with the last round's cause accepted: earlier ones are chosen again, episodes get their zeros."""
+    """The state with the last round's cause accepted: earlier causes may change, and episodes get their zeros."""
     rounds = yield from revise(state.model, state.rounds, state.sample)
     current = rounds[-1].chosen.point
     state = replace(state, rounds=tuple(rounds), current=current, accepted=state.accepted + 1)
@@ -118,25 +130,49 @@ def accepted(state: State, posed: Data) -> Search[State]:
 
 
 def offered(model: Model, data: Data, options: DiagnosisOptions) -> list[Term]:
-    """The terms that may be named: at the joints that are looked at, and in no measured input.
+    """The candidate terms: at the chosen joints, without the effects that a measured input already contains.
 
-    Raises UsageError where none of the effects asked for can act.
+    Raises UsageError if none of the requested effects can act.
     """
-    robot, held = model.robot, shown(model.robot, data.windows)
+    robot, held = model.robot, measured_effects(model.robot, data.windows)
     terms = single_terms(robot, options.effects or (), (*options.without, *held))
-    if options.joints:
+    if some_joints(robot, options):
         terms = terms_at(terms, options.joints)
     if terms:
         return terms
-    if options.joints:
-        raise UsageError(
-            f"none of the effects asked for acts on single joints such as {options.joints[0]!r}",
-            expected="effects of joints",
-            do="leave the choice of joints out",
-        )
-    measured = "".join(f"; {name} is in the {by} that was measured" for name, by in held.items())
+    measured = [f"the measured input {by} already contains {name}" for name, by in held.items()]
+    why = [f"{name!r}: {why}" for name, why in no_candidates(robot, data, options, ()).items()]
     raise UsageError(
-        f"none of the effects {list(options.effects or ())} can act on robot {robot.name!r}{measured}",
-        expected="an effect that can",
-        do=f"see `dynreg effects {robot.name}`",
+        "; ".join(["no effect is left to look for", *why, *measured]),
+        expected=f"an effect that can act on {', '.join(options.joints or ()) or f'robot {robot.name!r}'}",
+        do=f"leave out the choice of {'joints' if options.joints else 'effects'}, or see `dynreg effects {robot.name}`",
     )
+
+
+def no_candidates(
+    robot: Robot, data: Data, options: DiagnosisOptions, terms: Sequence[Term]
+) -> dict[str, str]:
+    """{effect id: why} of the effects that were asked for and have no place among the candidate `terms`.
+
+    Where none was asked for, those that a choice of joints leaves out. Not those that a measured input contains: see
+    `measured_effects`.
+    """
+    able, held = applicable(robot), measured_effects(robot, data.windows)
+    some = some_joints(robot, options)
+    asked = [name for name in able if some and name not in options.without]
+    found, out = {term.effect.id for term in terms}, {}
+    for name in asked if options.effects is None else options.effects:
+        if name in found or name in held:
+            continue
+        if name not in able:
+            out[name] = f"robot {robot.name!r} cannot have it ({effect_of(name).why_not(robot)})"
+        elif able[name].scope == "robot":
+            out[name] = "an effect of the whole robot needs all its joints; leave out the choice of joints"
+        else:
+            out[name] = "it is an effect of all joints together; leave out the choice of joints"
+    return out
+
+
+def some_joints(robot: Robot, options: DiagnosisOptions) -> bool:
+    """Whether a diagnosis is of a part of the driven joints."""
+    return bool(options.joints) and {*options.joints} != {*robot.driven}

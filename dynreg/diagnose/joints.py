@@ -1,4 +1,4 @@
-"""A diagnosis of some joints alone: what is looked at, what may be blamed, and which parameters can be seen there."""
+"""A diagnosis of some joints only: their channels, the candidate effects, and the parameters that they show."""
 
 from dataclasses import replace
 
@@ -12,15 +12,15 @@ from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
-# What changes less than a tenth of the noise takes 100 independent rows to tell one sigma of its prior.
-TRIED = 6  # windows in which a parameter must be seen, from the first to the last: each kind of motion,
-UNSEEN = 0.1  # of the sensor's noise
+# A change below a tenth of the noise needs 100 independent rows to determine one sigma of the prior.
+TRIED = 6  # windows in which a parameter is tried, spread over the recording to include each kind of motion
+UNSEEN = 0.1  # of the sensor's noise: a parameter with smaller changes is not visible
 
 
 def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
     """The robot with no weight on the channels of other joints.
 
-    Raises UsageError where no action drives a joint, or none of its channels has a weight.
+    Raises UsageError if no action drives a joint, or none of the joints' channels has a weight.
     """
     driven = list(robot.driven)
     unknown = [j for j in joints if j not in driven]
@@ -43,9 +43,9 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
 
 
 def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
-    """Of all single terms those at these joints: on each, and on all of them where these are several.
+    """Of all single terms those at these joints: on each joint, and on all of them together.
 
-    Effects of the whole robot are left out: a part of the joints cannot tell them.
+    Effects of the whole robot are left out: a part of the joints does not identify them.
     """
     out = []
     for term in terms:
@@ -61,9 +61,10 @@ def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
 def fixed_unseen(
     coordinates: Coordinates, windows: Windows, engine: str | None, begun: Terms | None
 ) -> np.ndarray:
-    """Known parameters (P,) with those that cannot be seen at the robot's weighted channels added, at their centre.
+    """The known parameters (P,), with those that the weighted channels do not show fixed at their centre.
 
-    Each is tried a standard deviation up, and down, for one way may do nothing. begun : effects that act, of one row.
+    Each is tried one standard deviation up and down, as one direction may have no influence. begun : acting effects
+    (one row).
     """
     robot, known = coordinates.robot, coordinates.known
     values, *moved = (coordinates.values(np.full(len(coordinates), way)) for way in (0.0, 1.0, -1.0))

@@ -1,4 +1,4 @@
-"""The noise of a log, told from row to row, held against what robot.toml states."""
+"""The sensor noise of a log, estimated from row to row, and compared with robot.toml."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,15 +9,17 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.sim.robot import Robot
 
-TWICE = 2.0  # times the stated noise, from which a log's own counts: by contract
-ORDERS = range(3, 9)  # of the differences from row to row: the higher, the less of a motion is left in them
+TWICE = 2.0  # the estimate replaces the stated noise from this ratio on: by contract
+ORDERS = range(
+    3, 9
+)  # of the differences from row to row: the higher the order, the less motion remains in them
 NORMAL = 0.6745  # median of the absolute value of a standard normal variable
 
 
 def own_noise(robot: Robot, recording: Recording) -> dict[str, float]:
-    """{channel: 1 sigma} of the channels with a weight that are more than twice as noisy as stated.
+    """{channel: 1 sigma} of the weighted channels that are more than twice as noisy as stated.
 
-    In powers of two times the stated one, so that logs of one sensor are told the same.
+    Rounded to powers of two times the stated noise, so that logs of one sensor get the same value.
     """
     out = {}
     for channel, stated in zip(robot.file.channels, robot.sensor_noise, strict=True):
@@ -31,10 +33,10 @@ def own_noise(robot: Robot, recording: Recording) -> dict[str, float]:
 
 
 def scatter(episodes: Sequence[np.ndarray]) -> float:
-    """1 sigma of the white noise in a channel's episodes, each (T,); 0 where there are too few rows.
+    """1 sigma of the white noise in a channel's episodes, each (T,); 0 if there are too few rows.
 
-    By the median size of differences from row to row, the least over their orders: white noise is the same in all, and
-    what is left of a motion is less in the higher ones.
+    From the median absolute difference from row to row, the least over several orders: white noise gives the same
+    estimate in all of them, and motion adds less in the higher ones.
     """
     found = []
     for order in ORDERS:
@@ -42,13 +44,13 @@ def scatter(episodes: Sequence[np.ndarray]) -> float:
         sizes = sizes[np.isfinite(sizes)]
         if not len(sizes):
             return 0.0
-        # so many times that of white noise is the variance of such differences
+        # the variance of these differences is comb(2 order, order) times that of the white noise
         found.append(float(np.median(sizes)) / NORMAL / math.sqrt(math.comb(2 * order, order)))
     return min(found)
 
 
 def noisier(robot: Robot, noise: Mapping[str, float]) -> Robot:
-    """The robot with sensors of this noise {channel: 1 sigma}."""
+    """The robot with this sensor noise {channel: 1 sigma}."""
     if not noise:
         return robot
     channels = [

@@ -1,24 +1,26 @@
-"""One step ahead: every measured row as a start, and what a simulator leaves of each joint's acceleration."""
+"""One-step predictions from every measured row, and the residual acceleration of each joint."""
 
 import numpy as np
 
 from dynreg.data.names import joint_of
-from dynreg.diagnose.leftover import Residuals
+from dynreg.diagnose.residual_fit import Residuals
 from dynreg.diagnose.signals import JointSignals, joint_signals, position_column, velocity_column
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-STILL = 2.0  # standard deviations of its noise: 95 of 100 rows of a joint that rests have no sign of velocity
+STILL = (
+    2.0  # standard deviations of velocity noise below which a joint counts as still: 95 % of its rows at rest
+)
 
 
 def one_step_run(robot: Robot, windows: Windows, lead: int = 0) -> Run:
-    """Every command of W windows as an episode of its own that starts from the measured row `lead` rows before it.
+    """Every command of W windows as an episode of its own, which starts from the measured row `lead` rows before it.
 
-    W T episodes of 1 + lead steps; the first rows of a window start from its first row, later than `lead` asks.
-    `lead` lets what remembers commands (a delay) see those before. Velocities that the log lacks are the slope of the
-    positions around the row. `predictions` reads the rollouts.
+    Gives W T episodes of 1 + lead steps. Those of a window's first rows start from its first row. With a `lead`,
+    effects that remember commands (a delay) see the commands before. Velocities that the log lacks are the slope of the
+    positions. `predictions` reads the rollouts.
     """
     run, count = windows.run, len(windows) * windows.run.steps
     initial = _starts(robot, windows)
@@ -41,8 +43,8 @@ def one_step_run(robot: Robot, windows: Windows, lead: int = 0) -> Run:
 def predictions(robot: Robot, windows: Windows, states: np.ndarray) -> np.ndarray:
     """(W, T, S) row t+1 from row t by rollouts (W T, 2 + lead, S) of `one_step_run`, NaN in a window's first `lead`.
 
-    With a lead, what the last step changed is added to the measured row: where the steps before it led astray does
-    not count.
+    With a lead, the change of the last step is added to the measured row, so that errors of the steps before do not
+    count.
     """
     shape = (len(windows), windows.run.steps, states.shape[-1])
     lead = states.shape[1] - 2
@@ -55,13 +57,14 @@ def predictions(robot: Robot, windows: Windows, states: np.ndarray) -> np.ndarra
 
 
 def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) -> tuple[Residuals, ...]:
-    """What one simulator leaves of each joint's acceleration: measured - predicted [unit of velocity / s].
+    """The residual acceleration of each joint for one simulator: measured - predicted [unit of velocity / s].
 
-    Of all driven joints, or of those that the windows' run looks at.
+    Of all driven joints, or of the joints of the windows' run. It comes from measured velocities, or else from the
+    second difference of positions. Joints without a velocity channel are left out, because no simulator can start with
+    their motion.
 
-    predicted : (W, T, S) row t+1 from the measured row t (`one_step_run`). From velocities where they were measured,
-    else from the second difference of positions. Joints without a velocity channel are left out: no
-    simulator can be started as they moved. Raises UsageError where the shape does not fit the windows.
+    predicted : (W, T, S) row t+1 from the measured row t (`one_step_run`).
+    Raises UsageError if its shape does not fit the windows.
     """
     if predicted.shape != windows.measured[:, 1:].shape:
         raise UsageError(
@@ -101,7 +104,7 @@ def _starts(robot: Robot, windows: Windows) -> np.ndarray:
 def _accelerations(
     robot: Robot, windows: Windows, predicted: np.ndarray, joint: str, velocity: np.ndarray
 ) -> tuple[np.ndarray, str] | None:
-    """(W, T) measured - predicted acceleration and its unit; `velocity` is what the predictions started from."""
+    """(W, T) measured - predicted acceleration and its unit. velocity : (W, T) at the start of the predictions."""
     measured, period = windows.measured, windows.period
     p, v = position_column(robot, joint), velocity_column(robot, joint)
     if v is None:
@@ -124,7 +127,7 @@ def _accelerations(
 
 
 def _signals(robot: Robot, windows: Windows, own: JointSignals) -> dict[str, np.ndarray]:
-    """{name: broadcastable to (W, T)} of what a joint's residual may depend on."""
+    """{name: array that broadcasts to (W, T)} of the signals that may predict a joint's residual."""
     still = STILL * own.velocity_noise
     with np.errstate(invalid="ignore"):
         sign = np.where(np.abs(own.velocity) > still, np.sign(own.velocity), 0.0)

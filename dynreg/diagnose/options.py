@@ -5,17 +5,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """How a recording is cut, what may be named in it, and how long the search takes.
+    """How a recording is cut into rollouts, which effects are candidates, and the limits of the search.
 
-    hold_out : the test part; see `replay.parts`. effects : ids of the effects that may be named, None for all that the
-        robot can have; without : left out. max_causes : after how many causes to stop. engine : one of the robot's,
-        its first by default. threshold_runs : simulations without any effect from which the threshold is found; 0
-        takes the default threshold. threads : simulation threads, 0 for all cores. horizon : episodes are cut into
-        rollouts of at most so many seconds; None takes the robot's, or 10 s. tolerance : factor on the nameplate's
-        tolerances: above 1 where the stated parameters are rough guesses. joints : these alone are diagnosed, the
-        others' channels do not count; None for all. windows : the most rollouts to fit, and as many to select by,
-        drawn over all episodes by the seed, so that both parts see each; None takes them all, and parts them by
-        episode.
+    hold_out : the test part; see `replay.parts`. effects : ids of the candidate effects; None for all that the robot
+        can have. without : ids to leave out. max_causes : most causes to name. engine : one of the robot's engines;
+        None for its first. threshold_runs : simulations without an effect that determine the threshold; 0 takes the
+        default threshold. threads : simulation threads, 0 for all cores. horizon : longest rollout [s]; None takes the
+        robot's, or 10 s. tolerance : factor on the tolerances of the nameplate; above 1 if the stated parameters are
+        rough guesses. joints : only these are diagnosed, and the channels of the others do not count; None for all.
+        windows : most rollouts to fit, and most to select by, drawn over all episodes by the seed; None takes all, and
+        splits them by episode.
     """
 
     hold_out: str | None = None

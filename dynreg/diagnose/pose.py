@@ -1,4 +1,4 @@
-"""Pose: a recording as a problem to be solved, or the reason why it says nothing."""
+"""Pose: a recording as an estimation problem, or the error that says why it cannot be one."""
 
 from dataclasses import replace
 
@@ -22,10 +22,10 @@ from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
-LONGEST = 10.0  # s of a rollout, where the robot states no horizon: the benches are cut to 1.7 to 2.5 s
-FEWEST = 50  # measured rows in each of fit and select: by contract; a few independent samples tell no cause
-STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: noise, and no other pose
-STILL = 3.0  # standard deviations of its noise that a channel must move: noise alone does not
+LONGEST = 10.0  # s of a rollout if the robot states no horizon; the packaged robots state 1.7 to 2.5 s
+FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
+STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
+STILL = 3.0  # standard deviations of its noise that a channel must move: less may be noise
 
 
 def pose(
@@ -33,10 +33,10 @@ def pose(
 ) -> tuple[Model, Data]:
     """The model that begins at the simulator `start`, and the recording in windows and parts.
 
-    start : by default the nominal one; its effects act from the beginning. Windows with holes, where a command, an
-    input or a weighted channel holds no number for long, are left out.
-    Raises LogError where the recording cannot say anything: too short, nothing moves, no commands, one window only;
-    UsageError where what is asked does not fit the robot or the recording.
+    start : by default the nominal simulator; its effects act from the beginning. Windows with a gap in a command, an
+    input or a weighted channel are left out.
+    Raises LogError if the recording is too short, without motion, without commands, or has only one window; UsageError
+    if the options do not fit the robot or the recording.
     """
     require_commands(robot, recording)
     if options.joints:
@@ -45,9 +45,9 @@ def pose(
     split = parts(recording, cut, options.hold_out, paired=True)
     if not split.select.any():
         raise LogError(
-            f"nothing is left to select a cause by{why}",
-            expected="at least two episodes beside those held out",
-            do="record more episodes, hold out less, or cut it finer with --horizon",
+            f"no rollout remains for the select part{why}",
+            expected="at least two episodes besides the held-out ones",
+            do="record more episodes, hold out fewer, or cut shorter rollouts with --horizon",
         )
     _check_length(robot, cut, split, why)
     if options.windows:
@@ -67,12 +67,14 @@ def pose(
 
 
 def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple[Windows, str]:
-    """The recording's windows without holes, and a half sentence on the holes ("" where there are none)."""
+    """The recording's windows without gaps, and the text about the gaps ("" without gaps)."""
     horizon = options.horizon or robot.file.replay.horizon or LONGEST
     rate = robot.file.robot.control_rate
     if rate is not None and horizon * rate < 2:
         raise UsageError(
-            f"horizon {horizon:g} s", expected=f"at least two commands, {2 / rate:g} s", do="cut less fine"
+            f"horizon {horizon:g} s",
+            expected=f"at least two commands, {2 / rate:g} s",
+            do="give a longer horizon",
         )
     table = robot.file.replay.model_copy(update={"horizon": horizon})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
@@ -83,13 +85,13 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
         raise LogError(
             f"the recording makes {len(cut)} rollout of {horizon:g} s{why}",
             expected="at least two: one to fit, one to select by, and a third to test the result",
-            do="record more episodes, or cut it finer with --horizon",
+            do="record more episodes, or cut shorter rollouts with --horizon",
         )
     return cut, why
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
-    """LogError where fit or select has too few measured rows to tell a cause from chance; `why` is said with it."""
+    """Raises LogError if the fit or select part has too few measured rows; `why` is added to its text."""
     weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
     known = np.isfinite(cut.measured[:, 1:, weighted]).any(axis=2).sum(axis=1)
     for part in ("fit", "select"):
@@ -103,9 +105,9 @@ def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
 
 
 def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
-    """Windows in which a floating base begins as it stands after its reset begin at just that state.
+    """Windows that begin near the settled reset pose of a floating base, with exactly this pose as their start.
 
-    Joints put where their noise has them would lift feet off the ground, and the robot would turn as it lands.
+    Measured joint angles with noise would lift feet off the ground, and the robot would turn as it lands.
     """
     if robot.file.reset.settle <= 0 or not robot.floating:
         return cut
@@ -121,20 +123,20 @@ def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
 
 
 def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
-    """LogError where commands never change, or no weighted channel moves beyond its noise."""
+    """Raises LogError if commands never change, or no weighted channel moves beyond its noise."""
     actions = cut.run.actions[split.chosen]
     if not (np.ptp(actions, axis=1) > 0).any():
         raise LogError(
             "the commands never change",
-            expected="a recording in which the robot is moved",
-            do="record one, such as `dynreg excite` writes",
+            expected="a recording with motion",
+            do="record one, for example with the commands that `dynreg excite` writes",
         )
     use = np.flatnonzero(cut.weight > 0)
     noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])[use]
     still = cut.spread[use] <= STILL * noise
     if still.all():
         raise LogError(
-            f"no measured channel moves by more than its noise ({robot.channels[use[0]]!r}, for one)",
+            f"no measured channel moves by more than its noise (for example {robot.channels[use[0]]!r})",
             expected="motion",
             do="record larger motions, or correct the noise in robot.toml",
         )

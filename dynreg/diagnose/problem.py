@@ -1,4 +1,4 @@
-"""Problem: a recording as a diagnosis is made of it."""
+"""Problem: all that a search for causes needs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from dynreg.sim.engine import ENGINES
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A model, the data that it is held against, the terms that may be named, and the plan of the search."""
+    """A model, the data to explain, the candidate terms, and the plan of the search."""
 
     model: Model
     data: Data
@@ -24,7 +24,7 @@ class Problem:
 
 
 def planned(model: Model, data: Data, terms: Sequence[Term]) -> Search[Problem]:
-    """The problem with the accuracy and the plan that it asks for; what a search does depends on nothing else."""
+    """The problem with its accuracy and plan; a search depends on nothing else."""
     sliding = not model.accuracy.fine and ENGINES[model.running].contacts
     if sliding and (yield from uneven(model, model.start, data.sample(data.fit))):
         model = replace(model, accuracy=rough(model.robot, model.engine))

@@ -1,4 +1,4 @@
-"""How alike two runs of the same commands are: the floor that any model can reach; and what is white in a residual."""
+"""Repeatability of runs with the same commands: the noise floor of any model; and a whiteness test of residuals."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Score: by how much each hypothesis beats the model without its last term, and which are as good as the best."""
+"""Score: the evidence of each hypothesis over the model without its last term, and the equivalents of the best."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 
-# The price of a parameter, 5 % and 15 nats by contract: of four ways to name, the one that won had them.
+# The price of a parameter, 5 % and 15 nats are by contract: they won a comparison of four ways to name causes.
 # bench_constants names 16 of 21 with FEW and BEYOND halved and doubled.
-PER_PARAMETER = 2.0  # nats that a parameter of an effect must pay for itself
-NEAR = 0.05  # share of the best score, but at least
-FEW = 3.0  # nats, within which fewer parameters are the better explanation;
-BEYOND = 5.0  # nats that fit may gain beyond twice what select gains: more is fitted noise
-NATS = 15.0  # nats (or that share) within which hypotheses count as equal
+PER_PARAMETER = 2.0  # nats: the price of a parameter of an effect
+NEAR = 0.05  # share of the best score (but at least FEW nats) within which fewer parameters are preferred
+FEW = 3.0
+BEYOND = 5.0  # nats that fit may gain beyond twice the gain on select: more is fitted noise
+NATS = 15.0  # nats (or the share NEAR) within which hypotheses count as equal
 
 
 Gained = Callable[
@@ -28,7 +28,7 @@ Gained = Callable[
 
 @dataclass(frozen=True)
 class Scored:
-    """A fitted hypothesis: its point, and by how many nats it beats the model without its last term."""
+    """A fitted hypothesis: its point, and its evidence [nats] over the model without its last term."""
 
     point: Point
     nats: float
@@ -40,7 +40,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class Naming:
-    """One round: the calibrated model that it started from, the ranking, and what was chosen."""
+    """One round: its start, the ranking, the chosen hypothesis and its equivalents."""
 
     start: Scored
     ranking: tuple[Scored, ...]
@@ -49,9 +49,9 @@ class Naming:
 
 
 def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
-    """(n,) log-likelihood that each gains on the first, by residuals (n, W, T, C) of fit and select.
+    """(n,) gain of log-likelihood over the first, from residuals (n, W, T, C) on the fit and select parts.
 
-    What a term gains where it was fitted counts only as far as the windows to select by confirm it.
+    The gain on the fit part counts only as far as the select part confirms it.
     """
     squares = mean_squares(residuals, data.floor)
     rough = np.array([np.nansum(np.log(s)) for s in squares])
@@ -63,10 +63,11 @@ def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
 
 
 def by_either(data: Data, residuals: np.ndarray) -> np.ndarray:
-    """(n,) what each gains on the first, by the independent samples of its own residual or of the first's.
+    """(n,) gain of log-likelihood over the first, with the independent samples of its own residual or of the first's.
 
-    All were fitted on all windows, and nothing confirms anything: the threshold alone tells chance. The less of both:
-    where every window slips on its own, which of them count for more makes up gains of 100 nats.
+    All hypotheses were fitted on all windows, so no held-out part confirms a gain; only the threshold guards against
+    chance. The smaller of the two counts: with slipping contacts the weights of the windows alone change gains by 100
+    nats.
     """
     squares = mean_squares(residuals, data.floor)
     samples = [data.effective(r) for r in residuals]
@@ -80,9 +81,9 @@ def by_either(data: Data, residuals: np.ndarray) -> np.ndarray:
 def score(
     model: Model, data: Data, base: Point, fitted: Sequence[Point], gained: Gained = confirmed
 ) -> Search[Naming]:
-    """Score on fit and select, drop what is below half its weak size, prefer fewer parameters among equals.
+    """Score on fit and select, drop effects below half their weak size, prefer fewer parameters among equals.
 
-    gained : how the log-likelihood that each gains is counted, `confirmed` or `by_either`.
+    gained : the rule that counts gains of the log-likelihood, `confirmed` or `by_either`.
     """
     residuals = yield from model.residuals([base, *fitted], data.sample(data.both))
     likelihood = gained(data, residuals)
@@ -99,7 +100,7 @@ def score(
 
 
 def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
-    """Of a ranking the best, or what explains about as much with fewer parameters; and what is as good as it."""
+    """The best of a ranking (or one about as good with fewer parameters), and its equivalents."""
     if not ranking or ranking[0].nats <= 0:
         return Naming(start, ranking)
     top = ranking[0].nats

@@ -1,4 +1,4 @@
-"""Screen: every term at several sizes, and what the nominal parameters can make up for, to first order."""
+"""Screen: the gain of every term at several sizes, with the nominal parameters refitted to first order."""
 
 from collections.abc import Sequence
 
@@ -23,10 +23,10 @@ KEPT = 2  # starts of each hypothesis that are refitted by one iteration
 def screen(
     model: Model, base: Point, terms: Sequence[Term], sample: Sample
 ) -> Search[tuple[list[Point], np.ndarray]]:
-    """For every term the most promising starts: sizes and signs tried, nominal coordinates moved along to first order.
+    """The most promising starts of every term, and the derivatives (D, W, T, C) at `base`.
 
-    Returns them with the derivatives (D, W, T, C) at `base`. A term's change of the rollouts counts after what the
-    nominal parameters can do as well is taken off.
+    Several sizes and signs are tried. The nominal coordinates are refitted to first order, so only the part of a term's
+    change counts that they cannot explain.
     """
     residual, (slope,) = yield from sensitivities(model, [base], sample)
     sizes = [_starts(term) for term in terms]

@@ -1,4 +1,4 @@
-"""What a search ends with: earlier causes chosen again beside the later ones, and a last fit from several starts."""
+"""The end of a search: earlier causes chosen again in presence of later ones, and a last fit from several starts."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -31,16 +31,16 @@ AGAIN = 6  # iterations of an equivalent in the place of a cause
 
 
 def unlike(robot: Robot, terms: Sequence[Term], accepted: tuple[Term, ...]) -> list[Term]:
-    """The terms that are neither accepted nor of the exact group of one that is."""
+    """The terms that are neither accepted nor in the exact group of an accepted one."""
     return [t for t in terms if not any(t.key == a.key or one_group(robot, t, a) for a in accepted)]
 
 
 def revise(model: Model, rounds: Sequence[Naming], sample: Sample) -> Search[list[Naming]]:
-    """The rounds with every earlier cause exchanged for an equivalent that does better beside the later causes.
+    """The rounds with an earlier cause replaced by an equivalent that explains more together with the later causes.
 
-    What one cause alone leaves open (Stribeck's or plain load friction), the next may decide. An equivalent must
-    beat the model by `NEAR` of its whole evidence, as in every choice, and once more for each parameter that it has
-    more: on real logs every shape gains something by what no library has. sample : the windows to fit.
+    A choice that is open with one cause (Stribeck or plain load friction) may be decided with the next. An equivalent
+    must gain `NEAR` of the whole evidence, as in every choice, and once more for each additional parameter: on real
+    logs every shape gains something from effects that no library has. sample : the windows to fit.
     """
     rounds = list(rounds)
     for number in range(len(rounds) - 1):
@@ -58,10 +58,10 @@ def revise(model: Model, rounds: Sequence[Naming], sample: Sample) -> Search[lis
 def exchange_cause(
     rounds: list[Naming], number: int, others: list[tuple[Scored, Point]], ranking: list[Scored]
 ) -> list[Naming]:
-    """The rounds with the cause of round `number` exchanged for the best equivalent, if any gains enough.
+    """The rounds with the cause of round `number` replaced by the best equivalent, if one gains enough.
 
-    others : each equivalent, and the last point with it in the place of the cause. ranking : these points refitted, by
-    the nats that they gain on the last one.
+    others : each equivalent, and the last point with it in place of the cause. ranking : these points refitted, by
+    their gain over the last one [nats].
     """
     total = sum(r.chosen.nats for r in rounds)
     effect = rounds[-1].chosen.point.effect
@@ -84,11 +84,11 @@ def exchange_cause(
 
 
 def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Search[tuple[Model, Point]]:
-    """The point refitted on a sample from several starts: shapes of effects have local optima. The corrected model.
+    """The corrected model, and the point refitted on a sample from several starts.
 
-    The search went from one cause to the next, and what the first made up for alone may hold it fast: the other
-    starts are drawn anew, the nominal parameters and shapes from their priors, with the effects smaller. One cause
-    without a shape needs none of them.
+    Shapes of effects have local optima, and the first cause may still stand in for later ones. The other starts draw
+    the nominal parameters and shapes from their priors, with smaller effects. One cause without a shape needs no
+    further starts.
     """
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
     if simple:
@@ -102,7 +102,7 @@ def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Sear
 
 
 def _finely(model: Model, point: Point, sample: Sample, iterations: int) -> Search[tuple[Model, Point]]:
-    """The point refitted, then once more with what the time step does to it there taken off."""
+    """The point refitted, then again with the model corrected for the time step at the new point."""
     for _ in range(TURNS):
         (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
         model = yield from model.corrected([point], sample.data)
@@ -111,7 +111,7 @@ def _finely(model: Model, point: Point, sample: Sample, iterations: int) -> Sear
 
 
 def _drawn_anew(model: Model, point: Point, rng: np.random.Generator) -> list[Point]:
-    """Starts of the last fit besides the point itself."""
+    """Random starts of the last fit besides the point itself."""
     shapes = np.array([p.shape for p in point.hypothesis.parameters], dtype=bool)
     out = []
     for _ in range(STARTS - 1):
@@ -125,7 +125,7 @@ def _drawn_anew(model: Model, point: Point, rng: np.random.Generator) -> list[Po
 def _equivalents_in_place(
     robot: Robot, point: Point, naming: Naming, number: int
 ) -> list[tuple[Scored, Point]]:
-    """Starts with term `number` of the point exchanged for each equivalent of its round: (equivalent, start)."""
+    """(equivalent, start) with term `number` of the point replaced by each equivalent of its round."""
     terms = point.hypothesis.terms
     out = []
     for other in naming.equivalent:
@@ -136,7 +136,7 @@ def _equivalents_in_place(
 
 
 def _put_in_place(point: Point, number: int, other: Point) -> Point:
-    """The point with term `number` exchanged for the last of `other`, at the sizes that it has there."""
+    """The point with term `number` replaced by the last term of `other`, at its sizes there."""
     hypothesis, last = point.hypothesis, other.hypothesis.terms[-1]
     terms, own = hypothesis.terms, hypothesis.columns(number)
     sizes = other.effect[len(other.effect) - len(last.effect.parameters) :]

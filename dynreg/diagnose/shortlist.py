@@ -1,8 +1,7 @@
-"""Long lists of terms: one probe of each, and refits only for the few that the probes leave.
+"""Long lists of terms: one probe of each, and refits of the most promising ones only.
 
-A robot with many joints has hundreds of terms. Every one is simulated once for each of its sizes, and what the
-nominal parameters and the sizes could do is worked out to first order from these probes. The most promising are
-tried at several sizes.
+A robot with many joints has hundreds of terms. Each is simulated once per size parameter. From these probes the best
+sizes and nominal parameters follow to first order. The most promising terms are tried at several sizes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,9 +33,9 @@ Costed = list[tuple[float, Point]]
 def promising(
     model: Model, base: Point, terms: Sequence[Term], sample: Sample, turned: bool = False
 ) -> Search[tuple[list[Point], np.ndarray]]:
-    """The most promising terms at the best size that was tried, best first; derivatives (D, W, T, C) at `base`.
+    """The most promising terms at their best tried size, the best first; and the derivatives (D, W, T, C) at `base`.
 
-    turned : whether what the probes themselves reach, with either sign, ranks the terms as well as first order does.
+    turned : whether the cost of the probes themselves, with either sign, also ranks the terms.
     """
     residual, (slope,) = yield from sensitivities(model, [base], sample)
     starts = yield from probed(model, base, terms, sample, residual[0], slope, turned)
@@ -69,7 +68,7 @@ def probed(
     order = sorted(found, key=lambda key: found[key][0])
     if not turned:
         return [found[key][1] for key in order]
-    # jumps bend what first order takes for straight: what the probes themselves reach, of either sign, counts as much
+    # contacts jump, and the first order may be wrong: the cost of the probes themselves, of either sign, counts as well
     cost = objective(tried, made, sample)
     other = [m for p in tried for m in mirrored(p)]
     if other:
@@ -98,7 +97,7 @@ def in_turn(first: Costed, second: Costed) -> list[Point]:
 
 
 def mirrored(point: Point) -> list[Point]:
-    """The probe with the other sign, where its size has one."""
+    """The probe with the opposite sign; () if its sizes have none."""
     term = point.hypothesis.terms[-1]
     signed = np.array([p.signed for p in term.effect.parameters])
     effect = point.effect.copy()
@@ -111,9 +110,9 @@ def mirrored(point: Point) -> list[Point]:
 
 
 def _probes(base: Point, term: Term) -> list[Point]:
-    """`base` with the term at medium size, once for each of its sizes alone; shapes at their typical value.
+    """`base` with the term at medium size, once for each size parameter alone; shapes at their typical value.
 
-    What acts on some of these joints already is only refined: it is probed at a smaller size.
+    An effect that already acts on some of these joints is probed at a smaller size.
     """
     hypothesis = base.hypothesis.with_term(term)
     parameters = term.effect.parameters
@@ -133,7 +132,7 @@ def _probes(base: Point, term: Term) -> list[Point]:
 
 
 class _Linear:
-    """The objective around a point, its residual taken to be linear in all coordinates."""
+    """The objective around a point, with a residual that is linear in all coordinates."""
 
     def __init__(self, model: Model, base: Point, residual: np.ndarray, slopes: np.ndarray, sample: Sample):
         self.model, self.base, self.residual, self.sample = model, base, residual, sample

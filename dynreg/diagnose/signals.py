@@ -1,6 +1,6 @@
-"""What each joint was doing at every command of a log: motion, command, and what its drive was asked for.
+"""The signals of each joint at every command of a log: motion, command, and nominal torque of its drive.
 
-Only measured rows, commands and the robot's nominal servo law go in; nothing is simulated.
+They come from measured rows, commands and the robot's nominal servo law; nothing is simulated.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class JointSignals:
 
     @property
     def load(self) -> np.ndarray:
-        """(W, T) size of what the drive is asked for: its torque, or the command error where that is not known."""
+        """(W, T) absolute torque of the drive, or absolute command error if the torque is unknown."""
         return np.abs(self.torque if np.isfinite(self.torque).any() else self.command_error)
 
 
@@ -45,8 +45,7 @@ def joint_signals(robot: Robot, windows: Windows) -> dict[str, JointSignals]:
     """{joint: its signals} of every driven joint, in the order of the actions."""
     ports = window_ports(robot, windows)
     planar = "velocity" in ports.types
-    low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
-    high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
+    low, high = robot.action_ranges.T
     commands = np.clip(windows.run.actions, low, high)
     joints = joints_of_actions(robot)
     motions = [motion_of(robot, windows, name) for name in joints]

@@ -1,4 +1,4 @@
-"""The threshold: how much evidence this robot gives for causes that it does not have, under these very commands."""
+"""The threshold: the evidence that simulated robots without an effect reach by chance, under the same commands."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -17,19 +17,21 @@ from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search, together
 from dynreg.evidence.model import Model
 from dynreg.evidence.truth import Hidden, hide, measured_states
+from dynreg.progress import Progress
 from dynreg.replay.parts import Parts
 from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot
 
-LEAST = 5.0  # nats: no simulation lowers the threshold below this, which the leg's on the ground needs,
-USUAL = 20.0  # and this is it where nothing was simulated: by contract, twice what the benches ask for (8.1, 5.3, 5.0)
-ALARMS = 0.01  # of robots without an effect that may score more: by contract (bench_naming: 1 of 150 did)
-# What the exponential tail is fitted to; five tell its slope to 1 / sqrt(5), 45 %: of 20 robots more are no tail.
-TAIL, TENTH = 5, 10  # of the largest scores, and at least a tenth of all
+LEAST = 5.0  # nats: the lowest threshold; the leg on the ground needs it
+USUAL = 20.0  # the threshold without simulations: by contract, twice the thresholds of the benches (8.1, 5.3, 5.0)
+ALARMS = 0.01  # false-alarm rate of robots without an effect: by contract (bench_naming: 1 of 150)
+# The largest scores to which the exponential tail is fitted. Five determine its slope to 1 / sqrt(5), 45 %; of 20
+# robots, more than five do not belong to the tail.
+TAIL, TENTH = 5, 10  # number of scores, and at least one in so many of all
 KIND = "threshold"
-SEARCH = 10  # goes up when scores change: thresholds found before no longer serve
+SEARCH = 10  # version of the scores: a new one invalidates cached thresholds
 # Mean difference of the commands of a window, in each action's spread: of all actions, and of any one. All a row late
 # the packaged protocols differ by 0.24 and 0.55 at most (quadruped, 35 Hz), others of the same kinds by 1.5 and more.
 ALIKE, ANY = 0.3, 0.7
@@ -38,18 +40,17 @@ STRETCHES = 8  # of a window, in which commands are compared
 # Robots in lockstep. On the XL330 log 20, 5 and 2 at a time take 43, 40 and 38 s of one core; MuJoCo's calls are dear
 # below 64 simulations, which five fill; and between groups there is something to tell.
 TOGETHER = 5
-Progress = Callable[[str, int, int], None]
 
 
 class Cache(Protocol):
-    """Keeps what can be computed again, by kind and key, both plain JSON; a registry is one."""
+    """A store of results that can be computed again, by kind and key (plain JSON); a registry is one."""
 
     def cached(self, kind: str, key: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """What was kept under this key; None where there is nothing."""
+        """The document under this key; None without one."""
         ...
 
     def cache(self, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
-        """Keep the document under this key."""
+        """Store the document under this key."""
         ...
 
 
@@ -69,38 +70,52 @@ def threshold(
     cache: Cache | None = None,
     progress: Progress | None = None,
 ) -> Search[Threshold]:
-    """The evidence above which a cause is named: simulated robots of the nameplate, without effects, diagnosed alike.
+    """The evidence above which a cause is named, from diagnoses of simulated robots without an effect.
 
-    Kept in the cache by `key_of`, for commands that are alike: a second recording of them pays nothing.
+    These robots are drawn from the nameplate. The threshold is cached by `key_of` for similar commands, so a second
+    recording with the same commands needs no simulation.
     """
     runs = options.threshold_runs
-    if runs == 0:
-        return Threshold(USUAL, ())
+    at_once = found_before(problem, recording, options, cache)
+    if at_once is not None:
+        return at_once
     noise = own_noise(problem.model.robot, recording)
     key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
-    kept = [] if cache is None else list((cache.cached(KIND, key) or {"found": []})["found"])
-    for one in kept:
-        if same(told, np.array(one["commands"])):
-            return Threshold(one["nats"], tuple(one["scores"]), cached=True)
     report = progress or (lambda *_: None)
     report("threshold", 0, runs)
     seeds = [null_seed(options.seed, i) for i in range(runs)]
     scores = yield from scores_of(problem, noise, seeds, lambda ended: report("threshold", ended, runs))
     found = Threshold(level(scores), tuple(scores))
     if cache is not None:
+        kept = (cache.cached(KIND, key) or {"found": []})["found"]
         row = {"commands": told.tolist(), "nats": found.nats, "scores": scores}
         cache.cache(KIND, key, {"found": [*kept, row]})
     return found
 
 
+def found_before(
+    problem: Problem, recording: Recording, options: DiagnosisOptions, cache: Cache | None
+) -> Threshold | None:
+    """The threshold that takes no simulation: the usual one, or a cached one; None where robots must be simulated."""
+    runs = options.threshold_runs
+    if runs == 0:
+        return Threshold(USUAL, ())
+    key = key_of(problem, own_noise(problem.model.robot, recording), runs, options.seed)
+    told = commands(problem.data)
+    for one in [] if cache is None else (cache.cached(KIND, key) or {"found": []})["found"]:
+        if same(told, np.array(one["commands"])):
+            return Threshold(one["nats"], tuple(one["scores"]), cached=True)
+    return None
+
+
 def known(nats: float) -> Search[Threshold]:
-    """A threshold that is known already."""
+    """A known threshold."""
     return Threshold(nats, ())
-    yield  # a search that asks nothing
+    yield  # makes this a search, one that asks for no rollouts
 
 
 def level(scores: Sequence[float]) -> float:
-    """The threshold [nats] that the best scores of robots without an effect ask for."""
+    """The threshold [nats] for the best scores of robots without an effect."""
     return max(LEAST, exceeded(scores))
 
 
@@ -110,10 +125,10 @@ def null_seed(seed: int, number: int) -> int:
 
 
 def exceeded(scores: Sequence[float]) -> float:
-    """[nats] that a share `ALARMS` of robots exceeds, by these scores and an exponential tail of the largest.
+    """The score [nats] that a share `ALARMS` of robots exceeds, from an exponential tail fitted to the largest scores.
 
-    Beyond a high enough score what is left to exceed it is nearly exponential (J. Pickands, Statistical Inference Using
-    Extreme Order Statistics, Ann. Stat. 3, 1975); the largest of all alone would make the threshold one robot's matter.
+    The excess over a high threshold is nearly exponential (J. Pickands, Statistical Inference Using Extreme Order
+    Statistics, Ann. Stat. 3, 1975). The largest score alone would make the threshold depend on one robot.
     """
     largest = np.sort(scores)[::-1]
     tail = min(max(TAIL, len(largest) // TENTH), len(largest) - 1)
@@ -129,9 +144,9 @@ def scores_of(
     seeds: Sequence[int],
     done: Callable[[int], None] | None = None,
 ) -> Search[list[float]]:
-    """`null_score` of the robots of these seeds, some at a time in lockstep, and told how many are done.
+    """`null_score` of the robots with these seeds, several at a time in lockstep.
 
-    noise : of the log's own sensors; see `own_noise`.
+    noise : of the log's own sensors; see `own_noise`. done : is called with the number of finished robots.
     """
     robot, scores = noisier(problem.model.robot, noise), []
     for begin in range(0, len(seeds), TOGETHER):
@@ -143,9 +158,9 @@ def scores_of(
 
 
 def null_score(problem: Problem, robot: Robot, seed: int) -> Search[float]:
-    """[nats] of the cause chosen for one simulated robot that lacks none, under the commands of the problem.
+    """The score [nats] of the best cause for one simulated robot without an effect, under the problem's commands.
 
-    robot : with the sensors by which it is measured.
+    robot : with the sensor noise of its log.
     """
     model, plan = problem.model, problem.plan
     left = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
@@ -158,7 +173,7 @@ def null_score(problem: Problem, robot: Robot, seed: int) -> Search[float]:
 
 
 def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
-    """What a robot that lacks nothing is measured as under the commands of the problem, in its own units."""
+    """The data of a simulated robot without an effect under the commands of the problem."""
     model, posed = problem.model, problem.data
     windows = posed.windows.take(posed.both)
     truth = null_robot(model, seed)
@@ -174,10 +189,7 @@ def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
 
 
 def null_robot(model: Model, seed: int) -> Hidden:
-    """A robot that the simulator which a search begins with would explain: drawn about it, with its effects.
-
-    It is drawn from the search's prior; effects are as large as a fit reaches.
-    """
+    """A robot that the initial simulator explains: drawn from the search's prior, with the simulator's effects."""
     start, c = model.start, model.coordinates
     drawn = hide(model.robot, (), None, seed, centre=c.centre, tolerance=c.tolerance)
     values = c.effect_values(start.hypothesis, start.effect[None])
@@ -185,10 +197,9 @@ def null_robot(model: Model, seed: int) -> Hidden:
 
 
 def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -> dict[str, Any]:
-    """What the scores depend on besides the commands, as plain JSON: robot, settings, plan, and the noise.
+    """All that the scores depend on besides the commands, as plain JSON: robot, settings, plan, and noise.
 
-    Nothing that the measurement alone changes is in it: neither values of channels and measured inputs, nor their
-    spread, nor the starts.
+    Values that only the measurement changes are not in it: channels, measured inputs, their spread, and the starts.
     """
     model, data = problem.model, problem.data
     windows = data.windows.take(data.both)
@@ -234,7 +245,7 @@ def commands(data: Data) -> np.ndarray:
 
 
 def same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two recordings were told the same (W, S, A); a logger's clock may shift commands by a row."""
+    """Whether two recordings have the same commands (W, S, A); a logger's clock may shift them by a row."""
     if one.shape != other.shape:
         return False
     spread = np.maximum(one.std(axis=(0, 1)), 1e-3 * np.abs(one).max(axis=(0, 1)))
@@ -245,5 +256,5 @@ def same(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def _terms_say(term: Term) -> list[Any]:
-    """A term's key and the sizes of its effect, which a plugin may change."""
+    """The key of a term and the sizes of its effect, which a plugin may change."""
     return [term.key, *([p.name, p.weak, p.medium, p.strong, p.most] for p in term.effect.parameters)]

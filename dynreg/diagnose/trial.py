@@ -1,7 +1,7 @@
-"""Trials: hide an effect in a simulated robot, diagnose its log blind, and hold the answer against the truth."""
+"""Trials: diagnose the logs of simulated robots with hidden effects, and compare the answer with the truth."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,21 +20,22 @@ from dynreg.evidence.interval import posterior
 from dynreg.evidence.lockstep import Search, run, together
 from dynreg.evidence.point import Point
 from dynreg.evidence.truth import Hidden, Protocol, hide, log_of
+from dynreg.progress import Progress
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
-LEAST = 0.02  # of the calibrated error, that the truth must win: a share of less is one of chance
-
-Progress = Callable[[str, int, int], None]
+LEAST = (
+    0.02  # of the calibrated error: if the true structure gains less, a share of the gain is mostly chance
+)
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Hidden robots under one protocol, so that one threshold serves them all, and how their logs are diagnosed.
+    """Simulated robots under one protocol, which share one threshold, and the settings of their diagnosis.
 
-    engine : of the diagnosis; by default the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
-    seed : of the robots without an effect that tell the threshold.
+    engine : of the diagnosis; None for the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
+    seed : of the robots without an effect that determine the threshold.
     """
 
     robot: Robot
@@ -46,13 +47,13 @@ class Trials:
 
     @property
     def truth_engine(self) -> str:
-        """Another engine than the diagnosis runs on, where the robot has one."""
+        """The engine of the simulated robots: another one than that of the diagnosis, if the robot has one."""
         mine = self.robot.running(self.engine)
         others = [e for e in self.robot.engines if e != mine]
         return others[0] if others else mine
 
     def options(self, without: tuple[str, ...] = (), max_causes: int = 1) -> DiagnosisOptions:
-        """Those of a diagnosis that knows nothing of the truth."""
+        """The options of the diagnosis, which contain nothing of the truth."""
         return DiagnosisOptions(
             hold_out=",".join(n for n in self.plan.names if n.startswith("test")),
             without=without,
@@ -65,9 +66,9 @@ class Trials:
 
 @dataclass(frozen=True)
 class Trial:
-    """What one trial hides, and what its diagnosis is told: `terms` at `size` in the robot of `seed`.
+    """One trial: the hidden `terms` at `size` in the robot of `seed`, and the limits of its diagnosis.
 
-    without : effects that the diagnosis lacks. max_causes : where it stops.
+    without : effects that are no candidates. max_causes : most causes to name.
     """
 
     terms: tuple[Term, ...]
@@ -79,7 +80,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tried:
-    """One hidden robot, and what a diagnosis said of it. seconds, core_seconds : that it took, those of all cores."""
+    """A robot with hidden effects and its diagnosis. seconds, core_seconds : wall time, and time of all cores."""
 
     hidden: Hidden
     made: Diagnosed
@@ -88,13 +89,13 @@ class Tried:
 
     @property
     def first(self) -> Term | None:
-        """The first cause that was stated."""
+        """The first cause; None without one."""
         found = self.made.found
         return found.rounds[0].chosen.point.hypothesis.terms[-1] if found.accepted else None
 
 
 def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progress | None = None) -> float:
-    """[nats] that a cause needs under the protocol's commands."""
+    """The threshold [nats] under the protocol's commands."""
     recording, options = _without_effect(trials)
 
     def found() -> Search[float]:
@@ -105,7 +106,7 @@ def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progre
 
 
 def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
-    """[nats] of the robots without an effect of these numbers, which `trial_threshold` finds its threshold by."""
+    """The scores [nats] of the robots without an effect of these numbers; `trial_threshold` uses the same robots."""
     recording, options = _without_effect(trials)
     seeds = [null_seed(options.seed, i) for i in numbers]
 
@@ -117,7 +118,7 @@ def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
 
 
 def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:
-    """The log of a robot without an effect under the plan, and how the threshold is sought on it."""
+    """The log of a robot without an effect under the protocol, and the options of the threshold."""
     options = replace(trials.options(), seed=stream_seed(trials.seed, "threshold") % 2**31)
     hidden = hide(trials.robot, (), None, options.seed)
     return log_of(trials.robot, hidden, trials.plan, engine=trials.truth_engine), options

@@ -1,4 +1,4 @@
-"""What is left after the search, against what no simulator could explain; the verdict that follows."""
+"""The residual after the search against the noise floor, which no simulator can explain; the verdict from it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,18 +15,18 @@ from dynreg.replay.windows import Windows, standing
 from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
-TINY = 1e-12  # mean squares and noise below it count as this: no logarithm of nothing, no division by it
+TINY = 1e-12  # lower bound of mean squares and noise, for logarithms and divisions
 Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
-WHITE = 0.01  # chance of a residual's autocorrelation, from which nothing speaks against white noise
-EXPLAINED = 1.5  # times what cannot be explained: up to here nothing is left to find; by contract
+WHITE = 0.01  # p-value of the whiteness test, above which a residual counts as white noise
+EXPLAINED = 1.5  # ratio of residual to noise floor up to which everything counts as explained: by contract
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What a simulator leaves of one channel, against what no simulator can explain; both 1 sigma in `unit`.
+    """The residual of one channel (`left`) and its noise floor, which no simulator can explain; 1 sigma in `unit`.
 
-    left : where contacts make rollouts rough, the mean of its logarithm over the windows. basis : what the floor comes
-    from. ratio : left over floor. white : whether what is left looks like white noise; None where unknown.
+    left : with contacts, the geometric mean over the windows. basis : what the floor comes from. ratio : left / floor.
+    white : whether the residual looks like white noise; None if unknown.
     """
 
     channel: str
@@ -40,9 +40,9 @@ class Noise:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the extended simulator leaves on fit and select, and the floor of each channel.
+    """The residual of the extended simulator on the fit and select parts, and the noise floor of each channel.
 
-    noise : of the channel that has most left. repeats : of every channel, by name.
+    noise : of the channel with the largest ratio. repeats : of every channel, by name.
     """
 
     noise: Noise
@@ -50,11 +50,11 @@ class Evidence:
 
     @classmethod
     def of(cls, found: State, recording: Recording) -> Search["Evidence"]:
-        """Measure what the extended simulator leaves on fit and select; what repeats, in the whole recording."""
+        """Compute the residual on the fit and select parts, and the repeatability on the whole recording."""
         model, data = found.model, found.data
         robot, chosen = model.robot, data.parts.chosen
         repeats = {r.channel: r for r in repeatability(robot, recording)}
-        # of whole rollouts, as what repeats is
+        # of whole rollouts, like the repeatability
         (left,) = yield from model.fine.residuals([found.current], data.whole.sample(chosen))
         begun = begin_noise(robot, data.windows.take(chosen))
         rows = []
@@ -80,10 +80,10 @@ class Evidence:
 
 
 def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
-    """(S,) what noise of the pose that windows begin with makes of their channels, root mean square in each one's unit.
+    """(S,) root mean square error of each channel from the noise of the initial pose, in the channel's unit.
 
-    A planar base never makes good a heading that was measured wrong: with the way it grows into the place. 0 for all
-    other channels and robots.
+    An error of a planar base's initial heading stays, and its position error grows with the distance. 0 for all other
+    channels and robots.
     """
     out = np.zeros(len(robot.channels))
     columns = pose_columns(robot)
@@ -92,7 +92,9 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
     still = standing(robot, windows.run.actions, windows.measured, windows.run.before)
     known = np.isfinite(windows.measured[..., columns]).all(axis=2)
     rows = np.array([max(k[:many].sum(), 1) for k, many in zip(known, still, strict=True)])
-    noise = robot.sensor_noise[columns] / np.sqrt(rows)[:, None]  # a start that stands still is a mean
+    noise = (
+        robot.sensor_noise[columns] / np.sqrt(rows)[:, None]
+    )  # the start at standstill is a mean of its rows
     way = windows.measured[..., columns[:2]] - windows.run.initial[:, None, columns[:2]]
     squares = np.repeat(noise[:, None] ** 2, way.shape[1], axis=1)
     squares[..., :2] += (noise[:, None, 2:] * way[..., ::-1]) ** 2
@@ -105,9 +107,9 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
 def remaining(residual: np.ndarray, rough: bool) -> float:
     """Root mean square of a residual (W, T), in its unit.
 
-    Where contacts make rollouts rough it is the geometric mean of those of the windows, for the likelihood sums
-    logarithms: a foot that slips a moment too late in one of them, as the true simulator's does, must not hide that
-    the others are explained. The price: k times the noise in half of the windows counts as its square root.
+    With contacts (`rough`) it is the geometric mean of the windows' root mean squares, as the likelihood sums
+    logarithms: one window in which a foot slips too late, as in the true simulator, must not dominate the others. The
+    price: a residual of k times the noise in half of the windows counts as sqrt(k).
     """
     if not rough:
         return float(np.sqrt(np.nanmean(residual**2)))
@@ -117,10 +119,10 @@ def remaining(residual: np.ndarray, rough: bool) -> float:
 
 
 def verdict_of(robot: Robot, evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:
-    """named or ambiguous where the causes explain all but what cannot be explained, else partly_explained;
-    without a cause none or unknown.
+    """The verdict: "named" or "ambiguous" if the residual reaches the noise floor, else "partly_explained"; without a
+    cause "none" or "unknown".
 
-    Without repeated runs the floor is the stated noise, and a residual that is white counts as explained.
+    Without repeated runs the floor is the stated noise; a white residual then counts as explained, too.
     """
     explained = evidence.noise.ratio <= EXPLAINED
     if evidence.noise.basis == "stated_noise" and evidence.noise.white:

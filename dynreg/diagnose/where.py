@@ -1,6 +1,6 @@
-"""Where a simulator is wrong: its errors split by channel, joint and regime of motion.
+"""The errors of a simulator by channel, joint and regime of motion.
 
-An error belongs to the command interval that led to it. Regimes overlap: a reversal is mostly slow, too.
+An error belongs to the command interval before it. Regimes overlap: a reversal is also slow.
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,16 @@ from dynreg.replay.residual import scaled
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
 
-# What a report means by its regimes, by definition.
+# Definitions of the regimes.
 REVERSAL = 0.1  # s around a change of direction
 SLOW = 0.1  # of the 95th percentile of the speed
 TURNING = 0.25  # the same, for what still counts as part of a reversal
 TOP = 0.8  # quantile above which speed and load are high
-USUAL = 0.95  # quantile of the speed that is lively: the fastest rows are an impact or a lost sample
-MOVES, SIGMA = 0.05, 3.0  # of the lively speed, and standard deviations of its noise: slower has no direction
+USUAL = 0.95  # quantile that defines the "lively" speed: the fastest rows are impacts or lost samples
+MOVES, SIGMA = (
+    0.05,
+    3.0,
+)  # share of the lively speed, and standard deviations of noise: slower has no direction
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class ErrorRow:
 
     error : mean absolute rollout error in the channel's unit; a diverged simulation counts as ten times the motion.
     share : of the simulator's whole error, in units of the channels' spread times their weights.
-    ratio : mean error in the regime over the mean elsewhere; None where there is no elsewhere, or no error there.
+    ratio : mean error in the regime over the mean elsewhere; None if the regime is everywhere, or no error elsewhere.
     """
 
     channel: str
@@ -49,7 +52,7 @@ def split_errors(robot: Robot, windows: Windows, states: np.ndarray) -> tuple[Er
     everywhere = _of_the_clock(windows)
     by_joint = {j: everywhere | motion_regimes(s, windows.period) for j, s in signals.items()}
     rest = dict(everywhere)
-    if signals:  # what can be said of a channel that belongs to no driven joint
+    if signals:  # the regimes of channels that belong to no driven joint
         rest["saturation"] = np.any([s.saturated for s in signals.values()], axis=0)
         rest["drive_off"] = np.any([~s.enabled for s in signals.values()], axis=0)
     # (W, T, S) in units of the spread; NaN where nothing was measured

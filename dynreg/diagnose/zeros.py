@@ -1,8 +1,8 @@
-"""Zeros: how far each episode's positions are off, where encoders are set to zero anew at every start.
+"""Zeros: the position offset of each episode, for robots whose encoders are zeroed at every start.
 
-Dry friction leaves a robot anywhere within its band when it is set to zero by hand: a constant torque in every
-rollout of that episode, and another one in the next. No cause can make up for it, and it hides the small ones. What
-all episodes have in common is left to the causes (`encoder_offset`, for one).
+Dry friction leaves a robot anywhere within its band when it is zeroed by hand. This acts like a constant torque that
+differs from episode to episode. No cause explains it, and it hides small causes. The offset that all episodes share is
+left to the causes (for example `encoder_offset`).
 """
 
 from dataclasses import replace
@@ -18,21 +18,21 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.replay.windows import Windows
 
-# With these the double pendulum tells its elbow's encoder, 38 nats, and friction (bench_diagnose_double_pendulum).
-TURNS = 2  # times that the zeros of episodes and the simulator are fitted in turn after each cause
-ITERATIONS = 3  # of the simulator, each time
+# With these the double pendulum shows its elbow's encoder, 38 nats, and friction (bench_diagnose_double_pendulum).
+TURNS = 2  # alternating fits of the zeros and the simulator after each cause
+ITERATIONS = 3  # of each fit of the simulator
 ROUNDS = 4  # of Gauss-Newton
 STEP = 0.4  # standard deviations of the zero, to either side, for derivatives
 
 
 def zeroed(state: State, posed: Data) -> Search[State]:
-    """The search's current point refitted in turn with the zeros of the episodes, on the windows that have these.
+    """The state after alternating fits of the episodes' zeros and of the current point.
 
-    posed : the recording with the zeros that it was logged with.
+    posed : the recording with its logged zeros.
     """
     for _ in range(TURNS):
         windows = yield from rezeroed(state.model, posed, state.current, posed.both)
-        if windows is posed.windows:  # nothing is set to zero anew
+        if windows is posed.windows:  # no encoder is zeroed at the start
             return state
         state = state.on(replace(state.data, windows=windows))
         model = yield from state.model.corrected([state.current], state.data)
@@ -45,10 +45,10 @@ def zeroed(state: State, posed: Data) -> Search[State]:
 
 
 def rezeroed(model: Model, posed: Data, point: Point, chosen: np.ndarray) -> Search[Windows]:
-    """Windows with the positions of each episode moved to where `point` explains those `chosen` best.
+    """Windows with the positions of each episode shifted so that `point` explains its `chosen` windows best.
 
-    Maximum a posteriori with the standard deviation that robot.toml states as the channel's `zero`; windows as they
-    are where it states none. Episodes without chosen windows stay as they are.
+    The shift is the maximum a posteriori under the channel's `zero` of robot.toml (a standard deviation). Windows are
+    returned unchanged if it states none; episodes without chosen windows stay unchanged.
     """
     raw = posed.windows
     sigma = np.array([c.zero for c in model.robot.file.channels])

@@ -1,12 +1,12 @@
 """A recording held against an earlier one: tests, patterns, rates of error, and which samples still count."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.drift.compared import Compared, Held, Plan, compared
 from dynreg.errors import RobotError, UsageError
+from dynreg.progress import Progress
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 from dynreg.timed.drift import (
@@ -21,8 +21,6 @@ from dynreg.timed.drift import (
     split_against_itself,
 )
 from dynreg.timed.table import updated
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,14 +65,14 @@ def estimates(
             value=float(value[k]),
             low=float(min(low[k], value[k])),
             high=float(max(high[k], value[k])),
-            unit=_unit(model.robot, term, p),
+            unit=unit_of(model.robot, term, p),
             at_bound=bool((z <= least + EDGE and (p.signed or p.shape)) or z >= most - EDGE),
             sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
         )
     return out
 
 
-def _unit(robot: Robot, term: Term, parameter: EffectParameter) -> str:
+def unit_of(robot: Robot, term: Term, parameter: EffectParameter) -> str:
     """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles.
 
     A drive that is told a speed has commands in the unit of its action; where those of a base differ (speed and yaw

@@ -66,8 +66,9 @@ class Coordinates:
     """Between fit coordinates and physical values, for one robot.
 
     Nominal coordinate i is (value - centre) / sigma, through the logarithm where the parameter's scale is "log" and
-    its tolerance wide; sigma is its tolerance (relative to the centre; of the range where the centre is 0), or that
-    of a uniform prior over the range where nothing is known; `tolerance` widens (or narrows) all stated ones.
+    its tolerance wide; sigma is its tolerance (relative to the nominal value, whatever the centre; of the range where
+    the nominal value is 0), or that of a uniform prior over the range where nothing is known; `tolerance` widens (or
+    narrows) all stated ones.
     Parameters that the log tells (the command rate) are fixed.
     """
 
@@ -82,13 +83,26 @@ class Coordinates:
         # without motor noise its parameter changes no rollout
         moving = [any(a.root != "control" or a.path != "noise" for a in s) for s in robot.setters]
         self.free = np.flatnonzero(np.isnan(known) & np.array(moving))
-        stated = [_sigma(p, c, tolerance) for p, c in zip(space.parameters, self.centre, strict=True)]
+        stated = [_sigma(p, tolerance) for p in space.parameters]
         scale = np.array([p.scale == "log" for p in space.parameters])
         self.log = scale & (np.array(stated) > NARROW)
         self.sigma = np.where(scale & ~self.log, np.array(stated) * np.abs(self.centre), stated)
 
     def __len__(self) -> int:
         return len(self.free)
+
+    def about(self, values: np.ndarray) -> "Coordinates":
+        """The same parameters about another centre (P,)."""
+        return Coordinates(self.robot, self.known, values, self.tolerance)
+
+    def within(self, other: "Coordinates") -> tuple[np.ndarray, np.ndarray]:
+        """(P',), (P',) begin and step of these coordinates in those of the same parameters about another centre.
+
+        z of these is begin + step * z in the others.
+        """
+        begin = other.from_values(self.values(np.zeros(len(self))))
+        ratio = np.where(self.log, 1.0, self.sigma / other.sigma)
+        return begin, ratio[self.free]
 
     @cached_property
     def nominal_bounds(self) -> np.ndarray:
@@ -209,10 +223,10 @@ def single_terms(robot: Robot, only: tuple[str, ...] = (), without: tuple[str, .
     return [term for effect in chosen for term in placed(robot, effect)]
 
 
-def _sigma(p: Parameter, centre: float, tolerance: float) -> float:
+def _sigma(p: Parameter, tolerance: float) -> float:
     """Standard deviation of the parameter's prior, in its (logarithmic) coordinate."""
     if not np.isfinite(p.tolerance):
         return FLAT * (np.log(p.high / p.low) if p.scale == "log" else p.high - p.low)
     if p.scale == "log":
         return tolerance * p.tolerance
-    return tolerance * p.tolerance * (abs(centre) if centre else p.high - p.low)
+    return tolerance * p.tolerance * (abs(p.nominal) or p.high - p.low)

@@ -4,14 +4,22 @@ A search is a generator: it yields the rollouts that it wants and is sent their 
 once, and many searches advance together: a robot's own, those of its simulated robots, those of a table of trials.
 """
 
-from collections.abc import Generator, Iterable
-from dataclasses import dataclass
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from dynreg.sim.engines import Case, rollouts
 from dynreg.sim.robot import Robot
+
+OFTEN = 5.0  # [s] between two words of how far a search is
+# Simulators in one batch: the least, for calls of fewer are dear (with the four windows of a short log 64 of MuJoCo's),
+# and the most before it is known how long they take.
+LEAST, FIRST = 16, 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +68,48 @@ def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
     return found
 
 
-def counted(search: Search[T]) -> Search[tuple[T, int]]:
-    """What a search finds, and how many simulators it asked for."""
-    many, states = 0, None
+def counted(search: Search[T], told: Callable[[int], None] | None = None) -> Search[tuple[T, int]]:
+    """What a search finds, and how many simulators it asked for.
+
+    told : is called with the number so far, each time that what was asked has been simulated. What takes longer than
+    `OFTEN` seconds is asked in parts then; the numbers do not depend on that.
+    """
+    many, states, pace = 0, None, math.inf
     while True:
         try:
             asked = search.send(states)
         except StopIteration as stop:
             return stop.value, many
-        many += sum(len(one.case.values) for one in asked)
-        states = yield asked
+        if told is None:
+            states = yield asked
+            many += sum(len(one.case.values) for one in asked)
+            continue
+        parts: list[list[np.ndarray]] = [[] for _ in asked]
+        left = deque(enumerate(asked))
+        while left:
+            numbers, some = _next(left, max(LEAST, round(pace * OFTEN) if pace < math.inf else FIRST))
+            began = time.perf_counter()
+            for number, made in zip(numbers, (yield some), strict=True):
+                parts[number].append(made)
+            count = sum(len(one.case.values) for one in some)
+            many, pace = many + count, count / max(time.perf_counter() - began, 1e-6)
+            told(many)
+        states = [one[0] if len(one) == 1 else np.concatenate(one) for one in parts]
+
+
+def _next(left: deque[tuple[int, Ask]], most: int) -> tuple[list[int], list[Ask]]:
+    """The next of what is left to simulate, at most so many simulators: numbers of asks, and these or parts of them."""
+    numbers, some = [], []
+    while left and most > 0:
+        number, one = left.popleft()
+        count = len(one.case.values)
+        if count > most:
+            left.appendleft((number, replace(one, case=one.case.take(slice(most, count)))))
+            one = replace(one, case=one.case.take(slice(0, most)))
+        most -= count
+        numbers.append(number)
+        some.append(one)
+    return numbers, some
 
 
 def run(search: Search[T], *, threads: int = 1) -> T:

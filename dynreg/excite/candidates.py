@@ -7,7 +7,7 @@ import numpy as np
 
 from dynreg.data.names import parts_of
 from dynreg.rng import stream
-from dynreg.sim.excitation import KINDS, reset_pose
+from dynreg.sim.excitation import KINDS, command_limits, reset_pose
 from dynreg.sim.ports import Ports, nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -31,14 +31,8 @@ class Limits:
     def of(cls, robot: Robot) -> "Limits":
         """Limits of the actions, of the joints that they move to, and the no-load speed of their drives."""
         ports = _ports(robot)
-        low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
-        high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
-        positions = takes_positions(ports)
-        for a, joint in enumerate(ports.joints):
-            there = robot.model.joint(joint)
-            if positions[a] and robot.model.jnt_limited[there.id]:
-                low[a], high[a] = max(low[a], there.range[0]), min(high[a], there.range[1])
-        return cls(low, high, np.where(positions, _rates(robot, ports), np.inf))
+        rates = np.where(takes_positions(ports), _rates(robot, ports), np.inf)
+        return cls(*command_limits(robot).T, rates)
 
     def keep(self, actions: np.ndarray, start: np.ndarray, period: float) -> np.ndarray:
         """Commands (T, A) clipped, and slowed down where they change too fast, from `start` (A,) on."""

@@ -1,6 +1,5 @@
 """Excite: commands within the robot's limits that drive two hypotheses apart."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from dynreg.errors import RobotError, UsageError
 from dynreg.excite.candidates import Limits, Pool
 from dynreg.excite.choose import PAUSE, SAME, Search
 from dynreg.excite.separate import Pair
+from dynreg.progress import Progress
 from dynreg.sim.effects import Term, one_group, term
 from dynreg.sim.robot import Robot
 
@@ -18,7 +18,6 @@ LONG = 10.0
 EPISODES = 4  # at least: a diagnosis fits, selects and tests by different ones
 FEWEST = 20  # commands of an episode
 ROUNDS = 3
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

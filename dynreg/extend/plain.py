@@ -9,7 +9,7 @@ from dynreg.errors import RobotError
 from dynreg.extend.carry import Fields, carries
 from dynreg.sim.effects import Terms
 from dynreg.sim.layout import Layout, layout_of
-from dynreg.sim.ports import ServoLaw, servo_law, takes_positions
+from dynreg.sim.ports import ServoLaw, servo_law
 from dynreg.sim.robot import Robot
 
 UNLIMITED = 1e5  # drives state larger limits where they have none
@@ -47,13 +47,13 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     still = [i for i, term in enumerate(terms.terms) if carries(term.effect)]
     fields.apply(Terms(tuple(terms.terms[i] for i in still), tuple(terms.values[i] for i in still)))
     law = servo_law(fields.ports, robot.input_defaults[None])
-    _shape_actuators(robot, spec, layout, fields, law, terms)
+    _shape_actuators(robot, spec, layout, law, terms)
     model = spec.compile()
     for name, array in fields.changed.items():
         owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
         getattr(owner, field)[...] = array[0].reshape(np.shape(getattr(owner, field)))
     _write_drives(robot, model, layout, fields, law, terms)
-    model.opt.timestep = _time_step(robot)
+    model.opt.timestep, model.opt.integrator = _time_step(robot), robot.model.opt.integrator
     try:
         spec.copy_back(model)
     except ValueError as problem:
@@ -65,9 +65,7 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     path.write_text(spec.to_xml(), encoding="utf-8")
 
 
-def _shape_actuators(
-    robot: Robot, spec: mujoco.MjSpec, layout: Layout, fields: Fields, law: ServoLaw, terms: Terms
-) -> None:
+def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: ServoLaw, terms: Terms) -> None:
     """Make the drives' actuators affine servos with limits, late and smoothed where effects make them so."""
     step = _time_step(robot)
     for a, actuator in enumerate(layout.action_actuator):
@@ -75,7 +73,7 @@ def _shape_actuators(
         one.gaintype, one.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         one.forcelimited = int(law.limit[0, a] < UNLIMITED)
         one.forcerange = [-law.limit[0, a], law.limit[0, a]]
-        low, high = _range(layout, fields, a)
+        low, high = layout.action_range[a]
         one.ctrllimited = int(np.isfinite(low) and np.isfinite(high))
         if one.ctrllimited:
             one.ctrlrange = [low, high]
@@ -111,17 +109,6 @@ def _value(robot: Robot, terms: Terms, key: str, action: int) -> float:
         if term.effect.id == key and (not term.joints or owner in term.joints)
     ]
     return sum(found)
-
-
-def _range(layout: Layout, fields: Fields, action: int) -> tuple[float, float]:
-    """Lowest and highest command of a drive: its action's, and for a position its joint's own."""
-    low, high = layout.action_range[action]
-    model = fields.robot.model
-    joint = model.dof_jntid[layout.action_dof[action]]
-    if takes_positions(fields.ports)[action] and model.jnt_limited[joint]:
-        stops = fields.changed.get("jnt_range", model.jnt_range[None])[0, joint]
-        low, high = max(low, stops[0]), min(high, stops[1])
-    return float(low), float(high)
 
 
 def _time_step(robot: Robot) -> float:

@@ -19,8 +19,10 @@ from dynreg.sim.effects import Terms
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.acting import acting
 from dynreg.sim.excitation import excitation
+from dynreg.sim.lint import FAR
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.tomlfile import line_of, toml_text
+from dynreg.sim.space import Parameter
+from dynreg.tomlfile import line_of, literal, toml_text
 
 TRIED = 4  # episodes in which a parameter must change something,
 IDLE = 1e-9  # of what a channel reaches
@@ -132,16 +134,33 @@ def _toml(robot: Robot, config: SimConfig, values: np.ndarray, added: Sequence[C
     """robot.toml with other nominal values, the simulator's name, and a parameter for each carrier at its end."""
     text = toml_text(robot.files.files[TOML], TOML, RobotError)
     lines = text.splitlines()
-    for i, value in enumerate(values):
+    for i, (p, value) in enumerate(zip(robot.space.parameters, values, strict=True)):
         _replace(lines, line_of(text, ("parameters", i, "nominal")), "nominal", repr(float(value)))
+        sure = _tolerance(p, float(value))
+        if sure is not None:
+            _replace(lines, line_of(text, ("parameters", i, "tolerance")), "tolerance", f"{sure:.3g}")
     name = f"{robot.name}_{config.id[:8]}"
-    _replace(lines, line_of(text, ("robot", "name")), "name", f'"{name}"')
+    _replace(lines, line_of(text, ("robot", "name")), "name", literal(name))
     for one in added:
-        lines += ["", "[[parameters]]", f'name = "{one.name}"', f'unit = "{one.unit}"']
+        lines += ["", "[[parameters]]", f"name = {literal(one.name)}", f"unit = {literal(one.unit)}"]
         lines += [f"nominal = {one.value!r}", f"low = {one.low!r}", f"high = {one.high!r}"]
-        sets = ", ".join(f'"{entry}"' for entry in one.sets)
-        lines += [f"tolerance = {SPREAD}", f"sets = [{sets}]"]
+        reach = max(one.high - one.value, one.value - one.low) / abs(one.value)
+        lines += [f"tolerance = {max(SPREAD, 1.01 * reach / FAR):.3g}", f"sets = {literal(one.sets)}"]
     return "\n".join(lines) + "\n"
+
+
+def _tolerance(p: Parameter, value: float) -> float | None:
+    """The tolerance of a parameter about another nominal value; None where it may stay.
+
+    It is relative to the nominal value. In the parameter's unit it becomes what it was and how far the value has moved:
+    a value beyond its tolerance shows that this was too narrow, and a range about the old value must stay in reach.
+    """
+    if p.known or value == p.nominal or not np.isfinite(p.tolerance):
+        return None
+    if p.scale == "log":
+        return p.tolerance + abs(np.log(value / p.nominal))
+    unit = abs(p.nominal) or p.high - p.low
+    return (p.tolerance * unit + abs(value - p.nominal)) / (abs(value) or p.high - p.low)
 
 
 def _replace(lines: list[str], number: int, key: str, value: str) -> None:

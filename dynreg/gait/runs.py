@@ -14,6 +14,7 @@ NUMBERS = {"type": "array", "items": NUMBER}
 STAMP = {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}
 SCHEMAS = {  # of JSON messages; Foxglove knows them by name
     "sensor_msgs/JointState": {"name": {"type": "array", "items": TEXT}, "position": NUMBERS},
+    "dynreg.Channel": {"measured": NUMBER, "simulated": NUMBER, "residual": NUMBER},
     "foxglove.PoseInFrame": {
         "timestamp": {"type": "object", "title": "time", "properties": STAMP},
         "frame_id": TEXT,

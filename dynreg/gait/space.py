@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.errors import RobotError, UsageError
-from dynreg.sim.excitation import reset_pose
+from dynreg.sim.excitation import command_limits, reset_pose
 from dynreg.sim.robot import Robot
 
 SLACK = 1e-9  # rad, rad/s: what rounding may add
@@ -222,12 +222,5 @@ def _limits(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(A,) lowest, highest angle [rad] and highest rate [rad/s]: the actions', the model's, the drives'."""
     from dynreg.sim.ports import nominal_ports
 
-    low = np.array([-np.inf if a.low is None else a.low for a in robot.file.actions])
-    high = np.array([np.inf if a.high is None else a.high for a in robot.file.actions])
-    model = robot.model
-    for i, name in enumerate(robot.joints):
-        joint = model.joint(name).id
-        if model.jnt_limited[joint]:
-            low[i] = max(low[i], model.jnt_range[joint, 0])
-            high[i] = min(high[i], model.jnt_range[joint, 1])
+    low, high = command_limits(robot).T
     return low, high, nominal_ports(robot, 1).drive["speed_limit"][0]

@@ -1,8 +1,10 @@
-"""Judge the answer of a query: how far it is off beside what separates the family."""
+"""Judge the answer of a query: its error relative to the spread of the nearest neighbours."""
 
 import numpy as np
 
-TOO_FAR = 3.0  # times the error that the neighbours' own simulators leave
+TOO_FAR = (
+    3.0  # ratio of the answer's error to the nearest neighbours' own spread, above which the alarm is raised
+)
 
 
 def misfit(residuals: np.ndarray, error: float) -> float:

@@ -1,6 +1,5 @@
 """Query: of simulators that replay a recording, the one that predicts it best: replay, synthesise, judge."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +9,12 @@ from dynreg.distance.population import Population
 from dynreg.distance.query import DistanceQuery
 from dynreg.errors import UsageError
 from dynreg.index import Graph
+from dynreg.neighbours.intervals import Evidence, Interval, estimates
 from dynreg.neighbours.judge import misfit
 from dynreg.neighbours.retrieve import Retrieved
-from dynreg.neighbours.synthesise import Interval, Replays, estimates, refine, replays_of
+from dynreg.neighbours.sharpen import ROUNDS, cost, sharpen
+from dynreg.neighbours.synthesise import Local, Replays, linearise, refine, replays_of
+from dynreg.progress import Progress
 from dynreg.replay.data import Data, data
 from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.judged import channel_errors
@@ -22,8 +24,8 @@ from dynreg.replay.timed import on_grid
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.robot import Robot
 
-REPLAYED = 0.6  # share of the budget that replays candidates; the rest synthesises
-Progress = Callable[[str, int, int], None]
+REPLAYED = 0.6  # share of the search that replays candidates; the rest synthesises
+HALVED = 1  # replay with half the time step, for the intervals
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +85,25 @@ class Spending:
                 do="raise --budget or lower -k",
             )
 
-    def entries(self, taken: int) -> int:
-        """How many entries are replayed where so many other candidates are."""
+    def entries(self, taken: int, free: int) -> int:
+        """How many entries are replayed where so many other candidates are, with so many free parameters."""
         if not self.replay:
             return self.k
-        room = round(REPLAYED * self.budget) if self.synthesise else self.budget
+        room = round(REPLAYED * self.search(free)) if self.synthesise else self.budget
         return max(self.k, room - taken)
+
+    def search(self, free: int) -> int:
+        """Replays that look for the region of the answer, with so many free parameters; the rest sharpens it."""
+        return max(min(self.budget, _usual_search(free, self.k)), self.budget - ROUNDS * cost(free) - HALVED)
 
 
 def usual_budget(parameters: int, k: int) -> int:
-    """Simulators that a query replays to choose its answer: each parameter needs two to be told from the others."""
+    """Most simulators that a query replays to choose its answer."""
+    return _usual_search(parameters, k) + ROUNDS * cost(parameters) + HALVED
+
+
+def _usual_search(parameters: int, k: int) -> int:
+    """Each parameter needs two replays to be told from the others."""
     return max(18 + 2 * parameters, k + 12)
 
 
@@ -134,7 +145,7 @@ class Choice:
 
 def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     """Replay what was found, synthesise, choose; then replay the test part once, in all that is told of."""
-    candidates, replays, begun = _replayed(case, found, spending)
+    candidates, replays, local, begun = _replayed(case, found, spending)
     score = replays.score
 
     def best_of(*kinds: str) -> int | None:
@@ -147,15 +158,12 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     nearest = tuple(i for i, c in enumerate(candidates) if c.kind == "neighbour")[: spending.k]
     best, answer = best_of("neighbour"), best_of("nominal", "neighbour", "synthesised")
     told = sorted({0, *nearest, best, answer, made} - {None})
+    intervals = _intervals(case, replays, local, made, answer) if made is not None else {}
     values = case.data.values_of(replays.unit)
     test = np.flatnonzero(case.data.parts.test)
     tests = errors(case.replayer.residuals(values[told], test)) if len(test) else np.zeros((len(told), 0))
     judged = test if len(test) else case.data.parts.chosen
     states = case.replayer.states(values[[0, answer]], judged)
-    intervals = {}
-    if made is not None:
-        effective = samples_in_all(replays.residuals[answer])
-        intervals = estimates(replays, replays.unit[made], effective, case.data.values_of)
     return Choice(
         candidates=candidates,
         replays=replays,
@@ -170,31 +178,55 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         states=states,
         channels=channel_errors(case.data.windows, states, judged),
         misfit=misfit(replays.residuals[:begun], float(replays.fit[answer])),
-        rollouts=found.ranked.replays + len(replays.unit) + CANDIDATES * noisy,
+        rollouts=found.ranked.replays + len(replays.unit) + CANDIDATES * noisy + (local is not None),
     )
 
 
-def _replayed(case: Case, found: Retrieved, spending: Spending) -> tuple[tuple[Candidate, ...], Replays, int]:
-    """Nominal, guess and nearest first (how many); then rounds of synthesis with what is left of the budget."""
+def _intervals(
+    case: Case, replays: Replays, local: Local | None, made: int, answer: int
+) -> dict[str, Interval]:
+    """Of the parameters of what was made, of the linear model about the best or, without it, one that is regressed."""
+    halved, chosen = None, case.data.parts.chosen
+    if local is not None:
+        finer = Replayer(case.robot.stepped(2), case.data.windows, case.replayer.threads)
+        halved = finer.residuals(case.data.values_of(local.centre[None]), chosen)[:, replays.to_fit]
+    evidence = Evidence(samples_in_all(replays.residuals[answer]), halved)
+    return estimates(replays, local or linearise(replays), replays.unit[made], evidence, case.data.values_of)
+
+
+def _replayed(
+    case: Case, found: Retrieved, spending: Spending
+) -> tuple[tuple[Candidate, ...], Replays, Local | None, int]:
+    """Nominal, guess and nearest first (how many); then the synthesis with what is left of the budget.
+
+    Also the linear model about the best of them, where slopes were simulated.
+    """
     space, chosen = case.robot.space, case.data.parts.chosen
     first, unit = [Candidate("nominal")], [space.to_unit(space.nominal)]
     if spending.synthesise and found.guess is not None:
         first.append(Candidate("synthesised"))
         unit.append(found.guess)
-    entries = found.ranked.order[: spending.entries(len(first))]
+    free = np.isnan(case.data.known)
+    entries = found.ranked.order[: spending.entries(len(first), int(free.sum()))]
     first += [Candidate("neighbour", int(entry)) for entry in entries]
     units = case.data.with_known(np.array([*unit, *case.population.unit[entries]]))
-    replay = lambda some: case.replayer.residuals(case.data.values_of(some), chosen)  # noqa: E731
+    before = case.replayer.rollouts
+
+    def replay(some: np.ndarray) -> np.ndarray:
+        found = case.replayer.residuals(case.data.values_of(some), chosen)
+        case.report("replay", case.replayer.rollouts - before, spending.budget)
+        return found
+
     case.report("replay", 0, spending.budget)
-    free = np.isnan(case.data.known)
     replays = replays_of(space, free, case.data.parts.fit[chosen], units, replay(units))
-    case.report("replay", len(first), spending.budget)
-    left = spending.budget - len(first)
-    if spending.synthesise and left > 0 and replays.free.any() and len(first) > 3:
-        replays = refine(replays, replay, left, case.population.shared.seed)
+    local = None
+    if spending.synthesise and free.any() and len(first) > 3:
+        search = spending.search(int(free.sum()))
+        replays = refine(replays, replay, search - len(first), case.population.shared.seed)
+        replays, local = sharpen(replays, replay, spending.budget - len(replays.unit) - HALVED)
     case.report("replay", spending.budget, spending.budget)
     made = [Candidate("synthesised")] * (len(replays.unit) - len(first))
-    return (*first, *made), replays, len(first)
+    return (*first, *made), replays, local, len(first)
 
 
 def _with_noise(case: Case, replays: Replays, made: int) -> tuple[Replays, bool]:

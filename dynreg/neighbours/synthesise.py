@@ -18,7 +18,6 @@ from dynreg.sim.space import ParameterSpace
 
 DAMPING = (0.01, 0.1)  # of the bold and the careful step, in units of the mean curvature
 REACH = 0.15  # of the exploring step, in the unit cube; shrinks when a round gains little
-PRIOR = 12.0  # 1 / variance of a uniform prior on [0, 1]
 FEATURES = 2000  # residual samples kept for the linear model
 
 
@@ -86,7 +85,7 @@ def propose(replays: Replays, reach: float, seed: int) -> np.ndarray:
     local = linearise(replays)
     lead, free = local.centre, np.flatnonzero(replays.free)
     rng = stream(seed, "synthesise", len(replays.unit))
-    hessian, slope = _normal_equations(local)
+    hessian, slope = normal_equations(local)
     scale = np.trace(hessian) / len(free) + 1e-12
     steps = [np.linalg.solve(hessian + d * scale * np.eye(len(free)), slope) for d in DAMPING]
     curvature, directions = np.linalg.eigh(hessian / scale + 0.05 * np.eye(len(free)))
@@ -112,6 +111,8 @@ class Local:
     residual : (F,) residual features at the centre.
     weight : (F,) weights that make squares of residuals into absolute values (iteratively reweighted).
     doubt : (P_free, P_free) what errors of the jacobian add to its weighted square, on average.
+    index : (F,) where the features stand in the residuals of a replay, laid flat.
+    clear : (F,) whether a feature's slopes are sure enough for intervals.
     """
 
     centre: np.ndarray
@@ -119,14 +120,15 @@ class Local:
     residual: np.ndarray
     weight: np.ndarray
     doubt: np.ndarray
+    index: np.ndarray
+    clear: np.ndarray
 
 
 def linearise(replays: Replays) -> Local:
     """Weighted ridge regression of the residuals of all replays on their parameters, around the best one."""
     best = int(np.argmin(replays.score))
-    flat = replays.residuals.reshape(len(replays.unit), -1)
-    flat = flat[:, ~np.isnan(flat).any(axis=0)]
-    flat = flat[:, :: max(1, flat.shape[1] // FEATURES)].astype(float)
+    index = features(replays, FEATURES)
+    flat = taken(replays.residuals, index)
     free = np.flatnonzero(replays.free)
     offset = (replays.unit - replays.unit[best])[:, free]
     apart = (offset**2).sum(axis=1)
@@ -142,55 +144,34 @@ def linearise(replays: Replays) -> Local:
     change = flat - flat[best]
     jacobian = (influence @ change).T
     residual = flat[best]
-    weight = 1.0 / np.maximum(np.abs(residual), 0.3 * np.mean(np.abs(residual)) + 1e-9)
+    weight = weights(residual)
     # what each replay would be wrong by if it were left out (HC3, MacKinnon and White 1985): curvature of the
     # map counts as an error of its slope
     leverage = np.einsum("pi,ip->i", influence, offset)
     missed = ((change - offset @ jacobian.T) ** 2 @ weight) / np.maximum(1.0 - leverage, 0.05) ** 2
-    return Local(replays.unit[best], jacobian, residual, weight, (influence * missed) @ influence.T)
+    doubt = (influence * missed) @ influence.T
+    return Local(
+        replays.unit[best], jacobian, residual, weight, doubt, index, np.ones(len(index), dtype=bool)
+    )
 
 
-@dataclass(frozen=True)
-class Interval:
-    """A parameter's value and 90 % interval, in its unit. at_bound : it lies on the edge of its range."""
-
-    value: float
-    low: float
-    high: float
-    at_bound: bool
+def features(replays: Replays, most: int) -> np.ndarray:
+    """(F,) where about `most` residuals stand, evenly taken of all that every replay has."""
+    known = np.flatnonzero(~np.isnan(replays.residuals).any(axis=0))
+    return known[:: max(1, len(known) // most)]
 
 
-def estimates(
-    replays: Replays, unit: np.ndarray, effective: float, values_of: Callable[[np.ndarray], np.ndarray]
-) -> dict[str, Interval]:
-    """90 % intervals of each parameter around `unit` (P,): Laplace approximation of the local linear model.
-
-    effective : independent samples in the residuals (duration over autocorrelation time). values_of : (P,) in their
-    units of unit parameters (P,). A parameter that the recording says nothing about gets its whole range; so do
-    parameters that can make up for each other. The intervals hold if the model is right.
-    """
-    local = linearise(replays)
-    hessian, _ = _normal_equations(local)
-    size = np.mean(np.abs(local.residual))
-    # an uncertain jacobian looks steeper than it is, most of all where the true one is flat
-    curvature, directions = np.linalg.eigh(hessian - local.doubt)
-    # least absolute residuals with Gaussian noise of s: covariance (pi / 2) s^2 (J^T J)^-1, s = sqrt(pi / 2) size
-    share = effective / (len(local.residual) * np.mean(local.weight))
-    information = np.maximum(curvature, 0.0) * share / (0.5 * np.pi * size) ** 2
-    free, space = np.flatnonzero(replays.free), replays.space
-    sigma = np.zeros(len(unit))
-    sigma[free] = np.sqrt((directions**2 / (information + PRIOR)).sum(axis=1))
-    low, value, high = (values_of(unit + z * sigma) for z in (-1.645, 0.0, 1.645))
-    # a flat parameter's Laplace interval is its prior's: show it as the whole range
-    flat = sigma > 0.25
-    low, high = np.where(flat, space.bounds[:, 0], low), np.where(flat, space.bounds[:, 1], high)
-    edge = space.at_bound(unit) & replays.free
-    return {
-        name: Interval(float(value[i]), float(low[i]), float(high[i]), bool(edge[i]))
-        for i, name in enumerate(space.names)
-    }
+def taken(residuals: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """(n, F) the residuals (n, W', T, S') that stand at `index`."""
+    return residuals.reshape(len(residuals), -1)[:, index].astype(float)
 
 
-def _normal_equations(local: Local) -> tuple[np.ndarray, np.ndarray]:
+def weights(residual: np.ndarray) -> np.ndarray:
+    """(F,) weights that make squares of residuals (F,) into absolute values, small ones held back."""
+    return 1.0 / np.maximum(np.abs(residual), 0.3 * np.mean(np.abs(residual)) + 1e-9)
+
+
+def normal_equations(local: Local) -> tuple[np.ndarray, np.ndarray]:
+    """(P_free, P_free) weighted square of the jacobian, (P_free,) its weighted product with the residual."""
     weighted = local.jacobian * local.weight[:, None]
     return local.jacobian.T @ weighted, weighted.T @ local.residual

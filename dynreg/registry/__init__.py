@@ -1,5 +1,6 @@
 """The store: populations of simulators with their data and models, recordings, results."""
 
+from dynreg.registry.collecting import Unneeded, collect
 from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.exporting import export
 from dynreg.registry.files import write_file
@@ -9,9 +10,11 @@ from dynreg.registry.records import (
     PopulationRecord,
     RecordingInfo,
     ResultRecord,
+    RobotInfo,
     ShardData,
 )
 from dynreg.registry.registry import Registry
+from dynreg.registry.removing import Removal, removal, remove
 from dynreg.registry.verifying import verify
 
 __all__ = [
@@ -21,10 +24,16 @@ __all__ = [
     "PopulationRecord",
     "RecordingInfo",
     "Registry",
+    "Removal",
     "ResultRecord",
+    "RobotInfo",
     "ShardData",
+    "Unneeded",
     "VerifyReport",
+    "collect",
     "export",
+    "removal",
+    "remove",
     "verify",
     "write_file",
 ]

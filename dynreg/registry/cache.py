@@ -1,4 +1,4 @@
-"""What can be computed again, kept by key: files of their own, of which the catalogue knows nothing.
+"""A cache of computed things by key, in files of their own that the catalogue does not know.
 
 A file holds its key, its document and the hash of both, so that a torn or damaged one is seen and counts as not there.
 """

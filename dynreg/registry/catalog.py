@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import Connection, RootTransaction, select
+from sqlalchemy import Connection, RootTransaction
 from sqlalchemy.exc import DBAPIError
 
 import dynreg.registry.disk as disk
@@ -19,7 +19,7 @@ from dynreg.errors import CorruptError, Damaged
 from dynreg.registry.database import engine_for, explained
 from dynreg.registry.files import LEDGER
 from dynreg.registry.ledger import Page, last_number, pages_after, read_page, write_page
-from dynreg.registry.seal import broken_seals, broken_structure, strange_objects
+from dynreg.registry.seal import broken_seals, broken_structure, rows_in, strange_objects
 from dynreg.registry.tables import Values
 from dynreg.registry.writing import Writing
 
@@ -203,4 +203,4 @@ def identity_of(path: Path) -> tuple[int, int, int] | None:
 
 def rows_of(connection: Connection) -> dict[str, list[Values]]:
     """All rows that the catalogue holds, by table."""
-    return {table.name: list(map(tuple, connection.execute(select(table)))) for table in tables.HELD}
+    return rows_in(connection, tables.HELD)

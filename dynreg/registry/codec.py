@@ -1,4 +1,4 @@
-"""What files of the registry hold, as bytes: named arrays with a header, and JSON in the one form that is hashed."""
+"""The bytes of the registry's files: named arrays with a header, and JSON in the one form that is hashed."""
 
 import json
 import struct

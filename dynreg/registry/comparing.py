@@ -154,7 +154,7 @@ def _row_faults(held: Rows, found: Found) -> Iterator[Fault]:
 
 
 def differing_rows(stored: Keyed, told: Keyed) -> Iterator[Fault]:
-    """What the catalogue's rows say and the ledger's pages do not, and the other way round."""
+    """Rows of the catalogue that the ledger's pages lack, and the other way round."""
     for name in stored:
         kind = "entries" if name == tables.entries.name else "row"
         for key in sorted({*stored[name], *told[name]}, key=repr):

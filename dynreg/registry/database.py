@@ -55,7 +55,7 @@ def engine_for(path: Path, create: bool = False) -> Engine:
 
 
 def explained(path: Path, error: Exception) -> RegistryError:
-    """What an error of SQLite (or of SQLAlchemy about one) means for the catalogue at `path`, by SQLite's own code.
+    """The meaning of an error of SQLite (or of SQLAlchemy about one) for the catalogue at `path`, by SQLite's own code.
 
     Only a damaged file is a CorruptError: a full or failing disk, a lock and a lack of rights leave it as it is.
     """

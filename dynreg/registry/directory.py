@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path, PurePosixPath
 
 from sqlalchemy import select
@@ -18,6 +18,7 @@ from dynreg.registry.files import (
     content_hash,
     read_regular,
     sha256_of,
+    try_lock,
     unreadable,
     write_file,
 )
@@ -44,6 +45,9 @@ class Directory:
         self.home = home or path
         self.catalog = catalog
         self.made = made
+        self._held = ExitStack()
+        if self.read_only:  # for as long as the lock is held, `gc` leaves the folder alone
+            self._held.enter_context(try_lock(self.home, create=False))
 
     @property
     def read_only(self) -> bool:
@@ -53,6 +57,7 @@ class Directory:
     def close(self) -> None:
         """Let go of the catalogue, and of what was put into a registry that may only be read."""
         self.catalog.close()
+        self._held.close()
         if self.read_only:
             shutil.rmtree(self.home, ignore_errors=True)
 

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from dynreg.errors import RegistryError
 
+# Bytes as they are, and no child process that holds them: each where the system knows of it.
+FLAGS = sum(getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC"))
+
 
 def refused(what: str, path: Path, error: OSError) -> RegistryError:
     """The error for `what` cannot be done to `path`."""
@@ -23,7 +26,18 @@ def refused(what: str, path: Path, error: OSError) -> RegistryError:
 
 def create(path: Path) -> int:
     """A descriptor for writing a file that is new; FileExistsError where the name is taken."""
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | FLAGS, 0o666)
+
+
+def lock(descriptor: int, wait: bool = True) -> None:
+    """Hold the lock of an open file or folder until it is closed; without `wait`, BlockingIOError if another has it."""
+    from portalocker import AlreadyLocked, LockFlags
+    from portalocker import lock as take  # imported here: it wants a module of the system's own
+
+    try:
+        take(descriptor, LockFlags.EXCLUSIVE | (LockFlags(0) if wait else LockFlags.NON_BLOCKING))
+    except AlreadyLocked as problem:
+        raise BlockingIOError(str(problem)) from None
 
 
 def write(descriptor: int, data: bytes) -> None:
@@ -75,9 +89,14 @@ def make_folder(path: Path) -> None:
 
 
 def sync_folder(path: Path) -> None:
-    """Bring the names in a folder to the disk; what was renamed or removed there stays so through a power cut."""
+    """Bring the names in a folder to the disk; what was renamed or removed there stays so through a power cut.
+
+    Windows opens no folder; it keeps a log of such changes itself.
+    """
+    if os.name == "nt":
+        return
     with _telling("sync", path):
-        descriptor = os.open(path, os.O_RDONLY)
+        descriptor = os.open(path, os.O_RDONLY | FLAGS)
         try:
             os.fsync(descriptor)
         finally:

@@ -1,4 +1,4 @@
-"""What a registry holds, examined: its catalogue and its ledger held against each other, then against its files."""
+"""An examination of a registry: its catalogue and its ledger are compared, then both with its files."""
 
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,8 +17,8 @@ from dynreg.registry.catalog import FILE, Catalog, rows_of
 from dynreg.registry.comparing import Fault, VerifyReport, compare, differing_rows
 from dynreg.registry.database import explained
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import INDEX, LEDGER
-from dynreg.registry.ledger import Ledger, pages_after, read_ledger, replay
+from dynreg.registry.files import INDEX, LEDGER, ROBOTS
+from dynreg.registry.ledger import Ledger, pages_after, read_ledger, removed_files, replay
 from dynreg.registry.opening import beside, lost_catalog, may_write
 from dynreg.registry.rebuild import Rows
 from dynreg.registry.scan import Found, scan
@@ -47,11 +47,12 @@ class Stored:
 
 @dataclass(frozen=True)
 class Examined:
-    """What was put, as far as it can be told, and what is wrong.
+    """The stored things, as far as they are known, and the faults.
 
     held : the rows that were put. found : what the files hold. faulty : faults of the catalogue and of the ledger.
     bad_pages : files of the ledger that cannot be used. behind : whether the ledger is ahead of the catalogue.
     rows_lost : whether pages of the ledger are lost, so that a row may be.
+    removed : files of a removal that was cut short after its page was written; they are none of the registry's.
     """
 
     held: Rows
@@ -60,6 +61,7 @@ class Examined:
     bad_pages: tuple[str, ...]
     behind: bool
     rows_lost: bool
+    removed: tuple[str, ...]
     report: VerifyReport
 
 
@@ -95,7 +97,7 @@ def _read(path: Path, connection: Connection) -> Stored:
             return Stored()  # its creation was cut short
         broken = broken_structure(connection, migrations.known_tables())
         rows = _named(rows_of(connection))
-        if migrations.pending(connection):  # of format 1: nothing is sealed, and no page tells of it
+        if migrations.LEDGER in migrations.pending(connection):  # nothing is sealed, and no page tells of it
             rows["files"] = [row for row in rows["files"] if not row["path"].startswith(f"{INDEX}/")]
             return Stored(rows, faults=tuple(broken), has_ledger=False)
         pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
@@ -115,6 +117,8 @@ def examine(path: Path, stored: Stored) -> Examined:
     faults = [Fault("catalog", FILE, reason, lost=bool(pages)) for reason in stored.faults]
     if not stored.has_ledger:
         held = stored.rows
+    elif pages and _follows_all(stored, ledger):  # it tells, too, what the lost pages took out
+        held = stored.rows
     elif pages:  # what the catalogue holds, and beside it what the pages tell that are left
         both = {n: rows | keyed(stored.rows)[n] for n, rows in keyed(_told(ledger)).items()}
         held = {name: list(rows.values()) for name, rows in both.items()}
@@ -131,10 +135,22 @@ def examine(path: Path, stored: Stored) -> Examined:
         for row in rows
     ]
     held = {name: [row for row in rows if row not in odd[name]] for name, rows in held.items()}
-    found = scan(path, {row["path"] for row in held["files"]})
+    removed = _removed(held, ledger)
+    found = scan(path, {row["path"] for row in held["files"]}, removed)
     behind = any(page.number > max(stored.pages, default=0) for page, _ in ledger.pages)
     report = compare(held, found, faults)
-    return Examined(held, found, tuple(faults), tuple(ledger.bad), behind, bool(pages), report)
+    return Examined(held, found, tuple(faults), tuple(ledger.bad), behind, bool(pages), removed, report)
+
+
+def _follows_all(stored: Stored, ledger: Ledger) -> bool:
+    """Whether a sound catalogue has followed every page that is left."""
+    return not stored.faults and all(stored.pages.get(page.number) == sha for page, sha in ledger.pages)
+
+
+def _removed(held: Rows, ledger: Ledger) -> tuple[str, ...]:
+    """Files that pages took out and no row names."""
+    named = {row["path"] for row in held["files"]} | {f"{ROBOTS}/{row['hash']}/" for row in held["robots"]}
+    return tuple(sorted(removed_files(page for page, _ in ledger.pages) - named))
 
 
 def _page_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:

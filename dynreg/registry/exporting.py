@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import dynreg.registry.disk as disk
-from dynreg.errors import NoMatchError, RegistryError
+from dynreg.errors import NoMatchError, UsageError
 from dynreg.registry.entries import put_shard
 from dynreg.registry.files import sweep_beside, temporary_folder
 from dynreg.registry.loading import load_shards
@@ -24,12 +24,12 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
 
     Raises
     ------
-    RegistryError : `destination` exists, or `refs` is empty.
+    UsageError : `destination` exists, or `refs` is empty.
     NoMatchError : a ref fits nothing, or several things.
     """
     destination = Path(destination)
     if not refs or destination.exists():
-        raise RegistryError(
+        raise UsageError(
             f"cannot export {list(refs)} to {str(destination)!r}",
             expected="at least one ref, and a destination that does not exist yet",
             do="name what to export and a new directory",
@@ -46,7 +46,8 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
 
 
 def _copy_robot(registry: Registry, copy: Registry, robot_hash: str) -> None:
-    copy.put_robot(registry.robot_folder(robot_hash), robot_hash, registry.robots()[robot_hash])
+    info = registry.robot_info(robot_hash)
+    copy.put_robot(registry.robot_folder(robot_hash), robot_hash, info.name, info.version)
 
 
 def _copy_population(registry: Registry, copy: Registry, population_id: str) -> None:
@@ -68,7 +69,7 @@ def _copy_entry(registry: Registry, copy: Registry, entry_id: str) -> None:
 def _copy_recording(registry: Registry, copy: Registry, recording_id: str) -> None:
     info = registry.recording_info(recording_id)
     _copy_robot(registry, copy, info.robot_hash)
-    for name in info.names or (None,):
+    for name in info.names[::-1] or (None,):  # the name that it got last comes last
         copy.put_recording(registry.recording(recording_id), info.robot_hash, name)
 
 
@@ -82,7 +83,7 @@ def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:
     result = registry.result(result_id)
     if result.recording_id:
         _copy_recording(registry, copy, result.recording_id)
-    for simulator in sorted(_simulators_in(result.document)):
+    for simulator in sorted(simulators_in(result.document)):
         try:
             kind, identity = registry.resolve(simulator, ("simulator", "entry"))
         except NoMatchError:
@@ -91,14 +92,14 @@ def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:
     copy.put_result(result.kind, result.recording_id or None, result.document)
 
 
-def _simulators_in(document: Any) -> set[str]:
-    """What a result's document gives as an `answer` or a simulator, however deep, where it is text."""
+def simulators_in(document: Any) -> set[str]:
+    """The ids that a result's document gives as an `answer` or a simulator, at any depth."""
     if isinstance(document, list):
-        return set().union(*map(_simulators_in, document))
+        return set().union(*map(simulators_in, document))
     if not isinstance(document, dict):
         return set()
     mine = {value for value in map(document.get, _NAMING) if isinstance(value, str)}
-    return mine.union(*map(_simulators_in, document.values()))
+    return mine.union(*map(simulators_in, document.values()))
 
 
 _COPY = {

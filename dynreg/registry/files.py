@@ -1,7 +1,6 @@
 """Files that survive a crash: written under a temporary name, synced, renamed; named by what they hold."""
 
 import errno
-import fcntl
 import glob
 import hashlib
 import os
@@ -53,8 +52,8 @@ def content_hash(data: bytes) -> str:
 
 def open_regular(path: Path) -> BinaryIO:
     """A file opened for reading; OSError for a link, a folder, a pipe or a device, which no registry holds."""
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    stream = open(path, "rb", opener=lambda name, _: os.open(name, flags | getattr(os, "O_CLOEXEC", 0)))
+    flags = os.O_RDONLY | disk.FLAGS | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    stream = open(path, "rb", opener=lambda name, _: os.open(name, flags))
     if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
         stream.close()
         raise OSError(f"{path.name!r} is no regular file")
@@ -121,11 +120,25 @@ def sweep(root: Path) -> int:
 
     A living writer holds a lock on its file, so its work is left alone.
     """
+    return sum(map(_remove_unlocked, _temporaries(root)))
+
+
+def abandoned(root: Path) -> list[Path]:
+    """The temporary files and folders that `sweep` would remove."""
+    found = []
+    for path in _temporaries(root):
+        if not path.is_symlink() and path.exists():
+            with try_lock(path, create=False) as mine:
+                found += [path] if mine else []
+    return found
+
+
+def _temporaries(root: Path) -> list[Path]:
     found = [*root.glob(f".*{_TEMPORARY}*")]
     for folder in (*FOLDERS, CACHE):
         if not (root / folder).is_symlink():
             found += (root / folder).rglob(f".*{_TEMPORARY}*")
-    return sum(map(_remove_unlocked, found))
+    return found
 
 
 @contextmanager
@@ -136,7 +149,7 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
     """
     flags = os.O_RDONLY if path.is_dir() else os.O_RDWR | (os.O_CREAT if create else 0)
     try:
-        descriptor = os.open(path, flags, 0o644)
+        descriptor = os.open(path, flags | disk.FLAGS, 0o644)
     except FileNotFoundError:
         yield False
         return
@@ -144,7 +157,7 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
         raise disk.refused("lock", path, error) from error
     try:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            disk.lock(descriptor, wait=False)
         except BlockingIOError:
             yield False
             return
@@ -184,7 +197,7 @@ def _write_once(path: Path, data: bytes) -> bool:
     temporary = temporary_name(path)
     descriptor = disk.create(temporary)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        disk.lock(descriptor)
         disk.write(descriptor, data)
         disk.sync(descriptor)
         disk.rename(temporary, path)

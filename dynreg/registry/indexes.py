@@ -1,4 +1,4 @@
-"""What indexes computed: files of their own that tell for which entries, of which the catalogue knows nothing."""
+"""Computed indexes, in files of their own that name their entries; the catalogue does not know them."""
 
 import re
 from collections.abc import Sequence

@@ -16,7 +16,7 @@ from sqlalchemy import Table
 
 import dynreg.registry.tables as tables
 from dynreg.registry.codec import canonical_json
-from dynreg.registry.files import LEDGER, content_name, read_regular, write_file
+from dynreg.registry.files import LEDGER, ROBOTS, content_name, read_regular, write_file
 from dynreg.registry.tables import Key, Values, key_of, values_of
 
 _NAME = re.compile(r"(\d{8,15})-([0-9a-f]{16})\.json")
@@ -145,6 +145,16 @@ def replay(pages: Iterable[Page]) -> dict[str, dict[Key, Values]]:
         for name, values in page.put.items():
             rows[name].update((key_of(tables.metadata.tables[name], row), row) for row in values)
     return rows
+
+
+def removed_files(pages: Iterable[Page]) -> set[str]:
+    """Paths of the files that pages took out and none put again; of a robot its folder, which ends in "/"."""
+    gone: set[str] = set()
+    for page in pages:
+        for name, path in (("files", "{}"), ("robots", f"{ROBOTS}/{{}}/")):
+            gone |= {path.format(key[0]) for key in page.removed.get(name, ())}
+            gone -= {path.format(row[0]) for row in page.put.get(name, ())}
+    return gone
 
 
 def _in_order(name: str, columns: list[str], row: list[Any]) -> Values:

@@ -51,6 +51,13 @@ STEPS: dict[str, tuple[str, ...]] = {
         "CREATE TABLE seals (name TEXT PRIMARY KEY, rows INTEGER NOT NULL, digest TEXT NOT NULL)",
         "CREATE TABLE pages (number INTEGER PRIMARY KEY, sha256 TEXT NOT NULL)",
     ),
+    # New tables begin empty: no page of the ledger tells of them, and the seals of the others stay as they are.
+    "0005_versions_and_latest_names": (
+        """CREATE TABLE robot_versions (hash TEXT PRIMARY KEY REFERENCES robots (hash),
+           version INTEGER NOT NULL)""",
+        """CREATE TABLE latest_names (recording_id TEXT PRIMARY KEY REFERENCES recordings (id),
+           name TEXT NOT NULL REFERENCES recording_names (name))""",
+    ),
 }
 
 

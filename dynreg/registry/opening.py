@@ -1,4 +1,4 @@
-"""How a registry is opened or made: its marker, its folders, and what it is if it may only be read."""
+"""Opening or making a registry: its marker, its folders, and a registry that may only be read."""
 
 import json
 import os

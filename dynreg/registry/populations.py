@@ -1,4 +1,4 @@
-"""Populations: registered, grown, and what is left of them to populate."""
+"""Populations: how they are registered and grown, and which entries are missing."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -95,7 +95,7 @@ def record_of(path: Path, told: tuple[dict[str, Any], dict[str, np.ndarray]], si
 
 
 def missing_spans(directory: Directory, population_id: str) -> tuple[Span, ...]:
-    """What is left to populate: spans of entry numbers, cut at multiples of the shard size.
+    """The missing entries: spans of entry numbers, cut at multiples of the shard size.
 
     Shards never change, so a population that grew past a partial shard goes on behind it.
     """

@@ -68,16 +68,20 @@ def _rows_of(root: Path, held: Rows, found: Found) -> Rows:
     hashes |= {row["hash"] for row in held["robots"]} | {row["robot_hash"] for row in populations}
     recordings = _recordings(held, found, hashes)
     stored = {row["id"] for row in recordings}
+    names = [row for row in held["recording_names"] if row["recording_id"] in stored]
+    called = {(row["recording_id"], row["name"]) for row in names}
     used = {row["robot_hash"] for row in (*populations, *recordings)} | {
         row["hash"] for row in held["robots"]
     }
     rows = {
         "robots": _robots(root, held, found, used),
+        "robot_versions": [row for row in held["robot_versions"] if row["hash"] in used],
         "populations": populations,
         "shards": [shard.row for shard in shards],
         "entries": entries,
         "recordings": recordings,
-        "recording_names": [row for row in held["recording_names"] if row["recording_id"] in stored],
+        "recording_names": names,
+        "latest_names": [r for r in held["latest_names"] if (r["recording_id"], r["name"]) in called],
         "simulators": list(found.simulators.values()),
         "results": _results(held, found, stored),
     }

@@ -6,12 +6,13 @@ from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Recording
-from dynreg.errors import RegistryError
+from dynreg.errors import CorruptError, RegistryError, UsageError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, unreadable
 from dynreg.registry.records import RecordingInfo
 from dynreg.registry.robots import require_robot
-from dynreg.registry.rows import require
+from dynreg.registry.rows import require, row_of
+from dynreg.registry.writing import Writing
 
 _IS_HASH = re.compile(r"[0-9a-f]{64}")
 
@@ -19,28 +20,34 @@ _IS_HASH = re.compile(r"[0-9a-f]{64}")
 def put_recording(
     directory: Directory, recording: Recording, robot_hash: str, name: str | None = None
 ) -> str:
-    """Store a recording of a registered robot and return its id; it becomes `@last`.
+    """Store a recording with a registered robot, which becomes its usual one, and return its id; it becomes `@last`.
 
-    A recording may have several names; one that is stored already keeps its first provenance.
+    A recording may have several names; one that is stored already keeps its first provenance. A name moves here from
+    another recording of the same log files.
 
     Raises
     ------
-    RegistryError : the name is taken by another recording or cannot be one; the recording is of another
-        robot.
+    RegistryError : the name is that of a recording of other log files.
+    UsageError : the name cannot be one.
     NoMatchError : the robot is unknown.
     """
-    _check_name(name)
+    check_name(name)
     file, data = _encode(recording, robot_hash)
     table = tables.recordings
     with directory.catalog.read() as connection:
         require_robot(connection, robot_hash)
-        known = _check_robot(_known(connection, recording.id), robot_hash)
-        _check_free(connection, name, recording.id)
+        known = _known(connection, recording.id)
+        holder = _holder(connection, name)
+    if holder is not None and not _may_take(directory, recording, holder):
+        raise _taken(name, holder)
     if not _is_sound(directory, known):
         directory.stage(file, data)
     with directory.catalog.write() as writing:
-        _check_free(writing.connection, name, recording.id)
-        known = _check_robot(_known(writing.connection, recording.id), robot_hash)
+        require_robot(writing.connection, robot_hash)
+        now = _holder(writing.connection, name)
+        if now not in (holder, recording.id, None):
+            raise _taken(name, now)
+        known = _known(writing.connection, recording.id)
         sound = _is_sound(directory, known)
         if not sound:
             directory.register(writing, file, data)
@@ -50,8 +57,19 @@ def put_recording(
         if known is not None and known.path != path:  # its own was damaged
             writing.remove(tables.files, (known.path,))
         if name is not None:
-            writing.put(tables.recording_names, {"name": name, "recording_id": recording.id})
+            _give(writing, name, recording.id, now)
     return recording.id
+
+
+def name_holder(directory: Directory, name: str) -> str | None:
+    """The id of the recording that has this name; None where none has."""
+    with directory.catalog.read() as connection:
+        return _holder(connection, name)
+
+
+def may_be_called(directory: Directory, recording: Recording, name: str) -> bool:
+    """Whether no recording of other log files has this name."""
+    return _may_take(directory, recording, name_holder(directory, name))
 
 
 def get_recording(directory: Directory, recording_id: str) -> Recording:
@@ -72,13 +90,15 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
 
 def list_recordings(directory: Directory, recording_id: str | None = None) -> tuple[RecordingInfo, ...]:
     """All recordings, in the order of their last ingestion; or the one of this id, if there is one."""
-    table, named = tables.recordings, tables.recording_names
-    query = select(table.c.id, table.c.robot_hash, named.c.name).outerjoin(named)
+    table, named, latest = tables.recordings, tables.recording_names, tables.latest_names
+    query = select(table.c.id, table.c.robot_hash, named.c.name)
+    query = query.select_from(table.outerjoin(named).outerjoin(latest, latest.c.name == named.c.name))
     if recording_id is not None:
         query = query.where(table.c.id == recording_id)
     names: dict[tuple[str, str], list[str]] = {}
     with directory.catalog.read() as connection:
-        for row in connection.execute(query.order_by(table.c.ordinal, named.c.name)):
+        order = (table.c.ordinal, latest.c.name.is_(None), named.c.name)
+        for row in connection.execute(query.order_by(*order)):
             names.setdefault((row.id, row.robot_hash), []).extend([row.name] if row.name is not None else [])
     return tuple(RecordingInfo(*key, tuple(held)) for key, held in names.items())
 
@@ -97,37 +117,58 @@ def _known(connection: Connection, recording_id: str) -> Row | None:
     return connection.execute(joined.where(table.c.id == recording_id)).first()
 
 
-def _check_robot(known: Row | None, robot_hash: str) -> Row | None:
-    if known is not None and known.robot_hash != robot_hash:
-        raise RegistryError(
-            f"recording {known.id[:12]} is stored as one of robot {known.robot_hash[:12]}",
-            expected="one robot for a recording",
-            do="check which robot the log was made with",
-        )
-    return known
-
-
 def _is_sound(directory: Directory, known: Row | None) -> bool:
     return known is not None and directory.holds(StoredFile(known.path, known.sha256, known.size))
 
 
-def _check_free(connection: Connection, name: str | None, recording_id: str) -> None:
+def _holder(connection: Connection, name: str | None) -> str | None:
     table = tables.recording_names
-    holder = connection.execute(select(table.c.recording_id).where(table.c.name == name)).scalar()
-    if holder is not None and holder != recording_id:
-        raise RegistryError(
-            f"the name {name!r} is in use for recording {holder[:12]}, which holds other data",
-            expected="a name that is free",
-            do="give another --name",
-        )
+    return connection.execute(select(table.c.recording_id).where(table.c.name == name)).scalar()
 
 
-def _check_name(name: str | None) -> None:
+def _may_take(directory: Directory, recording: Recording, holder: str | None) -> bool:
+    """Whether a recording may take over the name that `holder` has: that one is of the same log files."""
+    if holder is None or holder == recording.id:
+        return True
+    try:
+        others = _logs(get_recording(directory, holder))
+    except CorruptError:
+        return False
+    return bool(others) and others == _logs(recording)
+
+
+def _logs(recording: Recording) -> set[str]:
+    """sha256 of the log files that a recording was read from; none where it was made otherwise."""
+    files = recording.provenance.get("files", [])
+    return {file["sha256"] for file in files if isinstance(file, dict) and "sha256" in file}
+
+
+def _taken(name: str | None, holder: str) -> RegistryError:
+    return RegistryError(
+        f"the name {name!r} is in use for recording {holder[:12]}, which was made from other log files",
+        expected="a name that is free",
+        do=f"give another --name, or remove that one with `dynreg rm {holder[:12]}`",
+    )
+
+
+def _give(writing: Writing, name: str, recording_id: str, holder: str | None) -> None:
+    """Give a recording a name, which is its latest; the recording that had it is called by what else it is called."""
+    latest = tables.latest_names
+    if holder not in (None, recording_id):
+        row = row_of(writing.connection, latest, holder)
+        if row is not None and row.name == name:
+            writing.remove(latest, (holder,))
+    writing.put(tables.recording_names, {"name": name, "recording_id": recording_id})
+    writing.put(latest, {"recording_id": recording_id, "name": name})
+
+
+def check_name(name: str | None) -> None:
+    """UsageError for what cannot be a recording's name."""
     if name is None:
         return
     plain = name and name == name.strip() and name.isprintable()
     if not plain or name.startswith(("@", "-")) or _IS_HASH.fullmatch(name):
-        raise RegistryError(
+        raise UsageError(
             f"{name!r} cannot be a recording's name",
             expected="printable text that does not begin with '@' or '-' and is no 64-digit hash",
             do="give another --name",

@@ -191,8 +191,24 @@ class EntryRecord:
 
 
 @dataclass(frozen=True)
+class RobotInfo:
+    """A registered robot: its hash, its name, and which version of the robots of this name it is, from 1 on."""
+
+    hash: str
+    name: str
+    version: int
+
+    def __str__(self) -> str:
+        return f"version {self.version} of robot {self.name!r} ({self.hash[:12]})"
+
+
+@dataclass(frozen=True)
 class RecordingInfo:
-    """What the catalogue says of a recording, without reading it."""
+    """The catalogue's row of a recording, without reading the recording.
+
+    robot_hash : of the robot with which it was ingested last. names : the one that it got last, then the others by
+    alphabet.
+    """
 
     id: str
     robot_hash: str
@@ -200,7 +216,7 @@ class RecordingInfo:
 
     @property
     def name(self) -> str:
-        """Its first name, or the beginning of its id."""
+        """The name that it got last, or the beginning of its id."""
         return self.names[0] if self.names else self.id[:12]
 
 

@@ -1,13 +1,15 @@
-"""What a person calls a thing, turned into its id."""
+"""A person's word for a thing, resolved to its id."""
 
 import difflib
 import re
+import warnings
 from collections.abc import Collection
 
 from sqlalchemy import Connection, select
 
 import dynreg.registry.tables as tables
-from dynreg.errors import AmbiguousError, NoMatchError, RegistryError
+from dynreg.errors import AmbiguousError, Assumed, NoMatchError, RegistryError
+from dynreg.registry.versions import newest
 
 LAST = "@last"
 _ID_COLUMNS = {
@@ -19,7 +21,7 @@ _ID_COLUMNS = {
     "result": tables.results_of_verbs.c.id,
 }
 _NAME_COLUMNS = {
-    "robot": (tables.robots.c.name, tables.robots.c.hash),
+    "robot": (tables.robots.c.name, tables.robots.c.hash),  # of which the newest version has it
     "population": (tables.populations.c.name, tables.populations.c.id),
     "recording": (tables.recording_names.c.name, tables.recording_names.c.recording_id),
 }
@@ -31,7 +33,8 @@ _SHOWN = 5
 def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) -> tuple[str, str]:
     """(kind, id) of `ref`: a content hash, a name, a unique prefix of a hash (4 digits or more), or `@last`.
 
-    A name goes before a prefix. `@last` is the recording ingested last, never a result.
+    A name goes before a prefix, and where it could be one a warning says so (`Assumed`). The name of a robot means its
+    newest version. `@last` is the recording ingested last, never a result.
 
     Raises
     ------
@@ -46,6 +49,8 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
     for find in (_by_id, _by_name, _by_prefix) if ref.isprintable() else ():
         found = find(connection, ref, kinds)
         if len(found) == 1:
+            if find is _by_name:
+                _say_what_else(connection, ref, found[0], kinds)
             return found[0]
         if found:
             shown = ", ".join(f"{kind} {identity[:16]}" for kind, identity in found[:_SHOWN])
@@ -88,12 +93,29 @@ def _by_id(connection: Connection, ref: str, kinds: Collection[str]) -> list[tup
 
 
 def _by_name(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
-    return [
+    found = [
         (kind, identity)
         for kind, (name, column) in _NAME_COLUMNS.items()
         if kind in kinds
         for identity in connection.execute(select(column).where(name == ref)).scalars()
     ]
+    if sum(kind == "robot" for kind, _ in found) > 1:
+        last = newest(connection, ref).hash
+        found = [(kind, identity) for kind, identity in found if kind != "robot" or identity == last]
+    return found
+
+
+def _say_what_else(connection: Connection, ref: str, found: tuple[str, str], kinds: Collection[str]) -> None:
+    """Warn where a name that was found is the beginning of another thing's hash, too."""
+    others = [other for other in _by_prefix(connection, ref, kinds) if other != found]
+    if others:
+        kind, identity = others[0]
+        warnings.warn(
+            f"{ref!r} is taken as the name of {found[0]} {found[1][:12]}; "
+            f"{kind} {identity[:12]} begins so, too: give more of its digits if you mean that",
+            Assumed,
+            2,
+        )
 
 
 def _by_prefix(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:

@@ -19,6 +19,7 @@ import dynreg.registry.recordings as recordings
 import dynreg.registry.references as references
 import dynreg.registry.robots as robots
 import dynreg.registry.tables as tables
+import dynreg.registry.versions as versions
 from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, Damaged, NotStored, RegistryError
 from dynreg.folder import Folder
@@ -32,6 +33,7 @@ from dynreg.registry.records import (
     PopulationRecord,
     RecordingInfo,
     ResultRecord,
+    RobotInfo,
     ShardData,
 )
 
@@ -102,9 +104,9 @@ class Registry:
     def _id(self, ref: str, kind: str) -> str:
         return self.resolve(ref, (kind,))[1]
 
-    def put_robot(self, folder: Folder | Path, hash: str, name: str) -> None:
+    def put_robot(self, folder: Folder | Path, hash: str, name: str, version: int | None = None) -> None:
         """Copy a robot folder; see `robots.put_robot`."""
-        robots.put_robot(self.directory, folder, hash, name)
+        robots.put_robot(self.directory, folder, hash, name, version)
 
     def robot_folder(self, ref: str) -> Path:
         """The registry's own copy of a robot folder; CorruptError when files of it are missing."""
@@ -112,9 +114,17 @@ class Registry:
 
     def robots(self) -> dict[str, str]:
         """Names of the robots by their hashes."""
+        return {info.hash: info.name for info in self.robot_versions()}
+
+    def robot_versions(self, name: str | None = None) -> tuple[RobotInfo, ...]:
+        """All robots, or those of one name, by name and version."""
         with self.directory.catalog.read() as connection:
-            rows = connection.execute(select(tables.robots).order_by(tables.robots.c.name)).all()
-        return {row.hash: row.name for row in rows}
+            return tuple(info for info in versions.numbered(connection) if name in (None, info.name))
+
+    def robot_info(self, ref: str) -> RobotInfo:
+        """Hash, name and version of one robot."""
+        identity = self._id(ref, "robot")
+        return next(info for info in self.robot_versions() if info.hash == identity)
 
     def put_population(self, record: PopulationRecord) -> None:
         """Register a population or let it grow; RegistryError when its id holds something else."""
@@ -169,7 +179,7 @@ class Registry:
         return loading.load_entry(self.directory, self._id(ref, "entry"))
 
     def put_recording(self, recording: Recording, robot_hash: str, name: str | None = None) -> str:
-        """Store a recording, which becomes `@last`; RegistryError when the name stands for other data."""
+        """Store a recording, which becomes `@last`; RegistryError when the name stands for other log files."""
         return recordings.put_recording(self.directory, recording, robot_hash, name)
 
     def recording(self, ref: str) -> Recording:
@@ -184,6 +194,14 @@ class Registry:
         """Id, robot and names of one recording, which is not read."""
         (info,) = recordings.list_recordings(self.directory, self._id(ref, "recording"))
         return info
+
+    def name_holder(self, name: str) -> str | None:
+        """The id of the recording that has this name; None where none has."""
+        return recordings.name_holder(self.directory, name)
+
+    def may_be_called(self, recording: Recording, name: str) -> bool:
+        """Whether no recording of other log files has this name: one of the same log files may take it over."""
+        return recordings.may_be_called(self.directory, recording, name)
 
     def holds(self, recording_id: str) -> bool:
         """Whether a recording of this id is stored."""
@@ -214,6 +232,10 @@ class Registry:
         """The result stored last, of this kind and about this recording; NoMatchError when there is none."""
         recording_id = self._id(recording_ref, "recording") if recording_ref else None
         return documents.latest_result(self.directory, kind, recording_id)
+
+    def results_about(self, kind: str, recording_ref: str) -> tuple[str, ...]:
+        """Ids of the results of a kind about a recording, that stored last first."""
+        return documents.results_about(self.directory, kind, self._id(recording_ref, "recording"))
 
     def put_index(
         self, ref: str, key: str, arrays: Mapping[str, np.ndarray], entries: Sequence[str] | None = None

@@ -14,12 +14,17 @@ from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import ROBOTS, StoredFile, content_hash, is_temporary, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
+from dynreg.registry.versions import numbered
+from dynreg.registry.writing import Writing
 
 
-def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name: str) -> None:
+def put_robot(
+    directory: Directory, folder: Folder | Path, robot_hash: str, name: str, version: int | None = None
+) -> None:
     """Copy a robot folder under its hash; files that were lost or changed are put right again.
 
-    folder : as it was read, so that the files copied are those that were hashed; or where it lies.
+    folder : as it was read, so that the files copied are those that were hashed; or where it lies. version : the number
+    that a new one gets where it is free, as in the registry that it comes from; else the next of its name.
 
     The hash does not cover the log maps in `maps/`: those of the folder take the place of older ones. Names that
     begin with "." or "__" are left out. Raises RegistryError when the folder cannot be read, or when this hash
@@ -38,6 +43,7 @@ def put_robot(directory: Directory, folder: Folder | Path, robot_hash: str, name
         _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
         kept = known.name if known else name
         writing.put(tables.robots, {"hash": robot_hash, "name": kept, "manifest": told})
+        _number(writing, robot_hash, version, is_new=known is None)
     _remove_other_maps(directory, robot_hash)
 
 
@@ -62,6 +68,20 @@ def robot_folder(directory: Directory, robot_hash: str) -> Path:
 def require_robot(connection: Connection, robot_hash: str) -> Row:
     """The catalogue's row of a robot; NoMatchError when there is none."""
     return require(connection, tables.robots, robot_hash, "robot", "register its folder first")
+
+
+def _number(writing: Writing, robot_hash: str, version: int | None, *, is_new: bool) -> None:
+    """Write down the versions of all robots that have none yet; a new one is the newest of its name."""
+    connection = writing.connection
+    if row_of(connection, tables.robot_versions, robot_hash) is not None:
+        return
+    versions = {info.hash: info.version for info in numbered(connection, robot_hash if is_new else None)}
+    if is_new:
+        name = require_robot(connection, robot_hash).name
+        taken = {info.version for info in numbered(connection, robot_hash) if info.name == name}
+        free = version is not None and version not in taken
+        versions[robot_hash] = version if free else max(taken, default=0) + 1
+    writing.put(tables.robot_versions, *({"hash": h, "version": v} for h, v in versions.items()))
 
 
 def _remove_other_maps(directory: Directory, robot_hash: str) -> None:

@@ -5,6 +5,7 @@ is, so the catalogue can be compared with the files, and written again from them
 """
 
 import json
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -70,13 +71,17 @@ class _Halves:
     rest: dict[tuple[str, int, int], str] = field(default_factory=dict)
 
 
-def scan(root: Path, registered: set[str]) -> Found:
-    """Read every file below `root` and sort it; where two would do, one in `registered` goes first."""
+def scan(root: Path, registered: set[str], removed: Collection[str] = ()) -> Found:
+    """Read every file below `root` and sort it; where two would do, one in `registered` goes first.
+
+    removed : files, and folders with a "/" at the end, that were taken out of the registry: they are passed over.
+    """
     found, halves = Found(), _Halves()
     for path in sorted(root.iterdir()):
         if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
             found.bad[path.name] = "not a part of a registry"
-    for relative in sorted(_names(root), key=lambda name: (name not in registered, name)):
+    names = [name for name in _names(root) if not _is_among(name, removed)]
+    for relative in sorted(names, key=lambda name: (name not in registered, name)):
         if (root / relative).is_symlink():
             found.bad[relative] = "a link, which a registry does not hold"
             continue
@@ -102,6 +107,10 @@ def scan(root: Path, registered: set[str]) -> Found:
         if problem := damage(path):
             found.bad[path.relative_to(root).as_posix()] = problem
     return found
+
+
+def _is_among(name: str, removed: Collection[str]) -> bool:
+    return name in removed or "/".join(name.split("/")[:2]) + "/" in removed
 
 
 def _names(root: Path) -> list[str]:

@@ -9,7 +9,7 @@ import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, delete, insert, select, text
+from sqlalchemy import Connection, Table, delete, insert, inspect, select, text
 
 import dynreg.registry.tables as tables
 
@@ -60,12 +60,18 @@ def broken_structure(
 def broken_seals(connection: Connection) -> list[str]:
     """What shows that rows are not as dynreg left them, a line for each table; empty where they are."""
     seals, broken = read_seals(connection), []
-    for table in tables.SEALED:
-        rows = [tuple(row) for row in connection.execute(select(table))]
-        if Seal().with_rows(rows) != seals[table.name]:
-            broken.append(f"the table {table.name!r} is not as dynreg left it")
+    for name, rows in rows_in(connection, tables.SEALED).items():
+        table = tables.metadata.tables[name]
+        if Seal().with_rows(rows) != seals[name]:
+            broken.append(f"the table {name!r} is not as dynreg left it")
         broken += [problem for row in rows if (problem := tables.misfit(table, row))][:1]
     return broken
+
+
+def rows_in(connection: Connection, some: Iterable[Table]) -> dict[str, list[tuple]]:
+    """All rows of these tables, by name; none of a table that an older catalogue lacks."""
+    there = set(inspect(connection).get_table_names())
+    return {t.name: [*map(tuple, connection.execute(select(t)))] if t.name in there else [] for t in some}
 
 
 def strange_objects(connection: Connection, known: Collection[str]) -> list[str]:

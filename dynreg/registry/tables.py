@@ -51,6 +51,15 @@ robots = Table(
     Column("manifest", Text, nullable=False),  # sha256 of each file of the folder, by its path in it
 )
 
+# Which one it is among the robots of its name, from 1 on, in the order in which they came. Robots that came before this
+# was kept have no row; see `versions.numbered`.
+robot_versions = Table(
+    "robot_versions",
+    metadata,
+    Column("hash", ForeignKey("robots.hash"), primary_key=True),
+    Column("version", Integer, nullable=False),
+)
+
 populations = Table(
     "populations",
     metadata,
@@ -85,7 +94,7 @@ recordings = Table(
     "recordings",
     metadata,
     Column("id", Text, primary_key=True),
-    Column("robot_hash", ForeignKey("robots.hash"), nullable=False),
+    Column("robot_hash", ForeignKey("robots.hash"), nullable=False),  # with which it was ingested last
     Column("path", ForeignKey("files.path"), nullable=False),
     Column("ordinal", Integer, nullable=False),  # the highest is the last one ingested
 )
@@ -95,6 +104,14 @@ recording_names = Table(
     metadata,
     Column("name", Text, primary_key=True),
     Column("recording_id", ForeignKey("recordings.id"), nullable=False),
+)
+
+# The name that a recording got last, of those that it has; older registries tell none.
+latest_names = Table(
+    "latest_names",
+    metadata,
+    Column("recording_id", ForeignKey("recordings.id"), primary_key=True),
+    Column("name", ForeignKey("recording_names.name"), nullable=False),
 )
 
 simulators = Table(
@@ -122,7 +139,7 @@ HELD = tuple(t for t in SEALED if t.name != "pages")  # what the pages of the le
 
 AT_ONCE = 500  # keys in one question: SQLite takes at most 32,766 values (999 before version 3.32)
 
-Values = tuple[Any, ...]  # of one row, in the order of its table's columns
+Values = tuple[Any, ...]  # values of one row, in the order of its table's columns
 Key = tuple[Any, ...]
 
 

@@ -37,6 +37,7 @@ from dynreg.registry.opening import (
     write_marker,
 )
 from dynreg.registry.rebuild import Rows, manifest_of, new_rows, paths_in
+from dynreg.registry.sweeping import remove_files
 from dynreg.registry.tables import Values, values_of
 from dynreg.registry.writing import Writing
 
@@ -103,10 +104,12 @@ def _repaired(path: Path) -> VerifyReport:
         if changed and stored.connection is not None:
             stored.catalog.begin_anew(Writing(stored.connection), _values(rows))
         if stored.connection is not None:  # while nobody else can put anything
+            remove_files(path, examined.removed)
             _put_away(path, _strays(rows, examined))
     if stored.connection is None:
         if changed:
             _rebuild(path, _values(rows))
+        remove_files(path, examined.removed)
         _put_away(path, _strays(rows, examined))
     sweep(path)
     faults = (*back, *_nameless(rows, examined), *examined.report.faults)

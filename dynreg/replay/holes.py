@@ -1,4 +1,4 @@
-"""Holes of a recording: stretches in which a signal that a replay needs holds no number."""
+"""Gaps of a recording: rows in which a signal that a replay needs has no value."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from dynreg.sim.robot import Robot
 
 @dataclass(frozen=True)
 class Hole:
-    """Rows `first` to `last` of an episode (its number) in which a channel holds no number."""
+    """Rows `first` to `last` of an episode (by its number) in which a channel has no value."""
 
     channel: str
     episode: int
@@ -22,27 +22,28 @@ class Hole:
 
 
 def holes(robot: Robot, recording: Recording) -> tuple[Hole, ...]:
-    """What cannot be filled in of the commands, the measured inputs and the weighted channels, by episode.
+    """Gaps that cannot be filled, in the commands, the measured inputs and the weighted channels, by episode.
 
-    Between the first and the last measured row of an episode. A slow sensor has none between its samples
-    (`gaps.silences`), and a state that an episode lacks altogether is no hole in it; a command or an input is one.
+    Only rows between the first and the last measured row of an episode count. The rows between the samples of a slow
+    sensor are not a gap (`gaps.silences`). A state that an episode does not have at all is not a gap either; a missing
+    command or input is.
     """
-    told = [name for name in (*robot.actions, *robot.inputs) if name in recording.names]
+    driving = [name for name in (*robot.actions, *robot.inputs) if name in recording.names]
     states = [c.name for c in robot.file.channels if c.weight > 0 and c.name in recording.names]
     out = []
     for number, episode in enumerate(recording.episodes):
         known = np.isfinite(episode.values)
         measured = np.flatnonzero(known[:, recording.columns(states)].any(axis=1))
-        for name in dict.fromkeys([*states, *told]) if len(measured) else ():
+        for name in dict.fromkeys([*states, *driving]) if len(measured) else ():
             rows = np.flatnonzero(known[:, recording.names.index(name)])
-            if len(rows) or name in told:
+            if len(rows) or name in driving:
                 places = _empty(episode.time, rows, measured[0], measured[-1])
                 out += [Hole(name, number, first, last) for first, last in places]
     return tuple(out)
 
 
 def hit(cut: Windows, found: Sequence[Hole]) -> np.ndarray:
-    """(W,) whether a window has rows of a hole."""
+    """(W,) whether a window overlaps a gap."""
     out = np.zeros(len(cut), dtype=bool)
     for hole in found:
         start, stop = cut.rows.T
@@ -51,19 +52,19 @@ def hit(cut: Windows, found: Sequence[Hole]) -> np.ndarray:
 
 
 def sentence(recording: Recording, found: Sequence[Hole]) -> str:
-    """Which channel holds no number, and where: of several places the longest, and how many more there are."""
+    """The longest gap in words, and how many more there are."""
     longest = max(found, key=lambda hole: hole.last - hole.first)
     episode = recording.episodes[longest.episode]
     begin, end = episode.time[longest.first], episode.time[longest.last]
     more = f" (and in {len(found) - 1} more places)" if len(found) > 1 else ""
     return (
-        f"{longest.channel} holds no number in rows {longest.first} to {longest.last} of episode {episode.name!r}, "
-        f"{begin:.2f} to {end:.2f} s{more}"
+        f"{longest.channel} has no value in rows {longest.first} to {longest.last} of episode {episode.name!r} "
+        f"({begin:.2f} to {end:.2f} s){more}"
     )
 
 
 def _empty(time: np.ndarray, known: np.ndarray, begin: int, end: int) -> list[tuple[int, int]]:
-    """First and last row of each hole between rows `begin` and `end` of a signal with numbers in the rows `known`."""
+    """First and last row of each gap between rows `begin` and `end` of a signal with values in the rows `known`."""
     if not len(known):
         return [(int(begin), int(end))]
     out = []

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dynreg.data.clocks import begins
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
 from dynreg.replay.timed import on_grid
@@ -51,15 +52,8 @@ class Rows:
 
     @cached_property
     def begin(self) -> np.ndarray:
-        """(E,) seconds from the start of the log to that of each episode.
-
-        Episodes whose clocks all start anew are taken to follow each other.
-        """
-        first = np.array([time[0] for time in self.time])
-        lasted = np.array([time[-1] - time[0] for time in self.time])
-        if len(first) > 1 and not (np.diff(first) > 0).all():
-            first = np.concatenate([[0.0], np.cumsum(lasted)[:-1]])
-        return first - first[0]
+        """(E,) seconds from the begin of the first episode to that of each; see `clocks.begins`."""
+        return begins(*(np.array([time[at] for time in self.time]) for at in (0, -1)))
 
 
 def rows_of(robot: Robot, recording: Recording) -> Rows:

@@ -12,27 +12,26 @@ from dynreg.results.calibration import Calibration
 
 
 def verdict(result: Calibration) -> str:
-    """The answer in a sentence."""
-    text = (
-        f"{result.method} fitted {count(len(result.parameters), 'parameter')} of {result.robot} to"
-        f" {result.recording[:12]} in {count(result.cost.rollouts, 'simulation')}:"
-        f" replay error {number(result.train_error)} (nominal {number(result.nominal_train_error)})"
+    """The answer in one short sentence."""
+    part = "train" if result.test_error is None else "test"
+    error, nominal = (
+        (result.train_error, result.nominal_train_error)
+        if result.test_error is None
+        else (result.test_error, result.nominal_test_error)
     )
-    if result.test_error is None:
-        return text + "."
     return (
-        text
-        + f", on the test part {number(result.test_error)} (nominal {number(result.nominal_test_error)})."
+        f"{result.method} fitted {count(len(result.parameters), 'parameter')} of {result.robot} to"
+        f" {result.recording[:12]}: replay error {number(error)} on the {part} part (nominal {number(nominal)})."
     )
 
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
-    """What to do with the result."""
-    return (f"Compare with what the registry gives: dynreg query {result.recording[:12]}",)
+    """What to do next."""
+    return (f"Compare with a query: dynreg query {result.recording[:12]}",)
 
 
 def tables(result: Calibration) -> Group:
-    """The fitted parameters, and the errors beside the nominal simulator's."""
+    """The fitted parameters, and the errors of the nominal and the fitted simulator."""
     errors = [
         ("nominal", result.nominal_train_error, result.nominal_test_error),
         (result.method, result.train_error, result.test_error),
@@ -40,7 +39,7 @@ def tables(result: Calibration) -> Group:
     return Group(
         Text(verdict(result), style="bold"),
         estimate_table(result.parameters, "parameters"),
-        table(("", "train", "test"), errors, "replay error (1 = the size of the motion)"),
+        table(("", "train", "test"), errors, "replay error (1: as large as the motion)"),
         Text(f"\n{cost_words(result.cost)}"),
         *(Text(f"- {step}") for step in next_steps(result)),
     )

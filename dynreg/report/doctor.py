@@ -1,17 +1,30 @@
 """The room of the checks on logs."""
 
-from rich.console import RenderableType
+import re
+
+from rich.console import Group, RenderableType
 
 from dynreg.errors import LogError
 from dynreg.report.grid import table
-from dynreg.report.words import first_of
-from dynreg.results.doctor import LogFindings
+from dynreg.report.words import first_of, number
+from dynreg.results.doctor import LogContents, LogFindings
+
+SHOWN = 3  # names of signals in one cell
 
 
 def tables(result: LogFindings) -> RenderableType:
-    """The findings; what is found alike in several episodes or files is one row: the first place, and how many more."""
+    """What the logs hold, what was found in them, and what a drafted map lacks."""
+    parts = [_contents(result.contents)] if result.contents else []
+    parts.append(_findings(result))
+    if result.drafted is not None:
+        parts.append(_drafted(result))
+    return Group(*parts)
+
+
+def _findings(result: LogFindings) -> RenderableType:
+    """What is found alike in several episodes or files is one row: the first place, and how many more."""
     if not result.findings:
-        return "nothing found: the logs can be ingested"
+        return "nothing wrong was found: the logs can be ingested"
     places: dict[tuple[str, str, str], list[str]] = {}
     for f in result.findings:
         places.setdefault((f.severity, f.check, f.message), []).append(f.where)
@@ -20,9 +33,48 @@ def tables(result: LogFindings) -> RenderableType:
     return table(("severity", "check", "where", "finding"), rows)
 
 
+def _contents(contents: tuple[LogContents, ...]) -> RenderableType:
+    several = len({c.log for c in contents}) > 1
+    rows = [
+        (
+            (f"{c.log} {c.topic}" if several else c.topic).strip() or c.log,
+            c.type.rpartition("/")[2],
+            c.messages,
+            "" if c.rate is None else number(c.rate),
+            "" if c.begin is None else f"{c.begin:.4g} to {c.end:.4g}",
+            _signals(c),
+        )
+        for c in contents
+    ]
+    return table(("topic", "type", "messages", "Hz", "seconds", "signals"), rows)
+
+
+def _signals(topic: LogContents) -> str:
+    """The first signals with the units that the log states, and how many more there are; those with names first."""
+    plain = [n for n in topic.signals if not re.search(r"header\.|covariance|\.[A-Z_]{4,}$", f".{n}")]
+    named = [n for n in plain if re.search(r"\[[^\]]*[^\]\d]", n)] or plain
+    units = {name: f" [{unit}]" for name, unit in topic.units.items()}
+    first = ", ".join(f"{name}{units.get(name, '')}" for name in named[:SHOWN])
+    return first + (f" and {len(named) - SHOWN} more" if len(named) > SHOWN else "")
+
+
+def _drafted(result: LogFindings) -> str:
+    """One line on each thing that a drafted map lacks."""
+    drafted = result.drafted
+    lines = [f"\nmap written to {drafted.path}: {len(drafted.found)} channels found"]
+    for told, names in (
+        ("missing", drafted.missing),
+        ("ambiguous", drafted.ambiguous),
+        ("settings not in the log", drafted.settings),
+    ):
+        if names:
+            lines.append(f"{told}: {', '.join(names)}")
+    return "\n".join(lines)
+
+
 def refusal(result: LogFindings) -> LogError | None:
-    """The error of logs that could not be ingested."""
-    if result.usable:
+    """The error of logs that could not be ingested; none where a map was drafted, for its gaps are to be filled."""
+    if result.usable or result.drafted is not None:
         return None
     wrong = [f for f in result.findings if f.severity == "error"]
     problem, expected, do = first_of([f.message for f in wrong])

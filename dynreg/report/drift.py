@@ -1,13 +1,13 @@
 """The room of a drift: its words, its tables and its page, a map of cells for each axis."""
 
 import math
-import shlex
 from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from dynreg.errors import command
 from dynreg.report.drawing import Tick, ticks
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
@@ -53,7 +53,9 @@ def pattern_table(result: Drift) -> RenderableType:
         for p in result.patterns
     ]
     columns = ("pattern", "factor", "95 % interval", "of the squared shifts", "evidence")
-    return table(columns, rows, "what would explain the shifts (evidence over no change: 10 is very strong)")
+    return table(
+        columns, rows, "patterns that explain the shifts (evidence relative to no change; 10 is very strong)"
+    )
 
 
 def cells(of: DriftCell) -> tuple[str, ...]:
@@ -120,11 +122,11 @@ def steps(result: Drift) -> tuple[str, ...]:
             f"{later}"
         )
     if not result.kept:
-        out.append(f"Keep the updated table: {command(result)} --out table.parquet")
+        out.append(f"Keep the updated table: {again(result)} --out table.parquet")
     return tuple(out)
 
 
-def command(result: Drift) -> str:
+def again(result: Drift) -> str:
     """The command line that makes the same tests again; settings that are the usual ones are left out."""
     usual = DriftSettings()
     asked = {
@@ -133,10 +135,10 @@ def command(result: Drift) -> str:
         "--level": (result.false_alarms.level, usual.level),
         "--seed": (result.seed, usual.seed),
     }
-    words = ["dynreg", "drift", result.recording_name, "--against", result.earlier.name]
+    words = ["drift", result.recording_name, "--against", result.earlier.name]
     words += [word for flag, (value, same) in asked.items() if value != same for word in (flag, f"{value!r}")]
     words += ["--welch"] * (result.test == "welch") + ["--no-fdr"] * (not result.together)
-    return shlex.join(words)
+    return command(*words)
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,21 @@ from dynreg.results.effects import EffectSize, EffectsList
 
 PER = {
     "torque": ("tau", "the drive's torque limit"),
-    "stiffness": ("1/k", "over the stiffness of the servo"),
+    "stiffness": ("1/k", "divided by the stiffness of the servo"),
     "inertia": ("I", "the joint's inertia"),
     "length": ("l", "from the joint to the centre of mass"),
     "command": (
         "u",
-        "the largest command of a drive that is told a speed, 1 rad of one that is told a position",
+        "the largest speed command of a velocity drive; 1 rad for a position drive",
     ),
 }
 
 
 def tables(result: EffectsList, near: bool = False) -> Group:
-    """What each effect is and how large, what nothing usual tells apart; `near`: also what the right commands do."""
+    """Each effect with its sizes, and the groups that usual logs do not separate.
+
+    near : also the effects that only suitable commands separate.
+    """
     fitting = [e for e in result.effects if e.applies is not False]
     rows = [(e.id, e.acts_on, e.title, _size(e.parameters[0]) if e.parameters else "-") for e in fitting]
     title = f"effects of {result.robot}" if result.robot else "effects"
@@ -30,16 +33,15 @@ def tables(result: EffectsList, near: bool = False) -> Group:
     groups = {tuple(sorted((e.id, *e.group))): e.separate_by for e in reversed(fitting) if e.group}
     if groups:
         rows = [(", ".join(group), how) for group, how in reversed(groups.items())]
-        parts.append(
-            table(("effects", "what tells them apart"), rows, "the same to any usual log, at the same joint")
-        )
+        title = "effects that no usual log separates (at the same joint)"
+        parts.append(table(("effects", "experiment that separates them"), rows, title))
     near_ones = [(e.id, ", ".join(e.near), e.separate_by) for e in fitting if e.near and near]
     if near_ones:
-        columns = ("effect", "is near", "what tells them apart")
-        parts.append(table(columns, near_ones, "told apart by the right commands only"))
+        columns = ("effect", "similar to", "experiment that separates them")
+        parts.append(table(columns, near_ones, "effects that only suitable commands separate"))
     lacking = [(e.id, e.why_not or "") for e in result.effects if e.applies is False]
     if lacking:
-        parts.append(table(("effect", "why not"), lacking, f"not on {result.robot}"))
+        parts.append(table(("effect", "reason"), lacking, f"effects that cannot act on {result.robot}"))
     return Group(*parts)
 
 

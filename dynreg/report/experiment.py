@@ -9,11 +9,10 @@ from dynreg.results.experiment import Experiment
 
 
 def tables(result: Experiment) -> Group:
-    """How well it separates, and what it uses of the robot's limits."""
-    usual = (
-        "" if result.usual is None else f"; the usual commands of that length: {number(result.usual)} nats"
-    )
-    parts: list[RenderableType] = [Text(str(result) + usual, style="bold")]
+    """The expected evidence, and the robot's limits beside the range that the commands use."""
+    parts: list[RenderableType] = [Text(str(result), style="bold")]
+    if result.usual is not None:
+        parts.append(Text(f"The usual commands of this length separate them by {number(result.usual)} nats."))
     if result.limits:
         rows = [(k.name, k.low, k.high, k.least, k.most, k.unit) for k in result.limits]
         parts.append(table(("limit", "low", "high", "least used", "most used", "unit"), rows))

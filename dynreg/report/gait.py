@@ -15,7 +15,7 @@ PERIODS = 2  # of the joints' traces, after the ramp
 
 
 def tables(result: Gait) -> RenderableType:
-    """Its genes, how it walks in every simulator, and what the search cost."""
+    """The genes, the run in every simulator, and the cost of the search."""
     genes = [(name, g.value, g.low, g.high, g.unit) for name, g in result.genes.items()]
     trials = [
         (t.simulator[:12], t.kind, "fell" if t.fell else "stood", t.fitness, t.x[-1], t.y[-1])
@@ -26,13 +26,13 @@ def tables(result: Gait) -> RenderableType:
     return Group(
         Text(str(result), style="bold"),
         table(("gene", "value", "low", "high", "unit"), genes, "sinusoidal joint commands"),
-        table(columns, trials, f"{result.seconds:g} s of task {result.task} in each"),
+        table(columns, trials, f"task {result.task}, {result.seconds:g} s in each simulator"),
         Text(
             f"\nfitness: min {fitness.min:.3g}, lower quartile {fitness.quantile:.3g}, mean {fitness.mean:.3g}"
-            f" {result.unit}; success from {result.success:g}"
+            f" {result.unit} (goal: {result.success:g} in every simulator)"
         ),
         Text(
-            f"search: {result.method}, {result.evaluations} gaits ({result.resumed} from before), ended by"
+            f"search: {result.method}, {result.evaluations} gaits ({result.resumed} of them resumed), ended by"
             f" {result.ended}; {result.cost.rollouts} simulations, {result.cost.seconds:.1f} s"
         ),
         *(Text(f"note: {note}") for note in result.notes),
@@ -56,7 +56,7 @@ def page(result: Gait) -> dict[str, Any]:
 
 
 def best_so_far(result: Gait) -> tuple[list[int], list[float]]:
-    """Gaits tried and the best value after them, as a line of stairs from the first gait on."""
+    """The number of gaits tried and the best value so far, as a step function from the first gait on."""
     tried, best = [], []
     for step in result.history:
         tried += [step.evaluations] * (2 if best else 1)
@@ -73,18 +73,18 @@ def _way(trial: Any) -> Chart | None:
 
 
 def _traces(result: Gait) -> list[Chart]:
-    """Every joint over two periods of the gait, after it has faded in."""
-    times, told = commands(result)
+    """The commands of every joint over two periods, after the ramp."""
+    times, angles = commands(result)
     at = (times >= result.ramp) & (times <= result.ramp + PERIODS / result.frequency)
     drawn = (
-        chart(f"{joint.action} [rad]", "time [s]", times[at].tolist(), {"answer": told[at, i].tolist()})
+        chart(f"{joint.action} [rad]", "time [s]", times[at].tolist(), {"answer": angles[at, i].tolist()})
         for i, joint in enumerate(result.joints)
     )
     return [c for c in drawn if c is not None]
 
 
 def _steps(result: Gait) -> list[tuple[str, list[tuple[float, float]]]]:
-    """(foot, spans on the ground as percent of the time shown) in the first simulator in which it did not fall."""
+    """(foot, [(begin, length) of contacts in percent of the time shown]) in the first simulator without a fall."""
     stood = [t for t in result.trials if not t.fell]
     if not stood:
         return []

@@ -8,15 +8,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from dynreg.report.words import interval, number
+from dynreg.report.words import interval, interval_words, number
 from dynreg.results.result import Estimate
 
-KEPT_WHOLE = 32  # a first cell shorter than this is not broken
+KEPT_WHOLE = 32  # a first cell shorter than this is not wrapped
 _LINES = box.SIMPLE_HEAD
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | None = None) -> RenderableType:
-    """A table whose numbers stand to the right; its title is a line of its own above it."""
+    """A table with right-aligned numbers, under a line with its title."""
     rows = [tuple(row) for row in rows]
     out = Table(box=_LINES, show_edge=False, show_header=any(columns), pad_edge=False, header_style="bold")
     for i, name in enumerate(columns):
@@ -30,15 +30,17 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | No
     return Group(Text(f"\n{title}", style="bold"), out) if title else out
 
 
-def estimate_table(parameters: dict[str, Estimate], title: str) -> RenderableType:
-    """Parameters with their intervals, where they have some, beside the nominal values."""
-    value = "value" if all(e.low is None for e in parameters.values()) else "value [90 % interval]"
+def estimate_table(parameters: dict[str, Estimate], title: str, reliable: bool = True) -> RenderableType:
+    """Parameters with their nominal values and, where they have them, their intervals, reliable or not."""
+    value = "value"
+    if any(e.low is not None for e in parameters.values()):
+        value += f" [{interval_words(reliable)}]"
     rows = [(name, e.nominal, interval(e), e.unit) for name, e in parameters.items()]
     return table(("parameter", "nominal", value, "unit"), rows, title)
 
 
 def value_text(value: Any) -> str:
-    """JSON data in a cell: lists of long texts line by line."""
+    """JSON data as the text of a cell; lists of long texts get one line each."""
     if isinstance(value, dict):
         return ", ".join(f"{k} {value_text(v)}" for k, v in value.items())
     if isinstance(value, list | tuple):

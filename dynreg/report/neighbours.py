@@ -5,12 +5,12 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from dynreg.errors import NoMatchError
+from dynreg.errors import NoMatchError, command
 from dynreg.report.drawing import Track, estimate_track, traces
 from dynreg.report.grid import estimate_table, table
-from dynreg.report.words import cost_words, count
+from dynreg.report.words import NOT_SCORED, channel_words, cost_words, count, held_out_words, interval_words
 from dynreg.results.neighbours import Neighbours
-from dynreg.results.result import Gain
+from dynreg.results.sentence import change, change_interval, gain_words
 
 SHOWN_NEIGHBOURS = 5
 STAGES = {
@@ -23,76 +23,89 @@ STAGES = {
 
 
 def verdict(result: Neighbours) -> str:
-    """The answer in a sentence."""
+    """The answer in one short sentence."""
     name = result.recording_name
     if not result.fits:
-        return f"No simulator of this population fits {name}: do not rely on the answer below."
+        return f"No simulator of this population fits {name}: do not rely on the best one."
     if result.answer_kind == "nominal":
-        return f"For {name} the nominal model stands: no simulator near it did better."
-    chosen = f"the {result.answer_kind} simulator {result.answer[:12]}"
+        return f"For {name}, use the nominal model: no simulator near it did better."
+    if result.unclear:
+        return f"For {name}, no simulator here is clearly better than nominal."
+    return f"For {name}, use {_answer(result)}."
+
+
+def _answer(result: Neighbours) -> str:
+    """The simulator that the query found, in words."""
     if result.answer_kind == "neighbour":
         names = [n.name for n in result.neighbours if n.entry == result.answer]
-        chosen = f"simulator {names[0] if names else result.answer[:12]}"
-    gain = f" {gain_words(result.gain)}" if result.gain else ""
-    return f"For {name}, use {chosen}.{gain}"
+        return f"simulator {names[0] if names else result.answer[:12]}"
+    return f"the {result.answer_kind} simulator {result.answer[:12]}"
 
 
-def gain_words(gain: Gain) -> str:
-    """A gain against the nominal model, as a sentence; one that may be chance is not called a gain."""
-    if gain.low is None or gain.high is None:
-        side = "below" if gain.value >= 0 else "above"
-        size = f"{100 * abs(gain.value):.0f} %"
-        return f"Its replay error is {size} {side} the nominal model's (too few episodes for an interval)."
-    interval = f"90 % interval of the gain: {100 * gain.low:.0f} to {100 * gain.high:.0f} %"
-    if gain.low <= 0 <= gain.high:
-        return f"It does not clearly differ from the nominal model ({interval})."
-    side = "below" if gain.low > 0 else "above"
-    return f"Its replay error is {100 * abs(gain.value):.0f} % {side} the nominal model's ({interval})."
+def comparison(result: Neighbours) -> str:
+    """The answer's error on held-out data against the nominal model's; "" where there is nothing to compare."""
+    if result.gain is None or result.answer_kind == "nominal":
+        return ""
+    error = f"error on held-out data is {gain_words(result.gain, 'nominal')}"
+    if not result.fits:
+        return f"The best is {_answer(result)}: its {error}. It is still too large for a fit."
+    return f"The best is {_answer(result)}: its {error}." if result.unclear else f"Its {error}."
 
 
 def next_steps(result: Neighbours) -> tuple[str, ...]:
-    """What to do with the result, the first thing first."""
+    """What to do next, the most important step first."""
     steps = []
     if not result.fits:
         steps.append(f"Check the log: dynreg doctor LOG --robot {result.robot}")
         steps.append(
-            "Widen the parameter ranges in robot.toml, or add what the model leaves out, and populate."
+            "Widen the parameter ranges in robot.toml, or add the missing effect to the model. Then populate again."
         )
     if not result.parts.get("test"):
-        steps.append("Nothing was held out: record more episodes, or name some with --hold-out.")
-    if result.fits:
-        steps.append(f"Take the simulator along: dynreg export {result.answer[:12]} --to FOLDER")
+        steps.append(
+            "No episode was held out. Record more episodes, or choose held-out episodes with --hold-out."
+        )
+    if result.unclear:
+        steps.append(f"Ask what all of them lack: {command('diagnose', result.recording_name)}")
+    elif result.fits:
+        export = command("export", result.answer[:12], "--as", "robot", "--to", "FOLDER")
+        steps.append(f"Export the simulator as a robot folder: {export}")
     return tuple(steps)
 
 
 def refusal(result: Neighbours) -> NoMatchError | None:
-    """The error of a query for which no simulator fits."""
+    """The error of a query that no simulator fits; None otherwise."""
     if result.fits:
         return None
     return NoMatchError(
-        f"no simulator fits {result.recording_name!r}: {result.alarm or 'its data lie outside'}",
+        f"no simulator fits {result.recording_name!r}: {result.alarm or 'the recording is out of distribution'}",
         expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
         do="check the log with `dynreg doctor`, or populate with wider ranges",
     )
 
 
 def tables(result: Neighbours) -> Group:
-    """The answer, the nearest simulators, the stages, the synthesised parameters and where it still errs."""
+    """The answer, the nearest simulators, the error by stage, the synthesised parameters, the error by channel."""
     parts: list[RenderableType] = [Text(verdict(result), style="bold")]
+    if comparison(result):
+        parts.append(Text(comparison(result)))
     if result.alarm:
         parts.append(Text(f"alarm: {result.alarm}", style="bold red"))
     parts += [_neighbour_table(result), _stage_table(result)]
     if result.synthesised:
-        parts.append(estimate_table(result.synthesised.parameters, "synthesised parameters"))
+        title = "parameters of the synthesised simulator"
+        parts.append(estimate_table(result.synthesised.parameters, title, reliable=result.fits))
+        parts += [] if result.fits else [Text(result.reliance)]
     if result.channels:
         parts.append(_channel_table(result))
+    held_out = held_out_words(result.parts)
+    parts += [Text(f"\n{held_out}")] if held_out else []
     parts += [Text(f"\n{cost_words(result.cost)}"), *(Text(f"note: {note}") for note in result.notes)]
     parts += [Text(f"- {step}") for step in next_steps(result)]
     return Group(*parts)
 
 
 def _neighbour_table(result: Neighbours) -> RenderableType:
-    """Neighbours stand side by side, so that any number of parameters stays within the width."""
+    """One column for each neighbour, so that any number of parameters fits the width."""
     shown = result.neighbours[:SHOWN_NEIGHBOURS]
     more = len(result.neighbours) - len(shown)
     units = {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {}
@@ -102,8 +115,8 @@ def _neighbour_table(result: Neighbours) -> RenderableType:
         ("replay error", "", result.nominal.replay_error, *(n.replay_error for n in shown)),
         *((p, units.get(p, ""), nominal[p], *(n.parameters.get(p) for n in shown)) for p in nominal),
     ]
-    title = f"{count(len(result.neighbours), 'neighbour')} in {result.robot} by {result.distance}"
-    title += f", the first {len(shown)}" if more else ""
+    title = f"{count(len(result.neighbours), 'nearest neighbour')} by the distance {result.distance}"
+    title += f" (the first {len(shown)} shown)" if more else ""
     return table(("", "unit", "nominal", *(f"#{n.index}" for n in shown)), rows, title)
 
 
@@ -114,20 +127,23 @@ def _stage_table(result: Neighbours) -> RenderableType:
     ]
     columns = ("stage", "simulator", "fit", "select", "test", "simulations")
     return table(
-        columns, rows, "replay error by stage (1 = the size of the motion; test was read once, at the end)"
+        columns, rows, "replay error by stage (1: as large as the motion; test: read once, at the end)"
     )
 
 
 def _channel_table(result: Neighbours) -> RenderableType:
-    rows = [(c.channel, c.nominal, c.answer, c.spread, c.unit) for c in result.channels]
+    rows = [
+        (channel_words(c.channel, c.scored), c.nominal, c.answer, c.spread, c.unit) for c in result.channels
+    ]
     part = "test part" if result.parts.get("test") else "fit and select parts"
-    title = f"where it still errs: mean absolute error on the {part}"
-    return table(("channel", "nominal", "answer", "motion (1 sigma)", "unit"), rows, title)
+    title = f"mean absolute error by channel on the {part}"
+    found = table(("channel", "nominal", "answer", "motion (1 sigma)", "unit"), rows, title)
+    return found if all(c.scored for c in result.channels) else Group(found, Text(NOT_SCORED))
 
 
 def page(result: Neighbours) -> dict[str, Any]:
     """The template's variables."""
-    by_name = {s.stage: s for s in result.stages}
+    by_name, gain = {s.stage: s for s in result.stages}, result.gain
     answer = by_name.get("answer")
     known = [name for name in ("test", "select", "fit") if getattr(answer, name, None) is not None]
     shown = known[0] if known else "test"
@@ -136,16 +152,21 @@ def page(result: Neighbours) -> dict[str, Any]:
         "result": result,
         "title": f"{result.recording_name} · {result.robot}",
         "verdict": verdict(result),
+        "comparison": comparison(result),
+        "change": change(gain.value) if gain else "",
+        "change_interval": change_interval(gain.low, gain.high) if gain and gain.low is not None else "",
         "steps": next_steps(result),
         "part": part,
         "shown": shown,
         "error_before": getattr(by_name.get("nominal"), shown, None),
         "error_after": getattr(answer, shown, None),
-        # the nominal line is dashed, so that the answer shows through where they run together
+        # the nominal line is dashed, so that the answer's line shows where the two coincide
         "charts": traces(result.traces, ("measured", "answer", "nominal")),
         "stages": _stage_bars(result),
         "tracks": _neighbour_tracks(result),
         "channels": _channel_bars(result),
+        "not_scored": "" if all(c.scored for c in result.channels) else NOT_SCORED,
+        "interval_name": interval_words(result.fits),
         "names": list(result.nominal.parameters),
         "units": {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {},
     }
@@ -182,5 +203,8 @@ def _channel_bars(result: Neighbours) -> list[dict[str, Any]]:
     rows = []
     for c in result.channels:
         largest = max(c.nominal, c.answer) or 1.0
-        rows.append({"of": c, "nominal": 100 * c.nominal / largest, "answer": 100 * c.answer / largest})
+        name = channel_words(c.channel, c.scored)
+        rows.append(
+            {"of": c, "name": name, "nominal": 100 * c.nominal / largest, "answer": 100 * c.answer / largest}
+        )
     return rows

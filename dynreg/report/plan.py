@@ -1,4 +1,4 @@
-"""Geometry of paths on the ground, seen from above: one scale for both axes, in a box as wide as it is high."""
+"""Geometry of paths on the ground, seen from above: one scale for both axes, in a square box."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ Points = tuple[Sequence[float | None], Sequence[float | None]]  # x and y [m]
 
 @dataclass(frozen=True)
 class Plan:
-    """Paths as polylines in a square box, the point where all begin, and a bar of a round length for scale.
+    """Paths as polylines in a square box, their common start, and a scale bar of a round length.
 
     bar : in percent of the side; bar_label : its length with its unit.
     """
@@ -26,7 +26,7 @@ class Plan:
 
 
 def plan(title: str, ways: Sequence[tuple[str, Points]]) -> Plan | None:
-    """Paths with their styles, drawn in this order; None where none has two points."""
+    """Paths with their styles, drawn in this order; None if no path has two points."""
     known = [_known(*points) for _, points in ways]
     points = [point for way in known for point in way]
     if len(points) < 2 or all(len(way) < 2 for way in known):
@@ -57,7 +57,7 @@ def _known(x: Sequence[float | None], y: Sequence[float | None]) -> list[tuple[f
 
 
 def _path(points: Sequence[tuple[float, float] | None]) -> str:
-    """A polyline that is broken where a point is not known."""
+    """A polyline with gaps at unknown points."""
     pairs = zip([None, *points], points, strict=False)
     return "".join(f"{'L' if before else 'M'}{now[0]:.1f} {now[1]:.1f}" for before, now in pairs if now)
 
@@ -73,7 +73,7 @@ def _round(most: float) -> float:
 
 
 def _length(metres: float) -> str:
-    """As people say it.
+    """A length with a readable unit.
 
     >>> _length(0.05), _length(2.0)
     ('5 cm', '2 m')

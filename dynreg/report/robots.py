@@ -6,9 +6,9 @@ from rich.console import Group, RenderableType
 
 from dynreg.errors import RobotError
 from dynreg.report.grid import table
-from dynreg.report.words import first_of
+from dynreg.report.words import count, first_of
 from dynreg.results.result import Result
-from dynreg.results.robots import RobotCheck, RobotFolder, RobotList
+from dynreg.results.robots import RobotCheck, RobotDraft, RobotFolder, RobotList
 
 
 @singledispatch
@@ -28,7 +28,11 @@ def _list(result: RobotList) -> RenderableType:
 
 @tables.register
 def _check(result: RobotCheck) -> str:
-    return "\n".join(result.problems) or f"{result.robot}: sound"
+    lines = [f"error: {line}" for line in result.problems] + [f"warning: {line}" for line in result.warnings]
+    counts = [(len(result.problems), "error"), (len(result.warnings), "warning")]
+    told = ", ".join(count(how_many, what) for how_many, what in counts if how_many)
+    verdict = "sound" if result.sound else "not sound"
+    return "\n".join([*lines, f"{result.robot}: {verdict}{f' ({told})' if told else ''}"])
 
 
 @tables.register
@@ -39,6 +43,26 @@ def _folder(result: RobotFolder) -> Group:
         lines.append(table(("effect", "in robot.toml", "in mujoco.xml"), rows))
     lines += [f"note: no mujoco.xml: {result.note}"] if result.note else []
     return Group(*lines)
+
+
+@tables.register
+def _draft(result: RobotDraft) -> Group:
+    base = f", free base {result.base}" if result.base else ""
+    rows = [
+        ("joints", f"{len(result.joints)}, driven {len(result.actions)}{base}"),
+        ("commands", f"{_some(result.actions)}, at {result.control_rate:g} Hz"),
+        ("channels", f"{len(result.channels)}: {_some(result.channels)}"),
+        ("parameters", f"{len(result.parameters)}: {_some(result.parameters, 16)}"),
+        ("engines", f"{', '.join(result.engines)}, time step {result.timestep:g} s"),
+    ]
+    rows += [("map", result.map)] if result.map else []
+    rows += [("not in the log", _some(result.missing, 8))] if result.missing else []
+    return Group(str(result), table(("", ""), rows), *(f"note: {note}" for note in result.notes))
+
+
+def _some(names: tuple[str, ...], most: int = 3) -> str:
+    """The first few names, and how many there are besides."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def refusal(result: Result) -> RobotError | None:

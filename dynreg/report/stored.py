@@ -1,22 +1,28 @@
 """The room of what a registry holds and of what was done to it."""
 
+from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from dynreg.data.names import joint_of, quantity_of
 from dynreg.report.grid import table, value_text
 from dynreg.report.words import count, number
 from dynreg.results.result import Result
 from dynreg.results.stored import (
+    Collection,
     EntrySummary,
     Listing,
     PopulationSummary,
     RecordingSummary,
+    Removal,
     ReportFile,
     Verification,
 )
+
+NAMED = 8  # channels up to which each is named
 
 
 @singledispatch
@@ -42,14 +48,41 @@ def _population(result: PopulationSummary) -> Group:
 @tables.register
 def _recording(result: RecordingSummary) -> Group:
     kind = "measured" if result.measured else "simulated"
+    version = f" (version {result.version})" if (result.version or 1) > 1 else ""
     rate = "uneven times" if result.rate is None else f"{number(result.rate)} Hz"
     text = (
-        f"{result.name} ({result.recording[:12]}): {kind} recording of {result.robot},"
+        f"{result.name} ({result.recording[:12]}): {kind} recording of {result.robot}{version},"
         f" {count(result.episodes, 'episode')}, {result.rows_count} rows, {result.duration:.1f} s, {rate}"
     )
-    lines = [f"channels: {', '.join(result.channels)}"]
+    lines = [f"channels: {channel_words(result.channels)}"]
     lines += [f"settings: {', '.join(result.settings)}"] if result.settings else []
-    return Group(Text(text, style="bold"), *map(Text, lines), *(Text(f"- {f}") for f in result.findings))
+    return Group(
+        Text(text, style="bold"),
+        *map(Text, lines),
+        *(Text(f"- {f}") for f in (*result.notes, *result.findings)),
+    )
+
+
+def channel_words(names: Sequence[str]) -> str:
+    """The names of channels; of many only how many joints have which quantities.
+
+    >>> channel_words([f"{part}/{what}" for what in ("position", "target") for part in "abcde"] + ["supply"])
+    '5 joints: position, target; supply'
+    """
+    if len(names) <= NAMED:
+        return ", ".join(names)
+    owned: dict[str, list[str]] = {}
+    for name in names:
+        owned.setdefault(joint_of(name), []).append(quantity_of(name))
+    alike: dict[str, list[str]] = {}
+    for owner, quantities in owned.items():
+        alike.setdefault(", ".join(quantities), []).append(owner)
+    plain = alike.pop("", [])
+    groups = [
+        f"{owners[0] if len(owners) == 1 else count(len(owners), 'joint')}: {quantities}"
+        for quantities, owners in alike.items()
+    ]
+    return "; ".join((*groups, *plain))
 
 
 @tables.register
@@ -82,6 +115,40 @@ def _verification(result: Verification) -> Group:
     state = "sound" if result.clean else count(len(result.faults), "fault")
     lines = [f"{'lost' if fault in result.lost else '-'}: {fault}" for fault in result.faults]
     return Group(Text(f"{result.registry}: {state} ({counts})", style="bold"), *map(Text, lines))
+
+
+@tables.register
+def _removal(result: Removal) -> Group:
+    rows = [
+        (i.id[:12], i.kind, i.name or "-", i.robot, i.detail.get("needs", "asked for")) for i in result.items
+    ]
+    done = "removed" if result.removed else "would be removed"
+    head = Text(f"{count(len(result.items), 'thing')} {done}, {_size(result.bytes)}", style="bold")
+    shown = table(("id", "kind", "name", "robot", "because it needs"), rows, result.registry)
+    return Group(head, shown, *map(Text, result.moved))
+
+
+@tables.register
+def _collection(result: Collection) -> Group:
+    done = "removed" if result.removed else "would be removed"
+    head = Text(f"{count(len(result.files), 'file')} {done}, {_size(result.bytes)}", style="bold")
+    by_reason: dict[str, list[int]] = {}
+    for file in result.files:
+        by_reason.setdefault(file.why, []).append(file.bytes)
+    rows = [(why, len(sizes), _size(sum(sizes))) for why, sizes in sorted(by_reason.items())]
+    return Group(head, *([table(("why", "files", "size"), rows, result.registry)] if rows else []))
+
+
+def _size(many: int) -> str:
+    """Bytes in the unit that fits.
+
+    >>> _size(512), _size(3_500_000)
+    ('512 bytes', '3.5 MB')
+    """
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if many >= size:
+            return f"{many / size:.3g} {unit}"
+    return f"{many} bytes"
 
 
 @tables.register

@@ -14,15 +14,16 @@ from dynreg.report.grid import table, value_text
 from dynreg.results.result import Result
 
 # the rooms that several kinds of results share; every other kind has the room of its own name, or none
-_SHARED = {"robot_check": "robots", "robot_folder": "robots"} | dict.fromkeys(
-    ("population", "recording", "list", "entry", "verify", "report"), "stored"
+_SHARED = dict.fromkeys(("robot_check", "robot_draft", "robot_folder"), "robots") | dict.fromkeys(
+    ("population", "recording", "list", "entry", "verify", "removal", "collection", "report"), "stored"
 )
 
 
 def room(result: Result) -> ModuleType | None:
     """The module with `tables(result)`; None where a plain table serves.
 
-    It has `page(result)` where there is a page, and `refusal(result)` where an answer may be that nothing fits.
+    It has `page(result)` where there is a page, `refusal(result)` where an answer may be that nothing fits, and
+    `hint(result)` where something else comes next than the page.
     """
     kind = result.schema_name()
     name = f"{__package__}.{_SHARED.get(kind, kind)}"
@@ -41,6 +42,12 @@ def refusal(result: Result) -> DynregError | None:
     """The error with which a command ends after its answer; None where all is well."""
     found = getattr(room(result), "refusal", None)
     return found and found(result)
+
+
+def hint(result: Result) -> str:
+    """What to type after a stored result: what its room says, else how to see its page."""
+    found = getattr(room(result), "hint", None)
+    return (found and found(result)) or "dynreg report @last"
 
 
 @contextmanager

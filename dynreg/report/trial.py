@@ -7,5 +7,5 @@ from dynreg.results.trials import TrialResult
 
 
 def tables(result: TrialResult) -> RenderableType:
-    """What was hidden and what was said of it."""
+    """The hidden effect and the diagnosis."""
     return listed((result,), f"one trial on {result.robot}")

@@ -9,24 +9,23 @@ from dynreg.report.grid import table
 from dynreg.report.words import count, number
 from dynreg.results.trials import Confusion, Rate, TrialResult, TrialTable
 
-LISTED = 12  # as many trials are listed one by one
+LISTED = 12  # up to this many trials are listed one by one
 SIZES = ("weak", "medium", "strong")
 
 
 def tables(result: TrialTable) -> RenderableType:
-    """The rates, by effect, what was taken for what, and a few trials one by one."""
+    """The rates, also by effect; the confusions; and a few trials one by one."""
     parts: list[RenderableType] = [Text(verdict(result), style="bold")]
     parts.append(table(("", "", "90 % interval"), [(n, *rate_cells(r)) for n, r in rates(result)], "rates"))
     rows = [
         (g.hidden or "nothing", g.trials, *rate_cells(g.right), g.in_set.hits if g.in_set else None)
         for g in result.by_effect
     ]
-    parts.append(
-        table(("hidden", "robots", "right", "90 % interval", "in the set"), rows, "by what was hidden")
-    )
+    columns = ("hidden effect", "robots", "right", "90 % interval", "in the set of equivalents")
+    parts.append(table(columns, rows, "rates by hidden effect"))
     if result.confusions:
-        rows = [(c.hidden or "nothing", said_instead(c), c.count) for c in result.confusions]
-        parts.append(table(("hidden", "said", "times"), rows, "not right"))
+        rows = [(c.hidden or "nothing", diagnosed(c), c.count) for c in result.confusions]
+        parts.append(table(("hidden effect", "diagnosis", "count"), rows, "wrong or missed"))
     if len(result.trials) <= LISTED:
         parts.append(listed(result.trials, "one by one"))
     parts += [Text(f"\n{figures(result)}"), *(Text(f"note: {note}") for note in result.notes)]
@@ -35,50 +34,50 @@ def tables(result: TrialTable) -> RenderableType:
 
 def verdict(result: TrialTable) -> str:
     """The rates in a sentence."""
-    said = []
+    parts = []
     if result.right:
-        said.append(f"{result.right.hits} of {count(result.right.of, 'hidden effect')} named right")
+        parts.append(f"{result.right.hits} of {count(result.right.of, 'hidden effect')} named right")
     if result.wrong:
-        said.append(f"{result.wrong.hits} of {result.wrong.of} given a wrong name")
+        parts.append(f"{result.wrong.hits} of {result.wrong.of} named wrong")
     if result.false_alarm:
         alarms = count(result.false_alarm.hits, "false alarm")
-        said.append(f"{alarms} in {count(result.false_alarm.of, 'robot')} without an effect")
-    return f"{result.robot}: {', '.join(said) or 'no trials'}."
+        parts.append(f"{alarms} in {count(result.false_alarm.of, 'robot')} without an effect")
+    return f"{result.robot}: {', '.join(parts) or 'no trials'}."
 
 
 def rates(result: TrialTable) -> list[tuple[str, Rate]]:
-    """(what, rate) of those that there are."""
+    """(name, rate) of the rates that are known."""
     named = [
         ("right", result.right),
         *((f"right, {size}", result.by_size.get(size)) for size in SIZES),
-        ("truth among the equivalents", result.in_set),
+        ("true effect among the equivalents", result.in_set),
         ("wrong name", result.wrong),
-        ("false alarm, nothing hidden", result.false_alarm),
+        ("false alarm (no hidden effect)", result.false_alarm),
     ]
     return [(name, rate) for name, rate in named if rate is not None]
 
 
 def rate_cells(rate: Rate) -> tuple[str, str]:
-    """Hits of all, and the interval in percent."""
+    """The count, and the interval in percent."""
     return f"{rate.hits} of {rate.of}", f"{100 * rate.low:.0f} to {100 * rate.high:.0f} %"
 
 
-def said_instead(confusion: Confusion) -> str:
-    """What was said of a hidden effect that was not right."""
+def diagnosed(confusion: Confusion) -> str:
+    """The diagnosis of a hidden effect that is not right."""
     if confusion.named is None:
         return "nothing"
     same = confusion.named == confusion.hidden
-    return f"{confusion.named}, but as a part of the cause" if same else confusion.named
+    return f"{confusion.named} (explains only a part)" if same else confusion.named
 
 
 def figures(result: TrialTable) -> str:
-    """Medians of what is no rate."""
+    """Medians of the values that are not rates."""
     known = [
-        ("set of equivalents: median {}", result.set_median),
-        ("95th percentile {}", result.set_p95),
-        ("share of the attainable gain {}", result.gain_share_median),
-        ("error of the effect's size, where right {}", result.parameter_error_median),
-        ("{} s a diagnosis", result.seconds_median),
+        ("size of the set of equivalents: median {}", result.set_median),
+        ("its 95th percentile {}", result.set_p95),
+        ("median share of the attainable gain {}", result.gain_share_median),
+        ("median relative error of the effect's size if right {}", result.parameter_error_median),
+        ("median time of a diagnosis {} s", result.seconds_median),
     ]
     return "; ".join(text.format(number(value)) for text, value in known if value is not None)
 
@@ -91,7 +90,7 @@ def page(result: TrialTable) -> dict[str, Any]:
         "verdict": verdict(result),
         "rates": [_bar(name, r) for name, r in rates(result)],
         "groups": [_bar(g.hidden or "nothing", g.right) for g in result.by_effect],
-        "confusions": [(c.hidden or "nothing", said_instead(c), c.count) for c in result.confusions],
+        "confusions": [(c.hidden or "nothing", diagnosed(c), c.count) for c in result.confusions],
         "figures": figures(result),
     }
 
@@ -109,7 +108,7 @@ def _bar(name: str, rate: Rate) -> dict[str, Any]:
 
 
 def listed(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
-    """Trials one by one."""
+    """A table with one row for each trial."""
     rows = [
         (
             str(t.seed),
@@ -122,4 +121,4 @@ def listed(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
         )
         for t in trials
     ]
-    return table(("seed", "hidden", "size", "said", "verdict", "", "time [s]"), rows, title)
+    return table(("seed", "hidden effect", "size", "diagnosis", "verdict", "", "time [s]"), rows, title)

@@ -1,4 +1,4 @@
-"""Frozen results: what every verb answers, with a JSON form (`schemas/`) and tables for notebooks.
+"""Frozen results: what every verb answers, with a JSON form (`dynreg/schemas/`) and tables for notebooks.
 
 Each module here is one row of the table: its public names are names of this package, and those of its classes that
 have a schema of their own are in `RESULTS`.
@@ -12,6 +12,7 @@ from dynreg.results.result import Result
 
 if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.calibration import *
+    from dynreg.results.changes import *
     from dynreg.results.comparison import *
     from dynreg.results.diagnosis import *
     from dynreg.results.doctor import *
@@ -20,6 +21,7 @@ if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.experiment import *
     from dynreg.results.gait import *
     from dynreg.results.neighbours import *
+    from dynreg.results.refit import *
     from dynreg.results.result import *
     from dynreg.results.robots import *
     from dynreg.results.sentence import *

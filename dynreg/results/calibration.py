@@ -8,17 +8,17 @@ from dynreg.results.result import Cost, Result
 
 
 class CalibrationStep(Result):
-    """The best objective after so many simulations."""
+    """The best replay error on the train part after so many simulations."""
 
     simulations: int
     error: float
 
 
 class Fitted(Result):
-    """A parameter as a search fitted it, in `unit`.
+    """A parameter fitted by a search, in `unit`.
 
-    low, high : null, for a search tells no interval; earlier versions wrote the value there. at_bound : the value lies
-    on the edge of its range. limits : that range (low, high).
+    low, high : null, because a search gives no interval (earlier versions wrote the value there). at_bound : the value
+    is at the edge of its range. limits : the range (low, high).
     """
 
     value: float

@@ -1,14 +1,20 @@
-"""The answer of `compare`: how far each model's predictions of displacements are off, and which differ."""
+"""The answer of `compare`: the held-out error of each simulator, and of models of a wheeled robot's commands."""
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
-from dynreg.results.result import Cost, Result
+from dynreg.axes import STYLES, axes_for, chosen
+from dynreg.results.result import Cost, Gain, Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Spread(Result):
-    """Of absolute errors in `unit`."""
+    """The spread of absolute errors, in `unit`."""
 
     mean: float
     min: float
@@ -20,8 +26,8 @@ class Spread(Result):
 class Pair(Result):
     """Two models on one axis: mean error of the first less that of the second, with its 95 % interval (Tukey).
 
-    tukey : p-value that allows for all pairs and takes the models' errors for independent samples, as the paper's.
-    paired : p-value of Wilcoxon's test on the same commands, which they are, by Holm for all pairs of the axis.
+    tukey : p-value for all pairs together; it takes the models' errors for independent samples, as the paper does.
+    paired : p-value of Wilcoxon's test on the same commands, corrected by Holm for all pairs of the axis.
     """
 
     axis: str
@@ -51,7 +57,7 @@ class Variance(Result):
 class Errors(Result):
     """Models of a wheeled robot on commands that none of them was fitted to.
 
-    models : {name: {axis: errors}}. displacements : {axis: mean absolute displacement}, what the errors are of.
+    models : {name: {axis: errors}}. displacements : {axis: mean absolute displacement}.
     """
 
     commands: int
@@ -78,8 +84,8 @@ class Errors(Result):
 class Contender(Result):
     """A model or a simulator that was compared.
 
-    kind : of a simulator how it came about. simulator : its id, null for what was made here. parameters : what was
-    fitted, or the simulator's values, by name; effects : the simulator's, with their values.
+    kind : how a simulator was made. simulator : its id; null for a model that was made here. parameters : fitted
+    values, or those of the simulator, by name; effects : those of the simulator, with their values.
     """
 
     name: str
@@ -90,9 +96,9 @@ class Contender(Result):
 
 
 class Pace(Result):
-    """Wall time for a command [us], one by one and all at once, and how many times the closed form's that is.
+    """Wall time for a command [us], one by one and all at once, and its ratio to that of the closed form.
 
-    A simulator is timed on its replay of the whole recording: of it `one_by_one` is null. fit : seconds that making the
+    A simulator is timed on its replay of the whole recording; its `one_by_one` is null. fit : seconds that making the
     model took.
     """
 
@@ -118,7 +124,7 @@ class Paths(Result):
 class Way(Result):
     """Points of a path on the ground [m].
 
-    None where a model says no number, or where the place was not measured. Between two measured places it is
+    None where a model gives no number, or the place was not measured. Between two measured places it is
     interpolated, but not over a gap that is longer than the command.
     """
 
@@ -139,37 +145,120 @@ class DrivenPath(Result):
     models: dict[str, Way]
 
 
-class Comparison(Result):
-    """Models and simulators of a wheeled robot on the commands at the end of a recording.
+class Horizon(Result):
+    """Rollouts of one length, each from a measured state. whole : the longest, as a diagnosis cuts them."""
 
-    parts : commands to fit, to validate and to test, one after the other. best : the least error as a share of the mean
-    displacement, over the three axes. track : between the wheels [m], of which commands are told. longest : seconds
-    after which a command counted as another. paths : null where the test part has no run of commands without a gap.
+    seconds: float
+    rollouts: int
+    whole: bool
+
+
+class Score(Result):
+    """Mean absolute error of one simulator in the rollouts of one horizon, with its 90 % bootstrap interval, in `unit`.
+
+    channel : null for all channels together, each in units of its own spread and by its weight. gain : the relative
+    reduction from the error of the first simulator, on the same rollouts; null for the first itself. tie : the interval
+    of the gain holds 0, or the errors differ by less than the stated noise (of all channels together for null), or by
+    rounding; null where there is no interval and the difference is larger.
     """
 
-    schema_: Literal["dynreg/comparison/1"] = Field(default="dynreg/comparison/1", alias="schema")
-    robot: str
-    recording: str
-    recording_name: str
+    simulator: str
+    channel: str | None
+    seconds: float
+    error: float
+    low: float | None
+    high: float | None
+    unit: str
+    gain: Gain | None = None
+    tie: bool | None = None
+
+
+class ComparedTrace(Result):
+    """Measured and simulated values of one channel in one rollout; time [s]; null where nothing was measured."""
+
+    episode: str
+    channel: str
+    unit: str
+    time: list[float]
+    measured: list[float | None]
+    simulators: dict[str, list[float | None]]
+
+
+class Rollouts(Result):
+    """Simulators on rollouts of a recording that none of them was fitted to or chosen by.
+
+    episodes : that the rollouts are cut from. left_out : episodes, and windows such as "run[3]", that a simulator was
+    fitted to. names : of the simulators, in the order in which they were asked for; gains are over the first. best :
+    that with the least error in the longest rollouts; alike : those that tie with it. within : of how many runs the
+    intervals draw stretches of time, and for which alone they hold; null where they draw episodes. unscored : channels
+    of weight 0, which the error of all channels together leaves out.
+    """
+
+    episodes: tuple[str, ...]
+    left_out: tuple[str, ...]
+    names: tuple[str, ...]
+    horizons: tuple[Horizon, ...]
+    best: str
+    alike: tuple[str, ...]
+    within: int | None = None
+    unscored: tuple[str, ...] = ()
+    scores: tuple[Score, ...]
+    traces: tuple[ComparedTrace, ...] = ()
+
+    def score(self, simulator: str, channel: str | None, seconds: float) -> Score | None:
+        """The score of a simulator; None where the channel was not measured in rollouts of this length."""
+        asked = (simulator, channel, seconds)
+        return next((s for s in self.scores if (s.simulator, s.channel, s.seconds) == asked), None)
+
+    def unit(self, channel: str | None) -> str:
+        """Of the scores of a channel; StopIteration where it has none."""
+        return next(s.unit for s in self.scores if s.channel == channel)
+
+    @property
+    def best_gain(self) -> Gain | None:
+        """Of the best simulator in the longest rollouts; None where no other one is better or worse."""
+        found = self.score(self.best, None, self.horizons[-1].seconds)
+        return found and found.gain
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """With an error, in the robot's order; those that no score counts come last."""
+        found = dict.fromkeys(s.channel for s in self.scores if s.channel is not None)
+        return tuple(sorted(found, key=lambda channel: channel in self.unscored))
+
+    def __str__(self) -> str:
+        longest = self.horizons[-1]
+        where = f"In rollouts of {longest.seconds:.3g} s of {_listed(self.episodes)}"
+        if self.alike:
+            return f"{where}, {_and((self.best, *self.alike))} tie"
+        gain = self.best_gain
+        if gain is None:
+            return f"{where}, no simulator errs less than {self.best}"
+        interval = "" if gain.low is None else f" [{100 * gain.low:.0f}, {100 * gain.high:.0f}]"
+        less = f"{100 * gain.value:.0f}{interval} % less than {self.names[0]}"
+        return f"{where}, {self.best} errs least: {less}"
+
+
+class Commands(Result):
+    """Models and simulators of a wheeled robot on the commands at the end of a recording, command by command.
+
+    parts : commands to fit, to validate and to test, one after the other. names : in the order in which they were asked
+    for, simulators first. best : the least error as a share of the mean displacement, over the three axes. track :
+    between the wheels [m], of which commands are told. longest : seconds after which a command counted as another.
+    paths : null where the test part has no run of commands without a gap.
+    """
+
     parts: dict[str, int]
+    names: tuple[str, ...]
     track: float
     longest: float
-    seed: int
     starts: int
     generations: int
-    contenders: tuple[Contender, ...]
     best: str
     errors: Errors
     paths: Paths | None
     driven: tuple[DrivenPath, ...]
     paces: tuple[Pace, ...]
-    notes: tuple[str, ...] = ()
-    cost: Cost
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of those that were compared, in the order in which they were asked for: stored documents are sorted."""
-        return tuple(contender.name for contender in self.contenders)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -207,7 +296,91 @@ class Comparison(Result):
         means = ", ".join(f"{axis} {spread.mean:.3g} {spread.unit}" for axis, spread in found)
         alike = self.alike()
         others = f"; {' and '.join(alike)} cannot be told from it" if alike else ""
-        return (
-            f"On the last {self.errors.commands} commands of {self.recording_name}, {self.best} is off least"
-            f" ({means} on average){others}."
-        )
+        return f"On the last {self.errors.commands} commands, {self.best} is off least ({means} on average){others}"
+
+
+class Comparison(Result):
+    """Simulators of a robot on a recording of it, and models of its commands where it has wheels.
+
+    contenders : all that were compared, simulators first. rollouts : the simulators' held-out errors; null where fewer
+    than two were compared. commands : null for robots without wheels. seed : of every draw.
+    """
+
+    schema_: Literal["dynreg/comparison/2"] = Field(default="dynreg/comparison/2", alias="schema")
+    robot: str
+    recording: str
+    recording_name: str
+    seed: int
+    contenders: tuple[Contender, ...]
+    rollouts: Rollouts | None
+    commands: Commands | None
+    notes: tuple[str, ...] = ()
+    cost: Cost
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_first_version(cls, document: Any) -> Any:
+        """A document of version 1 knew wheeled robots alone: what it holds of commands stands in `commands` now."""
+        if not isinstance(document, Mapping) or "dynreg/comparison/1" not in (
+            document.get("schema"),
+            document.get("schema_"),
+        ):
+            return document
+        here = {name: value for name, value in document.items() if name not in ("schema", "schema_")}
+        inside = {name: here.pop(name) for name in Commands.model_fields if name in here}
+        inside["names"] = [_name(contender) for contender in here.get("contenders", ())]
+        return here | {"commands": inside, "rollouts": None}
+
+    def rows(self) -> list[dict[str, Any]]:
+        if self.rollouts is not None:
+            return [score.to_dict() for score in self.rollouts.scores]
+        return self.commands.rows() if self.commands else []
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        scores = [score.to_dict() for score in self.rollouts.scores] if self.rollouts else []
+        return {"held-out error": scores} | (self.commands.tables() if self.commands else {})
+
+    def plot(self, channel: str | None = None, ax: "Axes | None" = None) -> "np.ndarray":
+        """Held-out error of each simulator against the horizon [s], with 90 % intervals; (1,) matplotlib axes.
+
+        channel : one channel in its unit; by default all together, each in units of its own spread.
+        Raises UsageError where no simulators were compared, or for a channel that was not scored.
+        """
+        found = self.rollouts
+        (place,) = places = axes_for(int(found is not None), ax, what="errors of simulators", height=3.5)
+        if channel is not None:
+            chosen(found.channels, channel, "channel")
+        for name in found.names:
+            scores = [found.score(name, channel, h.seconds) for h in found.horizons]
+            _draw_scores(place, name, [one for one in scores if one is not None])
+        label = f"{channel or 'all channels'}, mean absolute error [{found.unit(channel)}]"
+        place.set(xlabel="horizon [s]", ylabel=label)
+        place.set(title=f"held-out error, {self.recording_name}", xscale="log")
+        place.legend(fontsize="small")
+        return places
+
+    def __str__(self) -> str:
+        said = [str(part) for part in (self.commands, self.rollouts) if part is not None]
+        return f"{self.recording_name}: {'. '.join(said)}."
+
+
+def _draw_scores(ax: "Axes", name: str, scores: list[Score]) -> None:
+    """One simulator's errors over the horizons, in the colour of its kind."""
+    error = np.array([s.error for s in scores])
+    ends = np.array([(s.error, s.error) if s.low is None else (s.low, s.high) for s in scores]).T
+    apart = np.abs(ends - error)
+    x = [s.seconds for s in scores]
+    ax.errorbar(x, error, yerr=apart, marker="o", capsize=3, label=name, **STYLES.get(name.split()[0], {}))
+
+
+def _name(contender: Any) -> str:
+    return contender["name"] if isinstance(contender, Mapping) else contender.name
+
+
+def _listed(episodes: tuple[str, ...]) -> str:
+    """A few by their names, many by their number."""
+    return f"held-out {_and(episodes)}" if len(episodes) <= 2 else f"{len(episodes)} held-out episodes"
+
+
+def _and(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

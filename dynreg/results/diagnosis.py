@@ -1,10 +1,17 @@
-"""The answer of `diagnose`: which physical causes a simulator lacks, how sure that is, and what is left."""
+"""The answer of `diagnose`: which physical causes a simulator lacks, how sure that is, and the unexplained error."""
 
-from typing import Any, Literal
+import html
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result
+from dynreg.axes import axes_for
+from dynreg.results.refit import Refit
+from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, plot_curves
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
 
 Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 CauseVerdict = Literal["named", "ambiguous", "partly_explained"]
@@ -47,8 +54,8 @@ class Cause(EffectOn):
 
     joints : those that have it; none for all of them, or for the robot as a whole.
     evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost.
-    equivalent : keys of the causes that explain the data as well; separate_by : the experiment that tells them apart.
-    inseparable : those of them that no commands tell apart, the rest of its exact group.
+    equivalent : keys of the causes that explain the data as well; separate_by : the experiment that separates them.
+    inseparable : those of them that no commands separate: the others of its exact group.
     gain : by how much it lowers the error on the test part; null where nothing was held out.
     """
 
@@ -66,7 +73,7 @@ class Looked(EffectOn):
     """How large the effect may be that was looked at most closely: the first cause, or without one that asked for, or
     the best ranked.
 
-    alone : its parameters with 90 % intervals (value: the median), if nothing else is amiss. rivals : its neighbours
+    alone : its parameters with 90 % intervals (value: the median), if nothing else is wrong. rivals : its neighbours
     that move the robot most like it. whatever : intervals that hold with each of them acting, too.
     """
 
@@ -76,7 +83,7 @@ class Looked(EffectOn):
 
 
 class Inseparable(Result):
-    """Two causes that the recording cannot tell apart: the interval of one grows when the other may act as well.
+    """Two causes that the recording does not separate: the interval of one grows when the other may act as well.
 
     between : keys of the cause looked at and its rival. cause, rival : parameters of both, with 90 % intervals, if both
     may act (value: the median). growth : how many times wider the interval of the cause's first parameter gets when it
@@ -103,14 +110,23 @@ class Ranked(EffectOn):
 class Pulled(Estimate):
     """A parameter of the model beside the cause, in the extended simulator (the calibrated one without a cause).
 
-    pulled_sigma : how far it lies from its nameplate, in standard deviations of that; null where none is stated.
+    low, high : null where it was not fitted (earlier versions wrote the value there): then `value` is what the
+    simulator at the start has. pulled_sigma : how far it lies from its nameplate, in standard deviations of that; null
+    where none is stated.
     """
 
+    low: float | None
+    high: float | None
     pulled_sigma: float | None = None
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the recording had a say in its value."""
+        return self.low is not None and (self.low != self.high or self.at_bound)
 
 
 class Moved(Result):
-    """A parameter that took another value when the cause was added: before it had made up for the cause."""
+    """A parameter that changed when the cause was added; without the cause it had compensated for it."""
 
     name: str
     before: float
@@ -163,11 +179,11 @@ class Where(Result):
 
 
 class Noise(Result):
-    """What the best simulator leaves of one channel, against what no simulator can explain; both 1 sigma in `unit`.
+    """The unexplained error of one channel and its noise floor, which no simulator can explain; 1 sigma in `unit`.
 
-    left : where contacts make rollouts rough, the mean of its logarithm over the windows.
-    basis : what the floor comes from; stated noise is also that of the pose which a planar base begins with, and which
-    it carries along. white : whether what is left looks like white noise; null where unknown.
+    left : the unexplained error of the best simulator; where contacts make rollouts rough, the mean of its logarithm
+    over the windows. basis : the source of the floor. The stated noise of a planar base includes that of its first
+    pose, which the whole path carries along. white : whether the residual looks like white noise; null where unknown.
     """
 
     channel: str
@@ -180,7 +196,7 @@ class Noise(Result):
 
 
 class ResidualShare(Result):
-    """The share of what is left of a joint's motion that one signal of it tells, on trajectories not seen before."""
+    """The share of a joint's residual that one of its signals predicts, on unseen trajectories."""
 
     joint: str
     signal: str
@@ -188,10 +204,10 @@ class ResidualShare(Result):
 
 
 class Rest(Result):
-    """How much of what the best simulator leaves of a joint's acceleration can be told from the joint's signals.
+    """How well the signals of a joint predict the residual of its acceleration under the best simulator.
 
-    left : 1 sigma in `unit`. told : the share of its variance that a small model predicts on trajectories that it has
-    not seen; what a cause that no library has could take off at most, as far as this joint's signals show it.
+    left : the residual, 1 sigma in `unit`. told : the share of its variance that a small model predicts on unseen
+    trajectories. A cause that depends on this joint's signals can remove no more than that.
     chance : the same for residuals paired with the signals of other trajectories.
     """
 
@@ -215,14 +231,18 @@ class Diagnosis(Result):
     """What a simulator lacks, by a recording of the robot.
 
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
-    verdict : of the first cause; "unknown": something is amiss that no effect explains; "none": nothing is.
+    verdict : of the first cause; "unknown": there is an error that no effect explains; "none": nothing is.
     sentence : the verdict for a person. gain : of all causes together over the calibrated simulator, on the test part;
-    null without causes or where nothing was held out. threshold_nats : the evidence below which no cause is named.
+    null without causes or where nothing was held out. over_start : of the simulator that it leaves (the extended one,
+    else the calibrated one) over that it began with, on the test part; below 0 where the first predicts it better.
+    threshold_nats : the evidence below which no cause is named.
     error : of the channel that matters most; errors : of every channel. finding : the sentence of `where`.
-    rest, residual : where something is left, how much of it each joint's signals tell, and on which of them it
-    depends; null where nothing is, or where the log does not say from which states to predict.
-    looked : how large the first cause may be, whatever else acts. inseparable : the rivals that the recording cannot
-    tell from it.
+    rest, residual : how well each joint's signals predict its unexplained acceleration, and which of them do; null
+    where no error is unexplained, or where the log does not tell the states to predict from.
+    looked : how large the first cause may be, whatever else acts. inseparable : the rivals that the recording does
+    not separate from it.
+    asked : the options that decide the answer, by name; null in documents that were stored before they were kept.
+    recordings : names of several that were asked about at once; stable : what is the same in all of them, and what not.
     inputs : what the log measured and the simulators were driven by. notes : what else a reader must know.
     """
 
@@ -236,6 +256,7 @@ class Diagnosis(Result):
     sentence: str
     causes: tuple[Cause, ...]
     gain: Gain | None = None
+    over_start: Gain | None = None
     ranking: tuple[Ranked, ...]
     threshold_nats: float
     threshold: Threshold
@@ -255,6 +276,9 @@ class Diagnosis(Result):
     traces: tuple[DiagnosisTrace, ...] = ()
     inputs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()
+    stable: tuple[Refit, ...] = ()
+    asked: dict[str, Any] | None = None
     calibrated_simulator: str | None = None
     extended_simulator: str | None
     engine: str = ""
@@ -269,6 +293,47 @@ class Diagnosis(Result):
         if self.verdict == "none" and self.causes:
             raise ValueError(f"verdict 'none' with the cause {self.causes[0].key!r}")
         return self
+
+    @property
+    def worse(self) -> bool:
+        """Whether the simulator that it began with predicts the test part better than the one that it leaves.
+
+        The 90 % interval of the difference does not hold 0, where there is an interval.
+        """
+        return self.over_start is not None and self.over_start.worse
+
+    @property
+    def unclear(self) -> bool:
+        """Whether the test part does not show that the simulator it leaves is better, nor that it is worse."""
+        gain = self.over_start
+        return gain is not None and not self.worse and gain.low is not None and gain.low <= 0
+
+    @property
+    def began(self) -> str:
+        """The simulator that it began with, in words."""
+        return "the nominal simulator" if self.start == "nominal" else "the simulator at the start"
+
+    @property
+    def left(self) -> str:
+        """What the simulator that it leaves is called."""
+        return "extended" if self.extended_simulator else "calibrated"
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether the model is known to lack something that no effect of the library is.
+
+        A parameter then makes up for what is missing, and its interval is too narrow.
+        """
+        return self.verdict == "unknown"
+
+    @property
+    def reliance(self) -> str:
+        """How far the intervals of the parameters can be relied on, in words."""
+        if self.unexplained:
+            return "Do not rely on these intervals: they hold only if the model is complete, and it is not."
+        if self.verdict == "partly_explained":
+            return "These intervals hold only if the model is complete, and part of the error is unexplained."
+        return "These intervals hold if the model is complete."
 
     def rows(self) -> list[dict[str, Any]]:
         """The ranking."""
@@ -288,10 +353,40 @@ class Diagnosis(Result):
             "causes": causes,
             f"ranking (a cause needs {self.threshold_nats:.3g} nats)": self.rows(),
             "parameters": [
-                {"parameter": name, **p.model_dump(exclude={"limits"})} for name, p in self.parameters.items()
+                {"parameter": name, **p.model_dump(exclude={"limits"}), "fitted": p.fitted}
+                for name, p in self.parameters.items()
             ],
             "error": [e.model_dump(exclude={"metric"}) for e in self.errors or (self.error,)],
         }
+
+    def _repr_html_(self) -> str:
+        return f"{super()._repr_html_()}<p>Intervals of the parameters: {html.escape(self.reliance)}</p>"
+
+    def plot(
+        self,
+        what: Literal["curves", "ranking"] = "curves",
+        channel: str | None = None,
+        ax: "Axes | None" = None,
+    ) -> "np.ndarray":
+        """What was measured and simulated in a held-out episode, or how the causes rank; (n,) matplotlib axes.
+
+        what : "curves", one axes a channel, or "ranking", one axes: evidence [nats] in the first round, with what a
+        cause needs. channel : only this one, which `ax` can take. Raises UsageError where there is nothing to draw.
+        """
+        if what == "curves":
+            return plot_curves(self.traces, ("measured", "extended", "calibrated", "nominal"), channel, ax)
+        first = [r for r in self.ranking if r.round == 1]
+        places = axes_for(min(1, len(first)), ax, what="rankings", height=1.0 + 0.25 * len(first))
+        places[0].barh([r.key for r in reversed(first)], [r.score_nats for r in reversed(first)])
+        places[0].axvline(self.threshold_nats, color="black", linestyle=":", label="needed")
+        places[0].set(xlabel="evidence [nats]", title=f"ranking of causes, {self.recording_name}")
+        places[0].legend()
+        return places
+
+    def brief(self) -> str:
+        causes = " and ".join(cause.key for cause in self.causes)
+        gain = f", held-out error {100 * self.gain.value:.0f} % lower" if self.gain else ""
+        return f"of {self.recording_name or self.recording[:12]}: {self.verdict} {causes}".rstrip() + gain
 
     def __str__(self) -> str:
         return self.sentence

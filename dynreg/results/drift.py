@@ -1,16 +1,21 @@
-"""The answer of `drift`: whether a recording of a wheeled robot is still true of it, and what moved."""
+"""The answer of `drift`: whether a recording of a wheeled robot is still true of it, and what changed."""
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
+from dynreg.axes import axes_for, chosen, with_intervals
 from dynreg.results.result import Result
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
 
 HALF = 0.5  # of the squared shifts: a pattern that explains less is told with its share
 
 
 class Shift(Result):
-    """What the commands of a cell move more than they did on one axis, in `unit`, with its standard error.
+    """The change of the displacement of a cell's commands on one axis, in `unit`, with its standard error.
 
     p : of the test. sigmas : the normal deviate that is as rare, with the shift's sign. rejected : by the rules.
     """
@@ -36,8 +41,8 @@ class DriftCell(Result):
 class DriftPattern(Result):
     """An explanation of all shifts: a factor with its 95 % interval, the share of the squared shifts explained.
 
-    Factors are looked for from 0.2 to 5, and the interval ends there: all of it where the shifts say nothing of the
-    factor. at_bound : the factor stands at such an end, and what explains the shifts best may lie beyond. evidence :
+    Factors are searched from 0.2 to 5, and intervals end there. The interval is the whole range where the shifts do not
+    depend on the factor. at_bound : the factor is at an end of the range, and a better one may lie beyond. evidence :
     Schwarz's criterion of no change less its own; 10 is very strong.
     """
 
@@ -53,7 +58,7 @@ class DriftPattern(Result):
 class Separating(Result):
     """A command [m/s] by whose displacement the two best patterns differ, by so many deviations of one sample.
 
-    known : the earlier recording has samples of such commands, so that new ones can be held against them.
+    known : the earlier recording has samples of such commands, with which new ones can be compared.
     """
 
     left: float
@@ -81,7 +86,7 @@ class FalseAlarms(Result):
 
 
 class Taken(Result):
-    """What of a recording was tested: samples (commands held for a while), the pieces that they are made of.
+    """The tested part of a recording: samples (commands held for a while), and the pieces that they are made of.
 
     short, long, outside : pieces that were left out, too short, too long for a sample, or beyond the cells.
     """
@@ -96,13 +101,13 @@ class Taken(Result):
 
 
 class Drift(Result):
-    """A recording held against an earlier one of the same robot.
+    """A recording compared with an earlier one of the same robot.
 
-    cells : all that were tested, the strongest shift first. pattern : the one that explains the shifts, null where
-    none is clear; rivals : where it cannot be told from others, those, and separate_by what commands would tell.
-    sample [s], grid : cells on each side, low, high [m/s] : of the wheel speeds. reference : what the displacements
-    are held against, fitted to the earlier recording. chosen : the earlier recording was not named, but the first.
-    kept : the updated table was written.
+    cells : all that were tested, the strongest shift first. pattern : the one that explains the shifts, null where none
+    is clear; rivals : patterns that explain them as well; separate_by : commands that separate these. sample [s], grid
+    : cells on each side, low, high [m/s] : of the wheel speeds. reference : the model that the displacements are
+    compared with, fitted to the earlier recording. chosen : the earlier recording was not named, but the first. kept :
+    the updated table was written.
     """
 
     schema_: Literal["dynreg/drift/1"] = Field(default="dynreg/drift/1", alias="schema")
@@ -148,6 +153,41 @@ class Drift(Result):
     def tables(self) -> dict[str, list[dict[str, Any]]]:
         rejected = [row for row in self.rows() if row["rejected"]]
         return {"": [p.to_dict() for p in self.patterns], "rejected": rejected}
+
+    def plot(
+        self, what: Literal["factors", "dx", "dy", "dtheta"] = "factors", ax: "Axes | None" = None
+    ) -> "np.ndarray":
+        """The factor of each pattern with its 95 % interval, or a map of what moved; (1,) matplotlib axes.
+
+        what : "factors"; or an axis of the displacement, whose shift in each cell of wheel speeds [m/s] is drawn, with
+        a star where its test is rejected. Raises UsageError where no cell was tested, and for another word.
+        """
+        chosen(("factors", "dx", "dy", "dtheta"), what, "plot of")
+        places = axes_for(
+            min(1, len(self.cells)), ax, what="tested cells", height=2.5 if what == "factors" else 4.0
+        )
+        if what == "factors":
+            shown = [p for p in reversed(self.patterns) if p.name != "no change"]
+            with_intervals(places[0], [p.name for p in shown], [(p.factor, p.low, p.high) for p in shown])
+            places[0].axvline(1.0, color="black", linestyle=":")
+            places[0].set(xlabel="factor", title=f"{self.recording_name} against {self.earlier.name}")
+        else:
+            self._draw_map(places[0], what)
+        return places
+
+    def _draw_map(self, ax: "Axes", axis: str) -> None:
+        shifts = [c.shifts[axis] for c in self.cells]
+        end = max(abs(s.value) for s in shifts) or 1.0
+        look = {"s": 200, "marker": "s", "cmap": "coolwarm", "vmin": -end, "vmax": end}
+        left, right = [c.left for c in self.cells], [c.right for c in self.cells]
+        dots = ax.scatter(left, right, c=[s.value for s in shifts], **look)
+        stars = [(c.left, c.right) for c, s in zip(self.cells, shifts, strict=True) if s.rejected]
+        ax.plot([x for x, _ in stars], [y for _, y in stars], "k*")
+        ax.figure.colorbar(
+            dots, ax=ax, label=f"{axis} in {self.sample:g} s, more than before [{shifts[0].unit}]"
+        )
+        ax.set(xlabel="left wheel told [m/s]", ylabel="right wheel told [m/s]", aspect="equal")
+        ax.set_title(f"{self.recording_name} against {self.earlier.name} (* rejected)")
 
     def __str__(self) -> str:
         if self.verdict == "too little data":

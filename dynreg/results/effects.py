@@ -22,9 +22,9 @@ class EffectSize(Result):
 class EffectRow(Result):
     """One cause.
 
-    acts_on : the port. group : the other effects that no usual excitation tells from it, at the same joint. near :
-    those that the right one does; separate_by : that experiment. applies : whether the robot can have it, null where
-    no robot was named.
+    acts_on : the port. group : the other effects that no usual excitation separates from it, at the same joint. near :
+    those that a special experiment separates; separate_by : that experiment. applies : whether the robot can have it,
+    null where no robot was named.
     """
 
     id: str

@@ -1,4 +1,4 @@
-"""The answer of `excite`: commands that tell two causes apart."""
+"""The answer of `excite`: commands that separate two causes."""
 
 from typing import Any, Literal
 
@@ -8,7 +8,7 @@ from dynreg.results.result import Result
 
 
 class LimitKept(Result):
-    """A limit of the robot in `unit`, and what the commands use: low and high are allowed, least and most used."""
+    """A limit of the robot in `unit` (low to high), and the range that the commands use (least to most)."""
 
     name: str
     unit: str
@@ -19,10 +19,10 @@ class LimitKept(Result):
 
 
 class Experiment(Result):
-    """Commands for an experiment between two effects, and how well it separates them.
+    """Commands of an experiment that separates two effects, and the expected evidence.
 
-    separation : expected nats between the two hypotheses. usual : the same of the usual excitation as long as this
-    one; null where it was not computed. file : where the commands were written. limits : what they keep to.
+    separation : expected evidence of the true effect over the other [nats]. usual : the same for the usual excitation
+    of the same length; null if it was not computed. file : path of the commands. limits : the limits that they keep.
     """
 
     schema_: Literal["dynreg/experiment/1"] = Field(default="dynreg/experiment/1", alias="schema")
@@ -40,6 +40,6 @@ class Experiment(Result):
 
     def __str__(self) -> str:
         return (
-            f"{self.seconds:g} s of commands for {self.robot} between {' and '.join(self.between)}:"
-            f" {self.separation:.3g} nats expected"
+            f"{self.seconds:g} s of commands for {self.robot} separate {' from '.join(self.between)}"
+            f" by {self.separation:.3g} nats (expected)."
         )

@@ -1,18 +1,23 @@
-"""The answer of `gait`: joint commands that walk in k simulators, and how well."""
+"""The answer of `gait`: joint commands that walk in k simulators, and their fitness."""
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
+from dynreg.axes import axes_for
 from dynreg.results.result import Cost, Interval, Result
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
 
 
 class GaitGene(Interval):
-    """One number of a gait, with the bounds in which it was sought."""
+    """One number of a gait, with the bounds of the search."""
 
 
 class GaitJoint(Result):
-    """What one joint is told [rad]: offset + amplitude sin(2 pi frequency t + phase), faded in from `rest`.
+    """The command of one joint [rad]: offset + amplitude sin(2 pi frequency t + phase), faded in from `rest`.
 
     low, high [rad], speed [rad/s] : the robot's limits, null where it states none.
     """
@@ -28,10 +33,10 @@ class GaitJoint(Result):
 
 
 class GaitTrial(Result):
-    """The gait in one simulator: its fitness (0 for a fall), and the body's way over the ground [m, rad].
+    """The gait in one simulator: its fitness (0 after a fall), and the path of the body on the ground [m, rad].
 
-    simulator : id of a registered simulator or entry. time [s] of the points of the way, before a fall.
-    contacts : {foot: times [s] between which it is on the ground}.
+    simulator : id of a registered simulator or entry. time : of the points of the path [s], until a fall.
+    contacts : {foot: (begin, end) [s] of each contact with the ground}.
     """
 
     simulator: str
@@ -47,7 +52,7 @@ class GaitTrial(Result):
 
 
 class GaitStep(Result):
-    """The best value after so many candidates, with the motor noise that the search had: a lucky one, most often."""
+    """The best value after so many candidates, under the motor noise of the search; it is biased to high values."""
 
     evaluations: int
     value: float
@@ -62,9 +67,9 @@ class Fitness(Result):
 
 
 class GaitFinals(Result):
-    """What the answer did with other motor noise, parameters a little off: runs, falls, and the value that it reached.
+    """The answer under other motor noise and slightly different parameters: runs, falls, and its value.
 
-    value : accepted over the simulators of the mean over draws (0 for a fall).
+    value : `accept` over the simulators, of the mean over draws (a fall counts as 0).
     """
 
     runs: int
@@ -75,13 +80,13 @@ class GaitFinals(Result):
 class Gait(Result):
     """Sinusoidal joint commands found by a search in k simulators.
 
-    genes : as the search saw them, by role and leg. joints : what they mean for every joint, `rate` times a second
-    for `seconds`, faded in from rest over `ramp` seconds; all that is needed to play the gait.
+    genes : the numbers of the search, by role and leg. joints : the commands of every joint, sent at `rate` [Hz] for
+    `seconds` and faded in from rest over `ramp` [s]; they are all that is needed to play the gait.
 
-    recording : that the simulators were chosen for; on : how; source : the stored result that they came from.
-    value : what the search raises, by `accept`, of `trials`: one run in each simulator. finals : the runs by which the
-    best gaits were chosen from; null where there were none. succeeded : it reached `success` in all simulators and
-    fell neither there nor in the finals. ended : why the search ended. notes : what else a reader must know.
+    recording : the recording for which the simulators were chosen. on : how they were chosen. source : the stored
+    result that named them. value : the objective of the search, `accept` over `trials` (one run in each simulator).
+    finals : the runs that chose among the best gaits; null if there were none. succeeded : the gait reached `success`
+    in all simulators, and fell neither there nor in the finals. ended : why the search ended. notes : further remarks.
     """
 
     schema_: Literal["dynreg/gait/1"] = Field(default="dynreg/gait/1", alias="schema")
@@ -120,11 +125,27 @@ class Gait(Result):
         return [{"gene": name, **gene.to_dict()} for name, gene in self.genes.items()]
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:
-        told = [
+        trials = [
             {"simulator": t.simulator[:12], "kind": t.kind, "fitness": t.fitness, "fell": t.fell}
             for t in self.trials
         ]
-        return {"": self.rows(), "in the simulators": told}
+        return {"": self.rows(), "trials": trials}
+
+    def plot(self, ax: "Axes | None" = None) -> "np.ndarray":
+        """The body's way over the ground [m] in every simulator, seen from above; (1,) matplotlib axes."""
+        places = axes_for(min(1, len(self.trials)), ax, what="trials", height=4.0)
+        for trial in self.trials:
+            end = ", fell" if trial.fell else ""
+            places[0].plot(trial.x, trial.y, label=f"{trial.kind} {trial.simulator[:8]}{end}")
+        places[0].set(
+            xlabel="ahead [m]", ylabel="left [m]", aspect="equal", title=f"{self.task}, {self.seconds:g} s"
+        )
+        places[0].legend(fontsize="small")
+        return places
+
+    def brief(self) -> str:
+        worst = f"{self.fitness.min:.3g} {self.unit} at worst in {self.k} simulators"
+        return f"of {self.robot} for {self.recording_name}: {self.task}, {worst}"
 
     def __str__(self) -> str:
         falls = sum(t.fell for t in self.trials)
@@ -135,9 +156,9 @@ class Gait(Result):
         elif self.finals and self.finals.falls:
             how = f"fell in {self.finals.falls} of {self.finals.runs} runs with other noise"
         else:
-            how = "too little"
+            how = f"below the goal of {self.success:.3g} {self.unit}"
         simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
         return (
-            f"{self.recording_name}: {self.task} {self.fitness.min:.3g} {self.unit} at worst, "
-            f"{self.fitness.mean:.3g} on average in {simulators}: {how}"
+            f"{self.recording_name}: the gait {how}. Task {self.task} in {simulators}: "
+            f"{self.fitness.min:.3g} {self.unit} in the worst, {self.fitness.mean:.3g} {self.unit} on average."
         )

@@ -1,10 +1,15 @@
 """The answer of `query`."""
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
-from dynreg.results.result import Cost, Curves, Estimate, Gain, Result
+from dynreg.results.result import Cost, Curves, Estimate, Gain, Result, plot_curves
+from dynreg.results.sentence import gain_words
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
 
 
 class Neighbour(Result):
@@ -27,16 +32,16 @@ class Synthesised(Result):
 
 
 class Nominal(Result):
-    """The robot folder's own parameter values, replayed; no error where nothing was replayed."""
+    """The parameter values of the robot folder; `replay_error` is null where nothing was replayed."""
 
     replay_error: float | None
     parameters: dict[str, float]
 
 
 class Stage(Result):
-    """One stage of the pipeline: errors are normalised replay errors (1 = the size of the channel's motion).
+    """One stage of the query, with its normalised replay errors (1: as large as the channel's motion).
 
-    `fit` and `select` are the parts that the query used; `test` is read once, at the end.
+    fit, select : on the parts that choose the answer. test : on the held-out part, which is read once, at the end.
     """
 
     stage: Literal["nominal", "nearest", "replayed", "synthesised", "answer"]
@@ -48,13 +53,17 @@ class Stage(Result):
 
 
 class ChannelError(Result):
-    """Mean absolute replay error of one channel on the test part (on select where there is none), in `unit`."""
+    """Mean absolute replay error of one channel, in `unit`, on the test part (without one: on the select part).
+
+    scored : whether replay errors and the gain count it: its weight in robot.toml is not 0.
+    """
 
     channel: str
     unit: str
     nominal: float
     answer: float
     spread: float
+    scored: bool = True
 
 
 class Trace(Curves):
@@ -64,10 +73,12 @@ class Trace(Curves):
 
 
 class Neighbours(Result):
-    """The answer of `query`: the nearest simulators, re-ranked, the synthesised one, and which to use.
+    """The answer of `query`: the nearest simulators by replay error, the synthesised one, and which of them to use.
 
-    misfit : error of the answer over what separates neighbouring simulators under the same commands (about 1 for
-    a robot of the family; the alarm is raised above 3); null where nothing was replayed.
+    gain : of the answer over the nominal simulator, on the test part. Like every replay error it counts the scored
+    channels alone, each in units of its motion and by its weight.
+    misfit : error of the answer over the nearest neighbours' own spread under the same commands. It is about 1 for a
+    robot of the population; the alarm is raised above 3; null where nothing was replayed.
     """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")
@@ -94,14 +105,47 @@ class Neighbours(Result):
     notes: tuple[str, ...] = ()
     cost: Cost
 
+    @property
+    def unclear(self) -> bool:
+        """Whether held-out data do not show that the answer errs less than the nominal simulator.
+
+        The 90 % interval of the gain, over the held-out windows, reaches down to 0 or below. False where there is no
+        interval, and for the nominal simulator itself.
+        """
+        if self.answer_kind == "nominal" or self.gain is None or self.gain.low is None:
+            return False
+        return self.gain.low <= 0.0
+
+    @property
+    def reliance(self) -> str:
+        """How far the intervals of the synthesised simulator's parameters can be relied on, in words."""
+        if self.fits:
+            return "These intervals hold if the model is complete."
+        return "Do not rely on these intervals: no simulator fits, so the model is not complete."
+
     def rows(self) -> list[dict[str, Any]]:
         return [
             {"name": n.name, "distance": n.distance, "replay_error": n.replay_error, **n.parameters}
             for n in self.neighbours
         ]
 
+    def plot(self, channel: str | None = None, ax: "Axes | None" = None) -> "np.ndarray":
+        """Measured, nominal and the answer's curves of a held-out episode; (n,) matplotlib axes, one for a channel.
+
+        channel : only this one, which `ax` can take. Raises UsageError where it was not drawn, and where nothing was
+        replayed.
+        """
+        return plot_curves(self.traces, ("measured", "answer", "nominal"), channel, ax)
+
+    def brief(self) -> str:
+        many = f"{len(self.neighbours)} neighbour{'' if len(self.neighbours) == 1 else 's'}"
+        fits = "fits" if self.fits else "does not fit"
+        return f"of {self.recording_name}: answer {self.answer[:12]}, {many}, {fits}"
+
     def __str__(self) -> str:
-        gain = f", error {self.gain.value:.0%} below nominal" if self.gain else ""
-        if self.gain and self.gain.low is not None and self.gain.high is not None:
-            gain += f" (90% interval {self.gain.low:.0%} to {self.gain.high:.0%})"
-        return f"{self.recording_name}: use {self.answer_kind} simulator {self.answer[:12]}{gain}"
+        gain = f": error {gain_words(self.gain, 'nominal')}" if self.gain else ""
+        if not self.fits:
+            return f"{self.recording_name}: no simulator of this population fits. The best is {self.answer[:12]}{gain}"
+        if self.unclear:
+            return f"{self.recording_name}: no simulator here is clearly better than nominal{gain}"
+        return f"{self.recording_name}: use the {self.answer_kind} simulator {self.answer[:12]}{gain}"

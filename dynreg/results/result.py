@@ -2,12 +2,22 @@
 
 import html
 import json
-from typing import Any, Self
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticSerializationError
 
+from dynreg.axes import chosen, curves, draw_each
 from dynreg.foreign import visible
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+
+BRIEF = 6  # fields in a result's short form
+HASH = re.compile("[0-9a-f]{64}")
 
 
 class Result(BaseModel):
@@ -38,6 +48,18 @@ class Result(BaseModel):
         except PydanticSerializationError:  # of half a surrogate pair, as a file's name has that is no UTF-8
             text = self.visible().model_dump_json(by_alias=True)
         return json.loads(text)
+
+    def brief(self) -> str:
+        """What it says, in a few words: its texts and numbers, ids cut short."""
+        plain = ((name, getattr(self, name)) for name in type(self).model_fields if name != "schema_")
+        shown = [(name, value) for name, value in plain if isinstance(value, str | int | float)]
+        return ", ".join(f"{name}={_short(value)}" for name, value in shown[:BRIEF])
+
+    def __repr__(self) -> str:
+        """`<Kind what it says>` in one line; a part, which has no schema of its own, field by field."""
+        if not self.schema_name():
+            return super().__repr__()
+        return f"<{type(self).__name__} {visible(self.brief())}>"
 
     def visible(self) -> Self:
         """The same result with all its text fit to be shown; see `foreign.visible`."""
@@ -111,6 +133,11 @@ class Gain(Result):
     low: float | None
     high: float | None
 
+    @property
+    def worse(self) -> bool:
+        """Whether the error is higher: the interval, where there is one, does not hold 0."""
+        return self.value < 0 and (self.high is None or self.high < 0)
+
 
 class Cost(Result):
     """What a result cost.
@@ -123,6 +150,25 @@ class Cost(Result):
     rollouts: int
     test_rollouts: int = 0
     seconds: float
+
+
+def plot_curves(
+    found: Sequence[Curves], order: Sequence[str], channel: str | None, ax: "Axes | None"
+) -> "np.ndarray":
+    """(n,) matplotlib axes with what was measured and simulated, one for each of n curves or those of a channel."""
+    wanted = chosen(list(dict.fromkeys(c.channel for c in found)), channel, "channel")
+
+    def draw(place: "Axes", c: Curves) -> None:
+        named = {name: getattr(c, name) for name in order}
+        curves(place, c.time, named, f"{c.channel} [{c.unit}]", f"episode {c.episode}")
+
+    return draw_each([c for c in found if c.channel in wanted], draw, ax, what="curves")
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, str):
+        return value[:12] if HASH.fullmatch(value) else repr(value)
+    return f"{value:.4g}" if isinstance(value, float) else f"{value}"
 
 
 def _visible(value: Any) -> Any:

@@ -42,6 +42,36 @@ class RobotFolder(Result):
         return f"simulator {self.simulator[:12]} of {self.robot} as robot {self.name}, in {self.folder}"
 
 
+class RobotDraft(Result):
+    """A robot folder drafted from a model file.
+
+    model : the name of the file. joints : that move. base : the free joint, null where the robot has none. map : the
+    drafted log map, null without a log; missing : channels for which the log holds nothing. notes : what was guessed,
+    left out or not understood, one line each.
+    """
+
+    schema_: Literal["dynreg/robot_draft/1"] = Field(default="dynreg/robot_draft/1", alias="schema")
+    name: str
+    folder: str
+    model: str
+    log: str | None = None
+    engines: tuple[str, ...]
+    control_rate: float
+    timestep: float
+    base: str | None = None
+    joints: tuple[str, ...]
+    actions: tuple[str, ...]
+    channels: tuple[str, ...]
+    parameters: tuple[str, ...]
+    bytes: int
+    map: str | None = None
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"robot {self.name} of {self.model}, in {self.folder}"
+
+
 class RobotLine(Result):
     """A packaged robot."""
 
@@ -63,9 +93,14 @@ class RobotList(Result):
 
 
 class RobotCheck(Result):
-    """What is wrong with a robot folder; nothing where it can be simulated."""
+    """What is wrong with a robot folder, each with its line in robot.toml.
+
+    problems : errors; the folder is sound, and can be used, where there are none. warnings : faults that do not keep
+    the folder from being used.
+    """
 
     schema_: Literal["dynreg/robot_check/1"] = Field(default="dynreg/robot_check/1", alias="schema")
     robot: str
     sound: bool
     problems: tuple[str, ...]
+    warnings: tuple[str, ...] = ()

@@ -26,7 +26,12 @@ class PopulationSummary(Result):
 
 
 class RecordingSummary(Result):
-    """A registered recording. gait : id of the gait that was played, where the log is of its trial."""
+    """A registered recording.
+
+    gait : id of the gait that was played, where the log is of its trial. version : of the robot with which it was
+    ingested last. simulators : how many of that version are registered. notes : what ingesting it changed of what was
+    there.
+    """
 
     schema_: Literal["dynreg/recording/1"] = Field(default="dynreg/recording/1", alias="schema")
     recording: str
@@ -41,6 +46,9 @@ class RecordingSummary(Result):
     settings: tuple[str, ...]
     findings: tuple[str, ...]
     gait: str | None = None
+    version: int | None = None
+    simulators: int | None = None
+    notes: tuple[str, ...] = ()
 
 
 class EntrySummary(Result):
@@ -83,6 +91,48 @@ class Verification(Result):
         return [{"fault": f} for f in self.faults]
 
 
+class Removal(Result):
+    """What `rm` took out of a registry, or would: what was asked for first, then what cannot be used without it.
+
+    removed : whether it was done. items : each with a detail "needs" where it was not asked for. moved : recordings
+    that are used with another version of their robot from then on, a line each. bytes : of the files that go.
+    """
+
+    schema_: Literal["dynreg/removal/1"] = Field(default="dynreg/removal/1", alias="schema")
+    registry: str
+    removed: bool
+    items: tuple[EntrySummary, ...]
+    moved: tuple[str, ...]
+    bytes: int
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [
+            {"id": i.id[:12], "kind": i.kind, "name": i.name, "robot": i.robot, **i.detail}
+            for i in self.items
+        ]
+
+
+class CollectedFile(Result):
+    """A file or folder that need not be kept: its path in the registry, else from the root, why, and its bytes."""
+
+    path: str
+    why: str
+    bytes: int
+
+
+class Collection(Result):
+    """What `gc` removed, or would. removed : whether it was done."""
+
+    schema_: Literal["dynreg/collection/1"] = Field(default="dynreg/collection/1", alias="schema")
+    registry: str
+    removed: bool
+    files: tuple[CollectedFile, ...]
+    bytes: int
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [{"path": f.path, "why": f.why, "bytes": f.bytes} for f in self.files]
+
+
 class ReportFile(Result):
     """A report that was written."""
 
@@ -93,12 +143,19 @@ class ReportFile(Result):
 
 
 class Info(Result):
-    """Versions, device, and what the registry holds (counts by kind, simulators of all populations)."""
+    """Versions, machine, and what the registry holds (counts by kind, simulators of all populations).
+
+    exists : whether a registry is at that path. optional : {package: version}, null where it is not installed.
+    device : name of the GPU, or "cpu".
+    """
 
     schema_: Literal["dynreg/info/1"] = Field(default="dynreg/info/1", alias="schema")
     registry: str
+    exists: bool = True
     holds: dict[str, int]
     entries: int
     versions: dict[str, str]
+    optional: dict[str, str | None] = {}
+    system: str = ""
     device: str
     cores: int

@@ -1,4 +1,4 @@
-"""The answer of `trial`: how often a diagnosis is right about robots whose truth is known."""
+"""The answer of `trial`: how often a diagnosis names the right effect on simulated robots with a hidden effect."""
 
 import math
 import re
@@ -24,7 +24,7 @@ class Rate(Result):
 
 
 def rate(found: Iterable[bool]) -> Rate | None:
-    """The share of those that are true; None of none at all.
+    """The share of True values; None of an empty sequence.
 
     >>> r = rate([True] * 9 + [False])
     >>> r.value, round(r.low, 3), round(r.high, 3)
@@ -42,18 +42,19 @@ def rate(found: Iterable[bool]) -> Rate | None:
 
 
 class TrialResult(Result):
-    """One hidden robot and what was said of it.
+    """One simulated robot with a hidden effect (or none), and its diagnosis.
 
-    hidden : id of the effect ("a+b" of two), null where there was none; size : weak, medium or strong.
-    hidden_values : the effect's true values; true_parameters : those of the robot. named : key of the first cause;
-    causes : of all that were stated. right : the verdict is named or ambiguous, and the first cause is the truth or
-    one of its exact group, and with several hidden each is among the causes so; with nothing hidden, that no cause
-    was stated. joint_right : the first cause sits in the joint of the truth; null where that sits in no single
-    joint. false_alarm : one was. in_set : the truth is among the first cause and
-    its equivalents; size_of_set : how many these are. share_of_attainable_gain : (calibrated - extended) /
-    (calibrated - true structure refitted) of the error on the test part. parameter_error : of the effect's size,
-    relative to the truth. covered : its 90 % interval holds the truth; null where that was not asked. seconds : of
-    the diagnosis; core_seconds : those that all cores worked at it together.
+    hidden : id of the effect ("a+b" for two), null without one. size : weak, medium or strong.
+    hidden_values : true values of the effect's parameters. true_parameters : true values of the robot's parameters.
+    named : key of the first cause. causes : keys of all causes.
+    right : with a hidden effect: the verdict is named or ambiguous, and the first cause is the true effect or one of
+    its exact group; of several hidden effects, each is among the causes in this sense. Without one: no cause was named.
+    joint_right : the first cause acts on the joint of the true effect; null if that acts on no single joint.
+    false_alarm : a cause was named, and there is no hidden effect. in_set : the true effect is the first cause or one
+    of its equivalents. size_of_set : number of these. share_of_attainable_gain : (calibrated - extended) /
+    (calibrated - true structure refitted), of the error on the test part. parameter_error : relative error of the
+    effect's size. covered : the 90 % interval of the size covers the truth; null if that was not checked.
+    seconds : wall time of the diagnosis. core_seconds : processor time on all cores.
     """
 
     schema_: Literal["dynreg/trial/1"] = Field(default="dynreg/trial/1", alias="schema")
@@ -80,12 +81,12 @@ class TrialResult(Result):
 
     @property
     def wrong(self) -> bool:
-        """Whether a cause was stated that is none; an unknown or missed one is not right, but not wrong either."""
+        """Whether a wrong cause was named; a missed effect is not right, but not wrong either."""
         return self.named is not None and not self.right
 
 
 class TrialGroup(Result):
-    """The trials that hid the same effect; hidden null: those without any."""
+    """The trials with the same hidden effect; hidden is null for those without one."""
 
     hidden: str | None
     trials: int
@@ -94,7 +95,7 @@ class TrialGroup(Result):
 
 
 class Confusion(Result):
-    """How often a hidden effect was given another name; null stands for no effect, on either side."""
+    """How often a hidden effect was named as another one; null stands for no effect in both fields."""
 
     hidden: str | None
     named: str | None
@@ -102,11 +103,11 @@ class Confusion(Result):
 
 
 class TrialTable(Result):
-    """Many trials with their rates; make one with `TrialTable.of`.
+    """Many trials with their rates. `TrialTable.of` makes it.
 
-    right, in_set, wrong : of the trials that hid an effect; joint_right : of those that hid it in some joints only;
-    false_alarm : of those that hid none. wrong counts stated causes that are none. by_size and by_effect : the same
-    trials, apart. set_median, set_p95 : of the sizes of sets.
+    right, in_set, wrong : over the trials with a hidden effect; wrong counts wrong causes. joint_right : over those
+    whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. by_size, by_effect :
+    `right` by size and by effect. set_median, set_p95 : median and 95th percentile of `size_of_set`.
     """
 
     schema_: Literal["dynreg/trials/1"] = Field(default="dynreg/trials/1", alias="schema")
@@ -155,7 +156,7 @@ class TrialTable(Result):
         )
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a trial."""
+        """One row for each trial."""
         left_out = ("schema", "hidden_values", "true_parameters")
         rows = [
             t.to_dict() | {"joints": ", ".join(t.joints), "causes": ", ".join(t.causes)} for t in self.trials
@@ -171,7 +172,7 @@ class TrialTable(Result):
             ("wrong name", self.wrong),
         ]
         named += [("false alarm", self.false_alarm), *((f"right, {s}", r) for s, r in self.by_size.items())]
-        named += [(f"right, {g.hidden or 'nothing hidden'}", g.right) for g in self.by_effect]
+        named += [(f"right, {g.hidden or 'no hidden effect'}", g.right) for g in self.by_effect]
         return {
             "rates": [{"": name} | r.to_dict() for name, r in named if r is not None],
             "trials": self.rows(),
@@ -211,7 +212,7 @@ def _groups(trials: Sequence[TrialResult]) -> tuple[TrialGroup, ...]:
 
 
 def _confusions(trials: Sequence[TrialResult]) -> tuple[Confusion, ...]:
-    """What was wrong, most often first; joints do not make another name."""
+    """The trials that are not right, by hidden and named effect, the most frequent first; joints are ignored."""
     plain = [(t.hidden, t.named and re.sub(r"\[[^]]*\]", "", t.named)) for t in trials if not t.right]
     pairs = sorted(Counter(plain).items(), key=lambda item: (-item[1], item[0][0] or "", item[0][1] or ""))
     return tuple(Confusion(hidden=hidden, named=named, count=n) for (hidden, named), n in pairs)

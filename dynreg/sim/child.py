@@ -8,12 +8,12 @@ import subprocess
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from dynreg.errors import DynregError, RobotError
+from dynreg.errors import DynregError, RobotError, UsageError
 from dynreg.limits import limits, refuse
 
 _CODE = "from dynreg.sim.child import answer; answer()"
@@ -25,18 +25,31 @@ _PLAIN = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
 }
+
+
+class NotTried(RobotError):
+    """A robot was not tried to the end on this machine, now: time or memory ran out, or no process could begin."""
+
+
 TWICE = 2  # seconds on the wall for one of the processor, where cores are shared
 
 
-def in_child(work: Callable[..., Any], files: Mapping[str, bytes], *texts: str, limit: str) -> Any:
-    """What a function of dynreg, `work(files, *texts)`, returns (as JSON), from a process of its own.
+def in_child(work: str, files: Mapping[str, bytes], *texts: str, limit: str) -> Any:
+    """What `work(files, *texts)`, a function told as "module:name", returns (as JSON), from a process of its own.
 
     limit : the name of the limit on its seconds; its memory is limited by `robot_memory`. Where a system has no such
     limits (Windows; memory on macOS), time is limited alone.
-    Raises RobotError past them, where the process ends by itself, and where `work` raises an error of dynreg.
+    Raises NotTried past them and where no process can begin; RobotError where the process ends by itself, and where
+    `work` raises an error of dynreg, but for a UsageError, which is raised as it is.
     """
-    task = {"module": work.__module__, "name": work.__qualname__, "texts": texts, "limit": limit}
-    head = json.dumps({**task, "files": [(name, len(data)) for name, data in files.items()]})
+    head = json.dumps(
+        {
+            "work": work,
+            "texts": texts,
+            "limit": limit,
+            "files": [(name, len(data)) for name, data in files.items()],
+        }
+    )
     paths = [_HOME, *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | _PLAIN | {"PYTHONPATH": os.pathsep.join(paths)}
     try:
@@ -51,10 +64,10 @@ def in_child(work: Callable[..., Any], files: Mapping[str, bytes], *texts: str, 
                 timeout=TWICE * getattr(limits(), limit),
             )
     except subprocess.TimeoutExpired:
-        refuse(RobotError, "the robot's folder takes too long, in seconds", "more", limit)
+        refuse(NotTried, "the robot's model takes too long, in seconds", "more", limit)
     except OSError as problem:
-        raise RobotError(
-            f"the robot's folder cannot be tried: {problem.strerror or problem}",
+        raise NotTried(
+            f"the robot's model cannot be tried: {problem.strerror or problem}",
             expected="a system that can begin a process, and a temporary folder that can be written to",
             do="end other processes, or set TMPDIR to another folder",
         ) from None
@@ -70,13 +83,19 @@ def _read(told: dict[str, Any], limit: str) -> Any:
         return told["value"]
     if "error" in told:
         problem, expected, do = told["error"]
-        raise RobotError(problem, expected=expected, do=do)
+        raise (UsageError if told["usage"] else RobotError)(problem, expected=expected, do=do)
     if "bug" in told:
         raise RuntimeError(told["bug"])
     if "memory" in told:
-        refuse(RobotError, "the robot's folder needs too much memory, in bytes", "more", "robot_memory")
+        refuse(NotTried, "the robot's model needs too much memory, in bytes", "more", "robot_memory")
     if _cause(told["ended"]) == "SIGXCPU":
-        refuse(RobotError, "the robot's folder takes too long, in seconds", "more", limit)
+        refuse(NotTried, "the robot's model takes too long, in seconds", "more", limit)
+    if _cause(told["ended"]) == "SIGKILL":  # as systems end whoever takes their last memory
+        raise NotTried(
+            "the process that tried the robot's model was killed",
+            expected="a machine with memory left for it",
+            do="end other processes, and try again",
+        )
     raise RobotError(
         f"MuJoCo ends on the robot's model ({_cause(told['ended'])})",
         expected="a model that it compiles",
@@ -98,12 +117,13 @@ def answer() -> NoReturn:
     os.dup2(2, 1)  # what libraries print is no answer
     _limit(getattr(limits(), head["limit"]))
     try:
-        work = getattr(importlib.import_module(head["module"]), head["name"])
+        module, _, name = head["work"].partition(":")
+        work = getattr(importlib.import_module(module), name)
         told = {"value": work(files, *head["texts"])}
     except MemoryError:
         told = {"memory": True}
     except DynregError as error:
-        told = {"error": (error.problem, error.expected, error.do)}
+        told = {"error": (error.problem, error.expected, error.do), "usage": isinstance(error, UsageError)}
     except Exception:
         told = {"bug": traceback.format_exc()}
     with open(out, "w", encoding="utf-8") as answers:

@@ -67,13 +67,14 @@ class _Places:
             )
         return cls(tuple(folders), any(xml.strips for xml in read))
 
-    def find(self, files: Mapping[str, bytes], xml: _Xml, one: _Named) -> str:
-        """The path of the file that an XML file names; RobotError where the robot's folder has none."""
+    def find(self, files: Mapping[str, bytes], xml: _Xml, one: _Named) -> list[str]:
+        """The paths at which the file that an XML file names may lie; RobotError where the robot's folder has none."""
         names = (one.name, posixpath.basename(one.name)) if self.strips else (one.name,)
-        for folder, name in product(self.folders, names):
-            path = posixpath.normpath(posixpath.join(folder, name))
-            if path in files:
-                return path
+        paths = (
+            posixpath.normpath(posixpath.join(folder, name)) for folder, name in product(self.folders, names)
+        )
+        if found := [path for path in dict.fromkeys(paths) if path in files]:
+            return found
         raise RobotError(
             f"{_line(xml.path, files[xml.path], one.at)}: <{one.tag}> reads {reprlib.repr(one.name)}, "
             "which is not in the robot's folder",
@@ -82,8 +83,11 @@ class _Places:
         )
 
 
-def check_closed(files: Mapping[str, bytes], model: str) -> None:
-    """Raise RobotError, with the line, where a model or what it includes names a file that `files` does not hold."""
+def check_closed(files: Mapping[str, bytes], model: str) -> list[str]:
+    """The paths of all files that a model and what it includes name, the model first.
+
+    Raises RobotError, with the line, where they name a file that `files` does not hold.
+    """
     read: dict[str, _Xml] = {}
     waiting, seen = [model], {model}
     left = limits().xml_bytes
@@ -94,13 +98,14 @@ def check_closed(files: Mapping[str, bytes], model: str) -> None:
             refuse(RobotError, f"{path}: too long for a model, in bytes", len(files[path]), "xml_bytes")
         xml = read[path] = _xml(path, files[path])
         places = _Places.of((read[model], xml))
-        further = dict.fromkeys(places.find(files, xml, one) for one in xml.named if one.tag in _XML)
+        further = dict.fromkeys(
+            p for one in xml.named if one.tag in _XML for p in places.find(files, xml, one)
+        )
         waiting += [path for path in further if path not in seen]
         seen.update(further)
     places = _Places.of(read.values())
-    for xml in read.values():
-        for one in xml.named:
-            places.find(files, xml, one)
+    named = (path for xml in read.values() for one in xml.named for path in places.find(files, xml, one))
+    return list(dict.fromkeys((*read, *named)))
 
 
 def _xml(path: str, data: bytes) -> _Xml:

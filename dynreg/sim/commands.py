@@ -1,4 +1,4 @@
-"""From the commands of a log to what the drives are told: motor noise, largest step, joint range."""
+"""From the commands of a log to what the drives are told: motor noise, largest step, the action's range."""
 
 import numpy as np
 

@@ -13,11 +13,12 @@ Problem = tuple[Location, str, str, str]  # where it stands, what is wrong, what
 
 def check_consistency(file: RobotFile, text: str, name: str) -> None:
     """Raise RobotError, with the line of `text`, for the first name or `sets` entry of `file` that cannot be."""
-    for location, problem, expected, do in _problems(file):
+    for location, problem, expected, do in inconsistencies(file):
         raise RobotError(f"{name}, line {line_of(text, location)}: {problem}", expected=expected, do=do)
 
 
-def _problems(file: RobotFile) -> Iterator[Problem]:
+def inconsistencies(file: RobotFile) -> Iterator[Problem]:
+    """All names and `sets` entries of a file that cannot be."""
     for groups in (("actions", "channels", "inputs"), ("settings",), ("parameters",)):
         yield from _twice(file, groups)
     yield from _drives(file)

@@ -12,6 +12,8 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
 TYPICAL = 10.0  # Hz, of commands of robots whose control is timed
+# Either side of the reset pose, of targets that neither their action nor their joint limits: half a turn and a little.
+FREE = {"rad": 3.2, "m": 0.5}
 # Each kind draws (steps, A) offsets in [-1, 1] for commands at `rate` Hz.
 Kind = Callable[[np.random.Generator, int, int, float], np.ndarray]
 
@@ -79,7 +81,7 @@ def excitation(
 ) -> Run:
     """The commands of one bank: depends on the robot, the seed and the name alone.
 
-    Offsets are scaled to `amplitude` times the room between the reset pose and the action's limits. A "drop"
+    Offsets are scaled to `amplitude` times the room between the reset pose and `command_limits`. A "drop"
     holds a random pose and then switches the drives off for the last half. Settings run through their `values`,
     joints of a robot without a floating base start anywhere, optional inputs are drawn once an episode between
     their low and high. `reach` scales how far from the reset pose (and inputs from nominal) all of it goes; `sizes`
@@ -88,8 +90,8 @@ def excitation(
     """
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
-    pose = reset_pose(robot)
-    low, high = np.where(np.isinf(robot.action_ranges), (-1.0, 1.0), robot.action_ranges).T
+    pose, stops = reset_pose(robot), _stops(robot)
+    low, high = _whole(robot, pose).T
     actions = np.empty((episodes, steps, len(robot.actions)))
     inputs = np.tile(robot.input_defaults, (episodes, steps, 1))
     settings = np.empty((episodes, len(robot.settings)))
@@ -111,7 +113,8 @@ def excitation(
         room = np.where(offset > 0, high - centre, centre - low)
         actions[e] = np.clip(centre + size * room * offset, low, high)
         for action, position, velocity in held:
-            initial[e, position] = actions[e, 0, action] + 0.05 * (high - low)[action] * rng.standard_normal()
+            begin = actions[e, 0, action] + 0.05 * (high - low)[action] * rng.standard_normal()
+            initial[e, position] = np.clip(begin, *stops[action])
             if velocity >= 0:
                 initial[e, velocity] = 0.3 * (high - low)[action] * rng.standard_normal()
         for i, table in enumerate(robot.file.inputs):
@@ -138,6 +141,37 @@ def reset_pose(robot: Robot) -> np.ndarray:
         return np.zeros(len(held))
     qpos = robot.model.qpos0 if robot.keyframe < 0 else robot.model.key_qpos[robot.keyframe]
     return np.where(held, qpos[layout_of(robot).action_qpos], 0.0)
+
+
+def command_limits(robot: Robot) -> np.ndarray:
+    """(A, 2) between which dynreg commands a robot: its action's range and, of a target, its joint's; infinite else.
+
+    A replay keeps to the action's range alone, beyond which the drive takes no command: a log may hold targets beyond
+    a joint's stop, with which the drive presses on it.
+    """
+    ranges, stops = robot.action_ranges, _stops(robot)
+    return np.stack([np.maximum(ranges[:, 0], stops[:, 0]), np.minimum(ranges[:, 1], stops[:, 1])], axis=1)
+
+
+def _stops(robot: Robot) -> np.ndarray:
+    """(A, 2) stops of the joints whose drives take positions; infinite for others."""
+    out = np.tile([-np.inf, np.inf], (len(robot.actions), 1))
+    held = takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
+    if held.any():
+        model = robot.model
+        joints = model.dof_jntid[layout_of(robot).action_dof]
+        held &= model.jnt_limited[joints] > 0
+        out[held] = model.jnt_range[joints[held]]
+    return out
+
+
+def _whole(robot: Robot, pose: np.ndarray) -> np.ndarray:
+    """(A, 2) `command_limits`, with `FREE` about the pose for targets that have none, and 1 for all else."""
+    held = takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
+    reach = [FREE.get(a.unit, 1.0) if h else 1.0 for a, h in zip(robot.file.actions, held, strict=True)]
+    limits = command_limits(robot)
+    usual = pose[:, None] + np.outer(reach, [-1.0, 1.0])
+    return np.where(np.isinf(limits), usual, limits)
 
 
 def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:

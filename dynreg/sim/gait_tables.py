@@ -11,36 +11,35 @@ Range = Annotated[tuple[float, float], Strict(False)]
 
 
 class RoleTable(Table):
-    """[[gait.roles]]: what the joints of this name have in common in every leg; bounds [rad].
+    """[[gait.roles]]: what the joints of this name have in common in every leg."""
 
-    `amplitude` of the sine and `offset`, the angle about which it swings.
-    """
-
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
-    amplitude: Range
-    offset: Range
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="The role's name, such as `hip`.")
+    amplitude: Range = Field(description="Least and largest amplitude of the sine [rad].")
+    offset: Range = Field(description="Least and largest angle about which the joint swings [rad].")
 
 
 class LegTable(Table):
-    """[[gait.legs]]: the joint of every role; `mirrored` are the roles whose joints turn the other way here."""
+    """[[gait.legs]]: a leg, with a joint for every role."""
 
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
-    joints: dict[str, str]
-    mirrored: list[str] = Field(default_factory=list)
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="The leg's name.")
+    joints: dict[str, str] = Field(description='The joint of every role, `{hip = "fr_hip"}`.')
+    mirrored: list[str] = Field(
+        default_factory=list, description="Roles whose joints turn the other way in this leg."
+    )
 
 
 class GaitTable(Table):
-    """[gait]: bounds of the sinusoidal gait: `frequency` [Hz]; `ramp` [s] from the reset pose into it.
+    """[gait]: bounds of a sinusoidal gait."""
 
-    start : {gene: value} of gaits that searches try first, one or a list; genes that are not named stand in the
-    middle.
-    """
-
-    frequency: Range
-    ramp: float = Field(default=1.0, gt=0, le=3600)
-    roles: list[RoleTable] = Field(min_length=1)
-    legs: list[LegTable] = Field(min_length=2)
-    start: list[dict[str, float]] = Field(default_factory=list)
+    frequency: Range = Field(description="Least and largest frequency [Hz].")
+    ramp: float = Field(default=1.0, gt=0, le=3600, description="Time from the reset pose into the gait [s].")
+    roles: list[RoleTable] = Field(min_length=1, description="Joints that every leg has.")
+    legs: list[LegTable] = Field(min_length=2, description="The legs, each with a joint for every role.")
+    start: list[dict[str, float]] = Field(
+        default_factory=list,
+        description="Gaits that searches try first, `{gene = value}`; genes that are not named stand in "
+        "the middle.",
+    )
 
     @field_validator("start", mode="before")
     @classmethod
@@ -91,14 +90,15 @@ class GaitTable(Table):
 
 
 class TaskTable(Table):
-    """[[tasks]]: what a gait is sought for; `kind` is one of dynreg's or of a plugin (`dynreg.tasks`).
+    """[[tasks]]: what a gait is sought for; the first is the usual one."""
 
-    seconds : how long a trial is. success : the least fitness that counts as done, without a fall.
-    values : numbers of the kind, such as {speed = 0.2}.
-    """
-
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")
-    kind: str = "forward"
-    seconds: float = Field(default=10.0, gt=0, le=3600)
-    success: float = 0.3
-    values: dict[str, float] = Field(default_factory=dict)
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$", description="The task's name.")
+    kind: str = Field(
+        default="forward",
+        description="What is scored: `forward`, `slope`, `turn`, `speed`, or a kind of a plugin.",
+    )
+    seconds: float = Field(default=10.0, gt=0, le=3600, description="Length of a trial [s].")
+    success: float = Field(default=0.3, description="Least fitness that counts as done, without a fall.")
+    values: dict[str, float] = Field(
+        default_factory=dict, description="Numbers of the kind, such as `{speed = 0.2}`."
+    )

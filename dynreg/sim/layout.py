@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from dynreg.data.attitude import euler_angles
 from dynreg.data.names import parts_of
 from dynreg.errors import RobotError
 from dynreg.sim.robot import Robot
@@ -100,9 +101,6 @@ def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarra
     at, dof = layout.base_qpos, layout.base_dof
     quaternion = qpos[..., at + 3 : at + 7]
     w, x, y, z = np.moveaxis(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True), -1, 0)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     rotation = np.stack(
         [
             np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
@@ -112,18 +110,47 @@ def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarra
         -2,
     )
     linear = np.einsum("...ij,...i->...j", rotation, qvel[..., dof : dof + 3])
-    angles = np.stack([roll, pitch, yaw], -1)
+    angles = np.stack(euler_angles(w, x, y, z), -1)
     return np.concatenate([qpos[..., at : at + 3], angles, linear, qvel[..., dof + 3 : dof + 6]], -1)
 
 
 def place(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
-    """Write known state channels (n, S; NaN = leave) into MuJoCo states (n, nq), (n, nv), in place.
+    """Write known joint channels (n, S; NaN = leave) into MuJoCo states (n, nq), (n, nv), in place.
 
-    The base keeps the pose and height of the reset: a log does not know where it stands in the world.
+    The base keeps the pose and height of the reset; `place_base` writes those of a log that knows them.
     """
     for (columns, addresses), target in ((layout.position, qpos), (layout.velocity, qvel)):
         known = states[:, columns]
         target[:, addresses] = np.where(np.isnan(known), target[:, addresses], known)
+
+
+def place_base(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """Write a floating base's measured motion (n, S; NaN = unknown) into MuJoCo states (n, nq), (n, nv), in place.
+
+    The inverse of `base_motion`. Bases whose roll or pitch is unknown stay as they are. Unknown velocities are 0, an
+    unknown heading is 0, an unknown position stays. Returns (n,) whether the base was placed without a known height.
+    """
+    from scipy.spatial.transform import Rotation  # a third of what a check has to import
+
+    known = np.full((len(states), len(BASE)), np.nan)
+    known[:, layout.base[1]] = states[:, layout.base[0]]
+    tilted = np.isfinite(known[:, 3:5]).all(axis=1)
+    at, dof = layout.base_qpos, layout.base_dof
+    where = np.where(np.isfinite(known[:, :3]), known[:, :3], qpos[:, at : at + 3])
+    known = np.nan_to_num(known)
+    rotation = Rotation.from_euler("ZYX", known[:, [5, 4, 3]])
+    quaternion = rotation.as_quat(scalar_first=True)
+    linear = rotation.apply(known[:, 6:9])
+    for target, first, values in (
+        (qpos, at, where),
+        (qpos, at + 3, quaternion),
+        (qvel, dof, linear),
+        (qvel, dof + 3, known[:, 9:12]),
+    ):
+        columns = slice(first, first + values.shape[1])
+        target[:, columns] = np.where(tilted[:, None], values, target[:, columns])
+    height = layout.base[0][layout.base[1] == BASE.index("z")]
+    return tilted & ~np.isfinite(states[:, height]).any(axis=1)
 
 
 def _unknown(what: str, choices: list[str]) -> RobotError:

@@ -27,7 +27,7 @@ def try_model(files: Folder, model: str, packaged: Iterable[Path]) -> None:
     if (files.hash, model) in _COMPILED:
         return
     if files.hash not in (model_files(read_folder(folder, links=True)).hash for folder in packaged):
-        in_child(measure, files.files, model, limit="compile_seconds")
+        in_child("dynreg.sim.mjcf:measure", files.files, model, limit="compile_seconds")
     trust_model(files, model)
 
 

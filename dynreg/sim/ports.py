@@ -139,7 +139,8 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     return law_of(d, {kind: types == kind for kind in TYPES}, ports.sensor, supply, on)
 
 
-TYPES = ("position", "torque", "duty_servo", "dcmotor")  # of drives that become a torque
+UNLIMITED = DRIVE_DEFAULTS["torque_limit"]  # as speed_limit: where robot.toml states none
+TYPES = ("position", "torque", "duty_servo", "dcmotor", "speed")  # of drives that become a torque
 
 
 def law_of(
@@ -148,16 +149,19 @@ def law_of(
     """The law by the keys of drives and of their encoders, whether a drive is of each type, its supply, and whether it
     is on; elementwise.
     """
-    position, torque, duty, motor = (types[kind] for kind in TYPES)
+    position, torque, duty, motor, speed = (types[kind] for kind in TYPES)
     back_emf = d["kt"] ** 2 / d["resistance"]
     stall = d["kt"] / d["resistance"]
     duty_stiffness = d["duty_gain"] * d["gain"] * stall * supply
-    gain = np.where(duty, duty_stiffness, np.where(motor, stall, d["gain"]))
+    gain = np.where(duty, duty_stiffness, np.where(motor, stall, np.where(speed, d["rate_gain"], d["gain"])))
     stiffness = np.where(duty, duty_stiffness, np.where(position, d["gain"], 0.0))
-    rate = np.where(position, d["rate_gain"], 0.0)
+    rate = np.where(position | speed, d["rate_gain"], 0.0)
     limit = np.where(duty, stall * np.maximum(supply, 0.0), d["torque_limit"])
-    damping = np.where(position, d["torque_limit"] / d["speed_limit"], 0.0)
-    damping = np.where(duty | motor, back_emf, np.where(torque, 0.0, damping))
+    limited = (d["torque_limit"] < UNLIMITED) & (
+        d["speed_limit"] < UNLIMITED
+    )  # what is not stated damps nothing
+    damping = np.where(position & limited, d["torque_limit"] / d["speed_limit"], 0.0)
+    damping = np.where(duty | motor, back_emf, np.where(torque | speed, 0.0, damping))
     gain, stiffness, rate = (x * d["gain_factor"] for x in (gain, stiffness, rate))
     limit = limit * d["limit_factor"]
     stiffness, rate = stiffness * sensor["scale"], rate * sensor["scale"]

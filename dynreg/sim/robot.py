@@ -210,12 +210,25 @@ def is_packaged(robot: Robot) -> bool:
     return folder is not None and read_folder(folder, links=True).hash == robot.hash
 
 
+def is_packaged_folder(files: Folder) -> bool:
+    """Whether these files are those of a robot that comes with dynreg."""
+    toml = files.files.get(TOML)
+    same = (folder for folder in packaged_robots().values() if (folder / TOML).read_bytes() == toml)
+    return any(read_folder(folder, links=True).hash == files.hash for folder in same)
+
+
 def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
     """The robot of a packaged name or of any folder.
 
     ranges : one of its [populations]; UsageError where it has no such one. Raises RobotError that says what is wrong
     with the folder, and where.
     """
+    robot = robot_of(*robot_files(ref))
+    return robot if ranges is None else with_population(robot, ranges)
+
+
+def robot_files(ref: str | Path) -> tuple[Folder, Path]:
+    """The files of a packaged name or of any folder, and where they lie; RobotError where there is no robot."""
     packaged = packaged_robots()
     folder = packaged.get(str(ref)) or _expanded(ref)
     if not (folder / TOML).is_file():
@@ -224,8 +237,21 @@ def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
             expected=f"one of {list(packaged)} or a folder with robot.toml and its MJCF model",
             do="see `dynreg robots`",
         )
-    robot = robot_of(read_folder(folder, links=folder in packaged.values()), folder.resolve())
-    return robot if ranges is None else with_population(robot, ranges)
+    return read_folder(folder, links=folder in packaged.values()), folder.resolve()
+
+
+def hidden_by_name(ref: str | Path) -> list[str]:
+    """What to know of a folder whose name is that of a robot that comes with dynreg; empty where there is no such."""
+    name, packaged = str(ref), packaged_robots()
+    if name in packaged and Path(name, TOML).is_file():
+        return [
+            f"{name!r} is the robot that comes with dynreg, not the folder here; write './{name}' for the folder"
+        ]
+    folder = Path.cwd() / _expanded(ref)
+    if name not in packaged and folder.name in packaged and folder.parent == Path.cwd():
+        hidden = f"{folder.name!r} alone means the robot that comes with dynreg"
+        return [f"{hidden}; write './{folder.name}' everywhere, or rename the folder"]
+    return []
 
 
 def robot_of(files: Folder, folder: Path) -> Robot:
@@ -233,6 +259,11 @@ def robot_of(files: Folder, folder: Path) -> Robot:
     text = toml_text(files.hashed.get(TOML, b""), TOML, RobotError)
     file = parse_toml(text, TOML, RobotFile, RobotError)
     check_consistency(file, text, TOML)
+    return robot_from(file, files, folder)
+
+
+def robot_from(file: RobotFile, files: Folder, folder: Path) -> Robot:
+    """The robot that a checked robot.toml and the other files make; RobotError where its model lacks a file."""
     readable = model_files(files).files
     if file.robot.model not in readable:
         raise RobotError(

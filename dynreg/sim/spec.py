@@ -14,20 +14,43 @@ SUBSTEPS = 100_000  # physics time steps in a command: more than a robot of 10 H
 
 
 class RobotTable(Table):
-    """[robot]: `control_rate` [Hz] and physics `timestep` [s], or control = "timed".
+    """[robot]: the robot and how it is simulated."""
 
-    integrator : of the mujoco engine; by default the one that the MJCF model states.
-    """
+    name: str = Field(
+        pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$",
+        max_length=100,
+        description="The robot's name: a letter, then letters, digits, `_` or `-`.",
+    )
+    model: str = Field(
+        default="model.xml",
+        description="The MJCF file, relative to the folder; `/` or `\\\\` between the names of folders.",
+    )
+    engines: list[Literal[tuple(ENGINES)]] = Field(
+        min_length=1,
+        description="Engines that can simulate it; the first is used. `joint`: each joint alone, fast. "
+        "`mujoco`: the whole model, with contacts. `kinematic`, `unicycle`: a base on wheels.",
+    )
+    control_rate: float | None = Field(
+        default=None,
+        ge=0.01,
+        le=100_000,
+        description='Commands per second [Hz]. Required unless `control = "timed"`.',
+    )
+    control: Literal["rate", "timed"] = Field(
+        default="rate",
+        description="`rate`: commands come at `control_rate`. `timed`: each command has its own duration.",
+    )
+    timestep: float = Field(ge=1e-6, le=0.05, description="Physics time step [s].")
+    integrator: Literal["euler", "implicitfast", "rk4"] | None = Field(
+        default=None, description="Integrator of the `mujoco` engine; without it, the one in the MJCF model."
+    )
+    title: str = Field(default="", description="One line for people.")
+    source: str = Field(default="", description="Where the model and its numbers come from.")
 
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$", max_length=100)
-    model: str = "model.xml"
-    engines: list[Literal[tuple(ENGINES)]] = Field(min_length=1)
-    control_rate: float | None = Field(default=None, ge=0.01, le=100_000)
-    control: Literal["rate", "timed"] = "rate"
-    timestep: float = Field(ge=1e-6, le=0.05)
-    integrator: Literal["euler", "implicitfast", "rk4"] | None = None
-    title: str = ""
-    source: str = ""
+    @field_validator("model")
+    @classmethod
+    def _of_any_system(cls, path: str) -> str:
+        return path.replace("\\", "/")
 
     @model_validator(mode="after")
     def _rate(self):
@@ -40,86 +63,104 @@ class RobotTable(Table):
         return self
 
 
-class PositionDrive(Table):
+class DriveTable(Table):
+    """What every drive has. Its numbers hold at the joint: leave `gear` of the MJCF actuator at 1."""
+
+    joint: str = Field(
+        description="Joint of the MJCF model, or a whole action name such as `base/speed_command`."
+    )
+    enable: str | None = Field(
+        default=None,
+        description="Name of a 0/1 channel of the log; the drive gives no torque while it is below 0.5. "
+        "It needs no table of its own.",
+    )
+
+
+class PositionDrive(DriveTable):
     """torque = clip(gain (target - q) - rate_gain qd, +-torque_limit) - torque_limit / speed_limit qd.
 
-    gain [N m/rad], rate_gain [N m s/rad], torque_limit [N m], speed_limit [rad/s, no-load].
+    The last term is left out where either limit is not stated.
     """
 
-    type: Literal["position"]
-    joint: str
-    enable: str | None = None
-    gain: float = Field(ge=0)
-    rate_gain: float = Field(default=0.0, ge=0)
-    torque_limit: float = Field(default=1e6, gt=0)
-    speed_limit: float = Field(default=1e6, gt=0)
+    type: Literal["position"] = Field(description="The control law.")
+    gain: float = Field(ge=0, description="Proportional gain [N*m/rad; N/m of a slide].")
+    rate_gain: float = Field(default=0.0, ge=0, description="Derivative gain [N*m*s/rad].")
+    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    speed_limit: float = Field(
+        default=1e6,
+        gt=0,
+        description="No-load speed [rad/s]: torque falls in proportion to speed and is zero there.",
+    )
 
 
-class TorqueDrive(Table):
-    """torque = clip(gain command, +-torque_limit); gain [N m or N per unit of the command]."""
+class TorqueDrive(DriveTable):
+    """torque = clip(gain command, +-torque_limit)."""
 
-    type: Literal["torque"]
-    joint: str
-    enable: str | None = None
-    gain: float = 1.0
-    torque_limit: float = Field(default=1e6, gt=0)
+    type: Literal["torque"] = Field(description="The control law.")
+    gain: float = Field(default=1.0, description="Torque for one unit of the command [N*m; N of a slide].")
+    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
 
 
-class DutyServo(Table):
+class DutyServo(DriveTable):
     """duty = clip(duty_gain gain (target - q), -1, 1); torque = kt / resistance (duty supply - kt qd).
 
-    The control law of Dynamixel XL330 firmware: gain [1] is the P register, duty_gain [1/rad],
-    kt [N m/A], resistance [ohm], supply [V] (the measured input where the log has it).
+    The control law of Dynamixel XL330 firmware.
     """
 
-    type: Literal["duty_servo"]
-    joint: str
-    enable: str | None = None
-    gain: float = Field(ge=0)
-    duty_gain: float = Field(gt=0)
-    kt: float = Field(gt=0)
-    resistance: float = Field(gt=0)
-    supply: float = Field(gt=0)
-    supply_input: str | None = None
+    type: Literal["duty_servo"] = Field(description="The control law.")
+    gain: float = Field(ge=0, description="The firmware's P register [1].")
+    duty_gain: float = Field(gt=0, description="Duty cycle for one unit of gain and error [1/rad].")
+    kt: float = Field(gt=0, description="Torque constant [N*m/A].")
+    resistance: float = Field(gt=0, description="Winding resistance [ohm].")
+    supply: float = Field(gt=0, description="Supply voltage [V], where the log has not measured it.")
+    supply_input: str | None = Field(
+        default=None, description="Name of the table in `[[inputs]]` with the measured supply voltage."
+    )
 
 
-class DcMotor(Table):
-    """torque = clip(kt / resistance command, +-torque_limit) - kt^2 / resistance qd, command [V]."""
+class DcMotor(DriveTable):
+    """torque = clip(kt / resistance command, +-torque_limit) - kt^2 / resistance qd; the command is a voltage [V]."""
 
-    type: Literal["dcmotor"]
-    joint: str
-    enable: str | None = None
-    kt: float = Field(gt=0)
-    resistance: float = Field(gt=0)
-    torque_limit: float = Field(default=1e6, gt=0)
+    type: Literal["dcmotor"] = Field(description="The control law.")
+    kt: float = Field(gt=0, description="Torque constant [N*m/A].")
+    resistance: float = Field(gt=0, description="Winding resistance [ohm].")
+    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
 
 
-class VelocityDrive(Table):
-    """rate of velocity = (gain command - velocity) / lag; gain [1], lag [s], at once where it is 0.
+class SpeedDrive(DriveTable):
+    """torque = clip(rate_gain (command - qd), +-torque_limit), the command being a speed; for engines with forces."""
 
-    For the kinematic and the unicycle engine; `joint` is a whole action name such as "base/speed_command", or a wheel
-    of [base], whose command is a speed of rotation [rad/s]; the lags of both wheels count by their mean.
+    type: Literal["speed"] = Field(description="The control law.")
+    rate_gain: float = Field(gt=0, description="Torque for an error of one unit of speed [N*m*s/rad].")
+    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+
+
+class VelocityDrive(DriveTable):
+    """rate of velocity = (gain command - velocity) / lag.
+
+    For the engines kinematic and unicycle. `joint` is an action such as "base/speed_command", or a wheel of [base],
+    whose command is a speed of rotation [rad/s]. The lags of both wheels count by their mean.
     """
 
-    type: Literal["velocity"]
-    joint: str
-    enable: None = None
-    gain: float = 1.0
-    lag: float = Field(default=0.0, ge=0)
+    type: Literal["velocity"] = Field(description="The control law.")
+    enable: None = Field(default=None, description="Not available for this drive.")
+    gain: float = Field(default=1.0, description="Speed for one unit of the command [1].")
+    lag: float = Field(default=0.0, ge=0, description="Time constant of the speed [s]; 0 follows at once.")
 
 
 Drive = Annotated[
-    PositionDrive | TorqueDrive | DutyServo | DcMotor | VelocityDrive, Field(discriminator="type")
+    PositionDrive | TorqueDrive | DutyServo | DcMotor | SpeedDrive | VelocityDrive,
+    Field(discriminator="type"),
 ]
 
 
 class SignalTable(Table):
     """A named signal, its SI unit and what it can be."""
 
-    name: str = Field(min_length=1)
-    unit: str
-    low: float | None = None
-    high: float | None = None
+    name: str = Field(min_length=1, description="The signal's name, `<joint>/<quantity>`.")
+    unit: str = Field(description="SI unit, such as `rad`, `rad/s`, `N*m`, `V`, `1`.")
+    low: float | None = Field(default=None, description="Least value; without it, unlimited.")
+    high: float | None = Field(default=None, description="Largest value; without it, unlimited.")
 
     @model_validator(mode="after")
     def _order(self):
@@ -129,59 +170,100 @@ class SignalTable(Table):
 
 
 class ActionTable(SignalTable):
-    """[[actions]]: "<joint>/<kind>", in the order of the action vector.
+    """[[actions]]: the commands, in the order of the command vector."""
 
-    `optional` where real logs do not hold it: they can be ingested, but there is nothing to replay.
-    """
-
-    optional: bool = False
+    low: float | None = Field(
+        default=None,
+        description="Least command that the drive takes, as MuJoCo's `ctrlrange`: what a log has below it is cut off "
+        "in a replay. Without it, unlimited. Populations, experiments and gaits also keep targets within their "
+        "joint's range; a replay does not, and a drive may press its joint on a stop.",
+    )
+    high: float | None = Field(default=None, description="Largest command that the drive takes; see `low`.")
+    optional: bool = Field(
+        default=False,
+        description="`true` where real logs may lack the command. Such logs can be ingested but not "
+        "replayed.",
+    )
 
 
 class ChannelTable(SignalTable):
-    """[[channels]]: the state vector; noise [1 sigma] and quantum in the channel's unit.
+    """[[channels]]: what is measured, in the order of the state vector."""
 
-    `zero` : 1 sigma by which a position's zero differs from episode to episode (set anew by hand at every start).
-    """
-
-    noise: float = Field(default=0.0, ge=0)
-    quantum: float = Field(default=0.0, ge=0)
-    zero: float = Field(default=0.0, ge=0)
-    weight: float = Field(default=1.0, ge=0)
+    noise: float = Field(
+        default=0.0, ge=0, description="Standard deviation of the sensor's noise, in `unit`."
+    )
+    quantum: float = Field(
+        default=0.0, ge=0, description="Step of the sensor's quantisation, in `unit` (an encoder's tick)."
+    )
+    zero: float = Field(
+        default=0.0,
+        ge=0,
+        description="Standard deviation by which a position's zero differs between episodes, in `unit` "
+        "(set by hand at every start).",
+    )
+    weight: float = Field(
+        default=1.0,
+        ge=0,
+        description="Weight of the channel in replay errors. 0 leaves it out: use that for a noisy or a "
+        "derived signal, or one whose error never decays.",
+    )
 
 
 class InputTable(SignalTable):
-    """[[inputs]]: measured exogenous signals; `nominal` is used where a log lacks an optional one."""
+    """[[inputs]]: measured signals that act on the robot from outside."""
 
-    optional: bool = False
-    nominal: float = 0.0
+    optional: bool = Field(
+        default=False, description="`true` where a log may lack it; `nominal` is used there."
+    )
+    nominal: float = Field(default=0.0, description="Value where the log lacks it, in `unit`.")
 
 
 class SettingTable(Table):
-    """[[settings]]: known constants of an episode; `values` are those that excitation covers.
+    """[[settings]]: constants that are known of each episode."""
 
-    `trial` : those that the commands for a diagnosis alternate between (a known mass added, for one).
-    """
-
-    name: str
-    unit: str
-    nominal: float
-    values: list[float] = Field(default_factory=list)
-    trial: list[float] = Field(default_factory=list)
-    sets: list[str] = Field(min_length=1)
+    name: str = Field(description="The setting's name.")
+    unit: str = Field(description="SI unit of the value.")
+    nominal: float = Field(description="Value of an episode whose log does not state it.")
+    values: list[float] = Field(
+        default_factory=list, description="Values that a population's commands run through."
+    )
+    trial: list[float] = Field(
+        default_factory=list,
+        description="Values that the commands for a diagnosis alternate between, such as a known added mass.",
+    )
+    sets: list[str] = Field(
+        min_length=1,
+        description="What the value sets: see [What `sets` can set](robots.md#what-sets-can-set).",
+    )
 
 
 class ParameterTable(Table):
-    """[[parameters]]: what differs between simulators of a population."""
+    """[[parameters]]: what differs from simulator to simulator."""
 
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
-    unit: str
-    nominal: float
-    low: float
-    high: float
-    scale: Literal["linear", "log"] = "linear"
-    tolerance: float = Field(default=math.inf, gt=0, allow_inf_nan=True)
-    known: bool = False
-    sets: list[str] = Field(min_length=1)
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="The parameter's name.")
+    unit: str = Field(description="SI unit, or `1` for a factor.")
+    nominal: float = Field(description="Value on the nameplate.")
+    low: float = Field(description="Least value in a population.")
+    high: float = Field(description="Largest value in a population.")
+    scale: Literal["linear", "log"] = Field(
+        default="linear", description="How a population's values spread over the range."
+    )
+    tolerance: float = Field(
+        default=math.inf,
+        gt=0,
+        allow_inf_nan=True,
+        description="Standard deviation of `nominal`, relative to it (to the width of the range where "
+        "`nominal` is 0). `inf`: the nameplate says nothing.",
+    )
+    known: bool = Field(
+        default=False,
+        description="`true` where each recording tells the value (the command rate); it is then not "
+        "searched for.",
+    )
+    sets: list[str] = Field(
+        min_length=1,
+        description="What the value sets: see [What `sets` can set](robots.md#what-sets-can-set).",
+    )
 
     @model_validator(mode="after")
     def _range(self):
@@ -200,46 +282,70 @@ class BaseTable(Table):
     With vl, vr what the commands ask of the wheels on the ground [m/s], v the base's speed and w its yaw rate:
     speed_lag v' = (vl + vr) / 2 - speed_drag v + centrifugal w^2,
     yaw_lag w' = (vr - vl) / track - yaw_drag w - coupling v w.
-
-    wheel_radius, track [m] between the wheels; speed_lag, yaw_lag [s]; speed_drag, yaw_drag [1]; centrifugal
-    [m*s/rad^2] and coupling [s/m], which only the unicycle engine has.
     """
 
-    left: str
-    right: str
-    wheel_radius: float = Field(gt=0)
-    track: float = Field(gt=0)
-    speed_lag: float = Field(default=0.0, ge=0)
-    yaw_lag: float = Field(default=0.0, ge=0)
-    centrifugal: float = 0.0
-    speed_drag: float = Field(default=1.0, gt=0)
-    coupling: float = 0.0
-    yaw_drag: float = Field(default=1.0, gt=0)
+    left: str = Field(description="Joint of the left wheel.")
+    right: str = Field(description="Joint of the right wheel.")
+    wheel_radius: float = Field(gt=0, description="Radius of both wheels [m].")
+    track: float = Field(gt=0, description="Distance between the wheels [m].")
+    speed_lag: float = Field(default=0.0, ge=0, description="Time constant of the speed [s].")
+    yaw_lag: float = Field(default=0.0, ge=0, description="Time constant of the yaw rate [s].")
+    centrifugal: float = Field(default=0.0, description="Speed gained in turns [m*s/rad^2]; `unicycle` only.")
+    speed_drag: float = Field(
+        default=1.0, gt=0, description="Drag on the speed [1]: 1 reaches the commanded speed."
+    )
+    coupling: float = Field(default=0.0, description="Yaw rate lost with speed [s/m]; `unicycle` only.")
+    yaw_drag: float = Field(
+        default=1.0, gt=0, description="Drag on the yaw rate [1]: 1 reaches the commanded yaw rate."
+    )
 
 
 class ResetTable(Table):
-    """[reset]: the keyframe an episode starts from and how long [s] it may settle there."""
+    """[reset]: where episodes start."""
 
-    keyframe: str | None = None
-    settle: float = Field(default=0.0, ge=0, le=60)
+    keyframe: str | None = Field(
+        default=None,
+        description="Keyframe of the MJCF model where episodes start; without it, the model's `qpos0`.",
+    )
+    settle: float = Field(
+        default=0.0, ge=0, le=60, description="Time that the robot settles there before an episode [s]."
+    )
+    base: Literal["keyframe", "measured"] = Field(
+        default="keyframe",
+        description="Where a floating base begins when a log is replayed. `keyframe`: in the pose that it settled in. "
+        "`measured`: with the attitude, position and velocities that the log has there; without a height its lowest "
+        "point touches the ground.",
+    )
 
 
 class FallTable(Table):
-    """[fall]: the robot has fallen when its base tilts by more than `tilt` [rad] or sinks below `height` [m]."""
+    """[fall]: what a fall is. A robot without this table never falls."""
 
-    tilt: float = Field(gt=0)
-    height: float = 0.0
+    tilt: float = Field(gt=0, description="Tilt of the base beyond which the robot has fallen [rad].")
+    height: float = Field(default=0.0, description="Height of the base below which the robot has fallen [m].")
 
 
 class ExcitationTable(Table):
-    """[excitation]: the bank of command sequences that every simulator of a population runs."""
+    """[excitation]: the commands that every simulator of a population runs."""
 
-    episodes: int = Field(default=20, ge=2, le=10_000)
-    steps: int = Field(default=50, ge=2, le=100_000)
-    kinds: list[Literal["levels", "chirp", "gait", "walk", "triangle", "drop"]] = Field(
-        default_factory=lambda: ["levels", "chirp", "walk"], min_length=1
+    episodes: int = Field(
+        default=20, ge=2, le=10_000, description="Episodes that every simulator of a population runs."
     )
-    amplitude: float = Field(default=0.5, gt=0, le=1000)
+    steps: int = Field(default=50, ge=2, le=100_000, description="Commands in an episode.")
+    kinds: list[Literal["levels", "chirp", "gait", "walk", "triangle", "drop"]] = Field(
+        default_factory=lambda: ["levels", "chirp", "walk"],
+        min_length=1,
+        description="Kinds of commands, in turn. `levels`: random steps. `walk`: a smooth random walk. "
+        "`gait`: one frequency for all joints. `chirp`: rising frequency. `triangle`: slow "
+        "ramps. `drop`: drives switched off half way.",
+    )
+    amplitude: float = Field(
+        default=0.5,
+        gt=0,
+        le=1000,
+        description="Size of the commands, as a share of the room between the reset pose and the action's"
+        " limits. Episodes vary it between 0.3 and 1.7 times.",
+    )
 
     @model_validator(mode="after")
     def _bounded(self):
@@ -251,19 +357,26 @@ class ExcitationTable(Table):
 
 
 class ReplayTable(Table):
-    """[replay]: recordings are replayed in windows of at most `horizon` [s]; without it, whole episodes.
+    """[replay]: how recordings are replayed.
 
     Unstable and chaotic robots need short windows: beyond them two simulations of one robot differ as much
     as those of two robots.
     """
 
-    horizon: float | None = Field(default=None, gt=0, le=86_400)
+    horizon: float | None = Field(
+        default=None,
+        gt=0,
+        le=86_400,
+        description="Longest replay without correction [s]; without it, whole episodes.",
+    )
 
 
 class PopulationTable(Table):
-    """[populations.<name>]: other ranges for some parameters, as {parameter = [low, high]}."""
+    """[populations.<name>]: other ranges for some parameters."""
 
-    ranges: dict[str, Annotated[tuple[float, float], Strict(False)]]
+    ranges: dict[str, Annotated[tuple[float, float], Strict(False)]] = Field(
+        description="Other ranges, `{parameter = [low, high]}`; parameters that are not named keep theirs."
+    )
 
     @field_validator("ranges")
     @classmethod
@@ -277,18 +390,42 @@ class PopulationTable(Table):
 class RobotFile(Table):
     """The whole file; what its parts say about each other is checked by `dynreg.sim.consistency`."""
 
-    robot: RobotTable
-    drives: list[Drive] = Field(default_factory=list)
-    actions: list[ActionTable] = Field(default_factory=list)
-    channels: list[ChannelTable] = Field(min_length=1)
-    inputs: list[InputTable] = Field(default_factory=list)
-    settings: list[SettingTable] = Field(default_factory=list)
-    parameters: list[ParameterTable] = Field(min_length=1)
-    base: BaseTable | None = None
-    reset: ResetTable = ResetTable()
-    fall: FallTable | None = None
-    excitation: ExcitationTable = ExcitationTable()
-    replay: ReplayTable = ReplayTable()
-    populations: dict[str, PopulationTable] = Field(default_factory=dict)
-    gait: GaitTable | None = None
-    tasks: list[TaskTable] = Field(default_factory=list)
+    robot: RobotTable = Field(description="The robot and how it is simulated.")
+    drives: list[Drive] = Field(
+        default_factory=list,
+        description="How a command becomes a torque, or a speed; one table for each driven joint.",
+    )
+    actions: list[ActionTable] = Field(
+        default_factory=list, description="The commands, in the order of the command vector."
+    )
+    channels: list[ChannelTable] = Field(
+        min_length=1, description="What is measured, in the order of the state vector."
+    )
+    inputs: list[InputTable] = Field(
+        default_factory=list,
+        description="Measured signals that act on the robot from outside, such as its supply voltage.",
+    )
+    settings: list[SettingTable] = Field(
+        default_factory=list,
+        description="Constants that are known of each episode, such as a gain or an added mass.",
+    )
+    parameters: list[ParameterTable] = Field(
+        min_length=1, description="What differs from simulator to simulator."
+    )
+    base: BaseTable | None = Field(default=None, description="A base on two driven wheels.")
+    reset: ResetTable = Field(default=ResetTable(), description="Where episodes start.")
+    fall: FallTable | None = Field(
+        default=None, description="What a fall is. A robot without this table never falls."
+    )
+    excitation: ExcitationTable = Field(
+        default=ExcitationTable(), description="The commands that every simulator of a population runs."
+    )
+    replay: ReplayTable = Field(default=ReplayTable(), description="How recordings are replayed.")
+    populations: dict[str, PopulationTable] = Field(
+        default_factory=dict,
+        description="Other ranges of parameters, by name: `dynreg populate ROBOT --ranges NAME`.",
+    )
+    gait: GaitTable | None = Field(default=None, description="Bounds of a sinusoidal gait.")
+    tasks: list[TaskTable] = Field(
+        default_factory=list, description="What a gait is sought for; the first is the usual one."
+    )

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from dynreg.data.names import parts_of
 from dynreg.data.units import UNITS
 from dynreg.errors import RobotError
+from dynreg.sim.finding import Said
 from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
 
@@ -19,25 +20,30 @@ _QUANTITIES = MappingProxyType(
 )
 
 
-def unit_problems(robot: Robot) -> Iterator[str]:
+def unit_problems(robot: Robot) -> Iterator[Said]:
     """Units that are unknown, not SI, or not those of the quantity, one line each."""
-    for table in (*robot.file.channels, *robot.file.actions, *robot.file.inputs):
-        if table.unit not in UNITS:
-            yield f"unit {table.unit!r} of {table.name!r} is unknown; use one of {_si_units()}"
-        elif UNITS[table.unit][0] != table.unit:
-            yield f"unit {table.unit!r} of {table.name!r} is not SI; use {UNITS[table.unit][0]!r}"
-    for table in (*robot.file.channels, *robot.file.actions):
-        expected = _expected(robot, table.name)
-        if table.unit in _si_units() and expected is not None and table.unit != expected:
-            yield f"unit {table.unit!r} of {table.name!r} is not that of its joint; use {expected!r}"
-    for table in (*robot.file.parameters, *robot.file.settings):
+    for group in ("channels", "actions", "inputs"):
+        for table in getattr(robot.file, group):
+            told = _signal_problem(robot, table.name, table.unit, joint=group != "inputs")
+            if told is not None:
+                yield (group, table.name, "unit"), f"unit {table.unit!r} of {table.name!r} {told}"
+    both = [("parameters", t) for t in robot.file.parameters] + [("settings", t) for t in robot.file.settings]
+    for group, table in both:
         factors = re.split(r"[*/]", table.unit)
         unknown = [f for f in factors if re.sub(r"\^\d+$", "", f.strip()) not in _FACTORS]
         if unknown:
-            yield (
-                f"unit {table.unit!r} of {table.name!r} has an unknown factor {unknown[0]!r}; "
-                f"build it with * / ^ from {sorted(_FACTORS)}"
-            )
+            told = f"unit {table.unit!r} of {table.name!r} has an unknown factor {unknown[0]!r}"
+            yield (group, table.name, "unit"), f"{told}; build it with * / ^ from {sorted(_FACTORS)}"
+
+
+def _signal_problem(robot: Robot, name: str, unit: str, joint: bool) -> str | None:
+    """What is wrong with the unit of a channel, a command (`joint`) or an input."""
+    if unit not in UNITS:
+        return f"is unknown; use one of {_si_units()}"
+    if UNITS[unit][0] != unit:
+        return f"is not SI; use {UNITS[unit][0]!r}"
+    expected = _expected(robot, name) if joint else None
+    return None if expected in (None, unit) else f"is not that of its joint; use {expected!r}"
 
 
 def _si_units() -> list[str]:
@@ -57,4 +63,4 @@ def _expected(robot: Robot, name: str) -> str | None:
         kind = nominal_ports(robot, 1).types[robot.actions.index(name)]
     except RobotError:  # told where names are checked
         return None
-    return {"position": length, "duty_servo": length, "dcmotor": "V"}.get(kind)
+    return {"position": length, "duty_servo": length, "dcmotor": "V", "speed": f"{length}/s"}.get(kind)

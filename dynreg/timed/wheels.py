@@ -39,12 +39,17 @@ class Wheels:
         return np.concatenate([speed - half, speed + half], axis=1)
 
 
-def wheels_of(robot: Robot, names: Sequence[str]) -> Wheels:
-    """How the robot is told to drive, in a recording with channels `names`; raises as `told`."""
+def steering(robot: Robot) -> tuple[str, str] | None:
+    """The two commands that drive a base: of its wheels, or speed and yaw rate; None for a robot without wheels."""
     base = robot.file.base
     pairs = [tuple(f"{side}/velocity_command" for side in (base.left, base.right))] if base else []
     pairs += [tuple(f"{owner}/{command}" for command in BASE_COMMANDS) for owner in robot.driven]
-    pair = next((pair for pair in pairs if {*pair} <= {*robot.actions}), None)
+    return next((pair for pair in pairs if {*pair} <= {*robot.actions}), None)
+
+
+def wheels_of(robot: Robot, names: Sequence[str]) -> Wheels:
+    """How the robot is told to drive, in a recording with channels `names`; raises as `told`."""
+    base, pair = robot.file.base, steering(robot)
     if pair is None:
         raise RobotError(
             f"robot {robot.name!r} has no wheels",

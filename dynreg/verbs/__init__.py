@@ -1,1 +1,1 @@
-"""What dynreg can be asked to do: the only rooms that know the registry, and that make Results."""
+"""The verbs of dynreg. These modules alone know the registry and make results."""

@@ -1,11 +1,11 @@
-"""Calibrate: fit a robot's parameters to a recording by a search, for comparison with a query."""
+"""Calibrate: fit a robot's parameters to a recording by a black-box search, as a baseline for a query."""
 
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, method, option, seed, threads
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.results.calibration import Calibration
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CalibrateSettings(Settings):
-    """What `calibrate` can be told."""
+    """The settings of `calibrate`."""
 
     method: str = method()
     seed: int = seed()
-    budget: int = option(600, "Simulations that the search may run.", least=1)
+    budget: int = option(600, "Most simulations of the search.", least=1)
     hold_out: str | None = hold_out()
     threads: int = threads()
 
@@ -26,10 +26,10 @@ class CalibrateSettings(Settings):
 def calibrate(
     asked: "Recorded", settings: CalibrateSettings, progress: Progress | None = None
 ) -> "Calibration":
-    """Fit a robot's parameters by a search.
+    """Fit a robot's parameters to a recording by a search.
 
-    The reference that a query is compared with: it needs no population. It begins with the robot's own
-    values, and never ends with worse ones.
+    It is the baseline of a query and needs no population. The search begins at the nominal values of the robot. Its
+    answer is never worse than these on the train part.
 
     Example: dynreg calibrate monday --method cma --hold-out kp=400
     """

@@ -1,13 +1,23 @@
 """The result of a comparison, from what was found."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from dynreg.compare.compare import Compared
 from dynreg.compare.contenders import Made, Plan, Predicts
-from dynreg.results.comparison import Comparison, Contender
-from dynreg.results.result import Cost
+from dynreg.compare.rollouts import NINETY, Errors, Scored
+from dynreg.results.comparison import (
+    Commands,
+    ComparedTrace,
+    Comparison,
+    Contender,
+    Horizon,
+    Rollouts,
+    Score,
+)
+from dynreg.results.result import Cost, Gain
+from dynreg.sim.robot import Robot
 from dynreg.verbs.simulators import Simulator, made
 from dynreg.verbs.subjects import Recorded
 
@@ -18,35 +28,113 @@ def document(
     asked: Recorded,
     plan: Plan,
     simulators: Mapping[str, Simulator],
-    found: Compared,
+    scored: Scored | None,
+    found: Compared | None,
+    notes: tuple[str, ...],
     seconds: float,
 ) -> Comparison:
     """All that was found, with notes. simulators : by the names under which they were compared."""
-    fit, validation, test = found.parts
+    models = {} if found is None else {n: c for n, c in found.contenders.items() if n not in simulators}
+    told = () if found is None else (*_seen(asked, simulators, found), *_notes(found))
     return Comparison(
         robot=asked.robot.name,
         recording=asked.recording.id,
         recording_name=asked.name,
+        seed=plan.seed,
+        contenders=(
+            *(_simulator(name, one) for name, one in simulators.items()),
+            *(_model(name, one) for name, one in models.items()),
+        ),
+        rollouts=None if scored is None else rollouts(asked.robot, tuple(simulators), scored),
+        commands=None if found is None else _commands(plan, found),
+        notes=(*told, *notes),
+        cost=Cost(evaluations=0, rollouts=len(simulators), seconds=seconds),
+    )
+
+
+def rollouts(robot: Robot, names: tuple[str, ...], scored: Scored) -> Rollouts:
+    """Errors at every horizon with their intervals, and what the longest says: the best, and those that tie with it."""
+    longest = scored.errors[-1]
+    best = int(np.argmin(longest.mean[:, -1]))
+    draws = longest.draws()
+    ties = {i: longest.tie(draws, best, i) for i in range(len(names)) if i != best}
+    return Rollouts(
+        episodes=scored.episodes,
+        left_out=scored.left_out,
+        names=names,
+        horizons=tuple(Horizon(seconds=e.seconds, rollouts=e.rollouts, whole=e.whole) for e in scored.errors),
+        best=names[best],
+        alike=tuple(names[i] for i, tie in ties.items() if tie[-1]),
+        within=longest.within,
+        unscored=tuple(robot.channels[c] for c in longest.channels if not robot.file.channels[c].weight > 0),
+        scores=tuple(score for errors in scored.errors for score in _scores(robot, names, errors)),
+        traces=tuple(
+            ComparedTrace(
+                episode=t.episode,
+                channel=t.channel,
+                unit=t.unit,
+                time=t.time,
+                measured=t.measured,
+                simulators=dict(zip(names, t.simulated, strict=True)),
+            )
+            for t in scored.traces
+        ),
+    )
+
+
+def _scores(robot: Robot, names: tuple[str, ...], errors: Errors) -> Iterator[Score]:
+    mean, draws = errors.mean, errors.draws()
+    bounds = None if draws is None else np.quantile(draws, NINETY, axis=0)
+    labels = [(None, "spread"), *((robot.channels[c], robot.file.channels[c].unit) for c in errors.channels)]
+    for at, (channel, unit) in enumerate(labels, start=-1):  # all channels together are the last column
+        for i, name in enumerate(names):
+            tie = None if i == 0 else errors.tie(draws, 0, i)[at]
+            yield Score(
+                simulator=name,
+                channel=channel,
+                seconds=errors.seconds,
+                error=float(mean[i, at]),
+                low=None if bounds is None else float(bounds[0, i, at]),
+                high=None if bounds is None else float(bounds[1, i, at]),
+                unit=unit,
+                gain=None if i == 0 else _gain(mean[:, at], None if draws is None else draws[..., at], i),
+                tie=tie,
+            )
+
+
+def _gain(mean: np.ndarray, draws: np.ndarray | None, one: int) -> Gain | None:
+    """How much less simulator `one` errs than the first; None where that one errs by nothing."""
+    if not mean[0] > 0:
+        return None
+    low = high = None
+    if draws is not None and (draws[:, 0] > 0).all():
+        low, high = (float(v) for v in np.quantile(1.0 - draws[:, one] / draws[:, 0], NINETY))
+    return Gain(value=float(1.0 - mean[one] / mean[0]), low=low, high=high)
+
+
+def _commands(plan: Plan, found: Compared) -> Commands:
+    fit, validation, test = found.parts
+    return Commands(
         parts={"fit": fit.stop, "validation": validation.stop - fit.stop, "test": test.stop - test.start},
+        names=tuple(found.contenders),
         track=found.told.track,
         longest=plan.longest,
-        seed=plan.seed,
         starts=plan.starts,
         generations=plan.generations,
-        contenders=tuple(_contender(n, c, simulators.get(n)) for n, c in found.contenders.items()),
         best=found.errors.best,
         errors=found.errors,
         paths=found.paths,
         driven=found.driven,
         paces=found.paces,
-        notes=(*_seen(asked, simulators, found), *_notes(found)),
-        cost=Cost(evaluations=0, rollouts=len(simulators), seconds=seconds),
     )
 
 
-def _contender(name: str, contender: Predicts, simulator: Simulator | None) -> Contender:
-    if isinstance(contender, Made):
-        return Contender(name=name, kind=contender.kind, parameters=dict(contender.parameters))
+def _model(name: str, contender: Predicts) -> Contender:
+    kind, fitted = (contender.kind, dict(contender.parameters)) if isinstance(contender, Made) else ("", {})
+    return Contender(name=name, kind=kind, parameters=fitted)
+
+
+def _simulator(name: str, simulator: Simulator) -> Contender:
     config = simulator.config
     how = made(simulator.lineage)
     return Contender(
@@ -65,13 +153,13 @@ def _seen(asked: Recorded, simulators: Mapping[str, Simulator], found: Compared)
     for name, one in simulators.items():
         if one.fitted_to is None:
             out.append(
-                f"{name} was fitted to this recording, and nothing says to which part: it may have seen the"
-                " commands to test, which models made here have not"
+                f"{name} was fitted to this recording, and it is not known to which part. It may have seen the test"
+                " commands; models made here have not"
             )
         elif many := int(np.isin(names, sorted(one.fitted_to)).sum()):
             out.append(
-                f"{name} was fitted to episodes of this recording that hold {many} of the {len(names)}"
-                " commands to test: it may have seen them, which models made here have not"
+                f"{name} was fitted to episodes that hold {many} of the {len(names)} test commands. It may have"
+                " seen them; models made here have not"
             )
     return tuple(out)
 
@@ -79,18 +167,18 @@ def _seen(asked: Recorded, simulators: Mapping[str, Simulator], found: Compared)
 def _notes(found: Compared) -> tuple[str, ...]:
     told, out = found.told, []
     if told.left_out:
-        out.append(f"commands left out, at whose begin or end no pose was measured: {told.left_out}")
+        out.append(f"commands left out because no pose was measured at their begin or end: {told.left_out}")
     if told.on_the_way:
         out.append(
-            "first commands of episodes left out, because the robot seems to move before them, at speeds that nobody"
-            f" knows: {told.on_the_way}"
+            "first commands of episodes left out because the robot seems to move already, at unknown speeds:"
+            f" {told.on_the_way}"
         )
     usual = float(np.median(told.commands.seconds))
     if usual < SHORT:
         out.append(
-            f"half of the commands last {usual:.2g} s or less: what is left of earlier ones than the last is"
-            " in no model made here, and ten of them are a short way"
+            f"half of the commands last {usual:.2g} s or less. The models made here know only the last two commands,"
+            " and paths of ten commands are short"
         )
     if found.paths is None:
-        out.append("the test part has no ten commands in a row without a gap: no paths are compared")
+        out.append("no paths are compared: the test part has no ten commands in a row without a gap")
     return tuple(out)

@@ -5,10 +5,10 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, command
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, own, simulator
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,20 +19,57 @@ if TYPE_CHECKING:
     from dynreg.verbs.subjects import Recorded
 
 MOST_CAUSES = 10
+# The threshold takes most of the simulations; the others of these ask for fewer terms, or for fewer rollouts of each.
+_NO_RUNS, _FEW_WINDOWS = "--threshold-runs 0", "--windows 8"
+FASTER = f"{_NO_RUNS}, --joints A,B, --effects A,B or {_FEW_WINDOWS} make it faster"
+MOST_DRIVEN = 3  # joints: with more of them, or a free base, a diagnosis that is not made faster takes hours
 
 
-def threshold_runs() -> int:
+def _of(robots: str, help: str) -> str:
+    """The help of a setting, with the robots first that alone have it, where it is not of all."""
+    return f"{robots}: {help[0].lower()}{help[1:]}" if robots else help
+
+
+def first_command(recording: str, robot: "Robot") -> str:
+    """The command of a first diagnosis of a recording: the quick one where another would take hours."""
+    many = robot.floating or len(robot.driven) > MOST_DRIVEN
+    quick = [*_FEW_WINDOWS.split(), *_NO_RUNS.split()] if many else []
+    return command("diagnose", recording, *quick)
+
+
+def threshold_runs(of: str = "") -> int:
     """The setting of how a threshold is found."""
     return option(
         DiagnosisOptions.threshold_runs,
-        "Simulations without an effect that set the threshold; 0 for the usual one.",
+        _of(of, "Simulations without an effect that set the threshold; 0 for the usual one."),
         least=0,
+    )
+
+
+def tolerance(of: str = "") -> float:
+    """The setting of how sure the nameplate is."""
+    return option(
+        DiagnosisOptions.tolerance,
+        _of(of, "Factor on the nameplate's tolerances; above 1 where parameters are guesses."),
+        above=0.0,
+    )
+
+
+def horizon(of: str = "") -> float | None:
+    """The setting of how long rollouts are."""
+    return option(None, _of(of, "Longest rollout in seconds."), usual="the robot's, or 10", above=0.0)
+
+
+def windows(of: str = "") -> int | None:
+    """The setting of how many rollouts are fitted."""
+    return option(
+        None, _of(of, "Most rollouts in the fit part, and in the select part."), usual="all", least=1
     )
 
 
 @dataclass(frozen=True)
 class DiagnoseSettings(Settings):
-    """What a diagnosis can be told.
+    """The settings of a diagnosis.
 
     Raises UsageError for an unknown effect, one that is asked for and left out, or a number that is too small.
     """
@@ -46,35 +83,31 @@ class DiagnoseSettings(Settings):
     hold_out: str | None = hold_out()
     effects: tuple[str, ...] | None = option(
         None,
-        "Only these effects.",
+        "Consider only these effects.",
         usual="all that fit",
         metavar="A,B",
         complete="effect_names",
         some="effects",
         see="effects",
     )
-    without: tuple[str, ...] = option((), "Not these effects.", metavar="A,B", complete="effect_names")
-    max_causes: int = option(DiagnosisOptions.max_causes, "Most causes to name.", least=1, most=MOST_CAUSES)
+    without: tuple[str, ...] = option((), "Leave these effects out.", metavar="A,B", complete="effect_names")
+    max_causes: int = option(
+        DiagnosisOptions.max_causes, "Largest number of causes to name.", least=1, most=MOST_CAUSES
+    )
     engine: str | None = option(None, "One of the robot's engines.", usual="its first")
     seed: int = seed()
     threshold_runs: int = threshold_runs()
-    tolerance: float = option(
-        DiagnosisOptions.tolerance,
-        "Factor on the nameplate's tolerances; above 1 where parameters are guesses.",
-        above=0.0,
-    )
-    horizon: float | None = option(None, "Longest rollout in seconds.", usual="the robot's, or 10", above=0.0)
+    tolerance: float = tolerance()
+    horizon: float | None = horizon()
     joints: tuple[str, ...] | None = option(
         None,
-        "Diagnose these joints alone.",
+        "Diagnose only these joints.",
         usual="all, together",
         metavar="A,B",
         some="joints",
         see="robots",
     )
-    windows: int | None = option(
-        None, "Most rollouts to fit, and as many to select by.", usual="all", least=1
-    )
+    windows: int | None = windows()
     threads: int = threads()
 
     def __post_init__(self) -> None:
@@ -109,8 +142,11 @@ class DiagnoseSettings(Settings):
 def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress | None = None) -> "Diagnosis":
     """Name the physical causes that a robot's simulator lacks.
 
-    Parameters and effects are fitted together; an effect is named only above what chance reaches on this
-    robot. The verdict is named, ambiguous, partly_explained, unknown or none. It needs no population.
+    A diagnosis fits parameters and effects together. It names an effect only if its evidence is above what chance
+    reaches on this robot. The verdict is named, ambiguous, partly_explained, unknown or none. No population is needed.
+
+    Several recordings of a robot get one verdict. Then each cause and parameter is fitted to each of them. The answer
+    says what is the same in all, what differs, and what only one of them has.
 
     Exit status 0 whatever the verdict of a finished diagnosis.
 
@@ -118,7 +154,7 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
     """
-    from dynreg.diagnose.account import told
+    from dynreg.diagnose.account import with_account
     from dynreg.diagnose.diagnose import diagnose as find
     from dynreg.evidence.lockstep import counted, run
     from dynreg.results.result import Cost
@@ -130,12 +166,44 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     if settings.start != NOMINAL:
         start = own(simulator(registry, settings.start, robot, recording.id), robot).config
     search = find(robot, recording, options, start, cache=registry, progress=progress)
-    (made, seen), rollouts = run(counted(told(search, options)), threads=options.threads)
+    (made, seen), rollouts = run(counted(with_account(search, options)), threads=options.threads)
     ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
     found = document(asked, settings.start, options, made, seen, ids, cost)
-    cost = cost.model_copy(update={"seconds": time.perf_counter() - began})
+    again = 0
+    if asked.each:
+        found, again = _told_apart(asked, found, options, progress)
+    cost = cost.model_copy(update={"rollouts": rollouts + again, "seconds": time.perf_counter() - began})
     return found.model_copy(update={"cost": cost})
+
+
+def _told_apart(
+    asked: "Recorded", found: "Diagnosis", options: DiagnosisOptions, progress: Progress | None
+) -> "tuple[Diagnosis, int]":
+    """The verdict over several recordings, with values that are the same in all of them and values that differ.
+
+    And how many simulations that took.
+    """
+    from dynreg.diagnose.refit import refits, with_own_effects
+    from dynreg.evidence.lockstep import counted, run
+    from dynreg.results.sentence import diagnosis_sentence
+    from dynreg.verbs.refits import told
+    from dynreg.verbs.simulators import stored
+
+    each = {one.name: one.recording for one in asked.each}
+    identity = found.extended_simulator or found.calibrated_simulator
+    answer = stored(asked.registry, "simulator", identity, asked.robot).config
+    report = progress or (lambda *_: None)
+    report("each recording", 0, 2)
+    how = {"options": options, "limit": found.threshold_nats}
+    search = counted(with_own_effects(asked.robot, each, answer=answer, **how))
+    answer, alone = run(search, threads=options.threads)
+    report("each recording", 1, 2)
+    same, many = run(counted(refits(asked.robot, each, answer=answer, **how)), threads=options.threads)
+    report("each recording", 2, 2)
+    stable = tuple(told(one) for one in same.each)
+    found = found.model_copy(update={"recordings": tuple(each), "stable": stable})
+    return found.model_copy(update={"sentence": diagnosis_sentence(found)}), alone + many
 
 
 def _register(
@@ -149,4 +217,6 @@ def _register(
         effects[term.key] = {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}
     config = SimConfig(robot.hash, robot.name, robot.space.as_dict(values), effects).as_dict()
     lineage = {"made_by": "diagnose", "kind": kind, "recording": asked.recording.id}
+    if asked.each:
+        lineage["recordings"] = [one.recording.id for one in asked.each]
     return asked.registry.put_simulator(config | {"lineage": lineage})

@@ -1,5 +1,7 @@
 """The document of a diagnosis: its numbers with their names and units, and what is said about them."""
 
+from typing import Any
+
 import numpy as np
 
 from dynreg.diagnose.account import Account
@@ -34,10 +36,21 @@ from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, th
 from dynreg.verbs.looked import inseparable, looked
 from dynreg.verbs.subjects import Recorded
 
-MOVED = 0.5  # of its nameplate's sigma that a parameter must move to be told
-PLACES = 12  # rows of where the error lives
-CHANNELS = 4  # of the traces
+MOVED = 0.5  # a parameter is reported as moved from this many standard deviations of its nameplate on
+PLACES = 12  # reported rows of `where`
+CHANNELS = 4  # most channels of the traces
 NAMES = ("nominal", "calibrated", "extended")
+ASKED = (
+    "effects",
+    "without",
+    "max_causes",
+    "engine",
+    "threshold_runs",
+    "tolerance",
+    "horizon",
+    "joints",
+    "windows",
+)  # of `DiagnosisOptions`
 
 
 def document(
@@ -64,6 +77,7 @@ def document(
         sentence="",
         causes=_causes(made, seen),
         gain=_gain(seen.gain),
+        over_start=_gain(seen.over_start),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
         threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
@@ -82,6 +96,7 @@ def document(
         traces=_traces(asked, made, seen),
         inputs=inputs(made.problem, asked.recording),
         notes=notes(made, seen, asked.recording, of_robot, options),
+        asked=options_told(options),
         calibrated_simulator=ids["calibrated"],
         extended_simulator=ids.get("extended"),
         engine=model.running,
@@ -89,6 +104,15 @@ def document(
         cost=cost,
     )
     return told.model_copy(update={"sentence": diagnosis_sentence(told)})
+
+
+def options_told(options: DiagnosisOptions) -> dict[str, Any]:
+    """The options that decide what is found, by name, as a stored document tells them.
+
+    Which part was held out, the seed and the threads do not: they leave the question as it is.
+    """
+    told = {name: getattr(options, name) for name in ASKED}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in told.items()}
 
 
 def _gain(own: Gained | None) -> Gain | None:
@@ -121,7 +145,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
 
 
 def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
-    """Of every weighted channel."""
+    """Errors of every weighted channel."""
     robot = made.problem.model.robot
     return tuple(
         RolloutError(
@@ -136,7 +160,7 @@ def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
 
 
 def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
-    """Of the point; what no fit sees is as the simulator (P,) that comes of it has it."""
+    """Parameters of the point; those that are not fitted are as in the resulting simulator (P,), without interval."""
     c = model.coordinates
     limits = c.nominal_bounds
     value = c.values(np.clip(point.nominal, *limits.T))
@@ -149,13 +173,10 @@ def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarr
             point.nominal[free[0]] <= limits[free[0], 0] + 1e-3
             or point.nominal[free[0]] >= limits[free[0], 1] - 1e-3
         )
-        best, least, most = value[i], min(low[i], value[i]), max(high[i], value[i])
-        if not len(free):
-            best = least = most = simulator[i]
         out[p.name] = Pulled(
-            value=float(best),
-            low=float(least),
-            high=float(most),
+            value=float(value[i] if len(free) else simulator[i]),
+            low=float(min(low[i], value[i])) if len(free) else None,
+            high=float(max(high[i], value[i])) if len(free) else None,
             unit=p.unit,
             nominal=float(p.nominal),
             at_bound=at_bound,
@@ -191,8 +212,8 @@ def _ranking(made: Diagnosed) -> tuple[Ranked, ...]:
 
 
 def _left(seen: Account) -> dict[str, tuple[Rest | ResidualShare, ...]]:
-    """What is left of each joint, and the signals that tell it; nothing where nothing is left."""
-    if seen.rest is None:
+    """The residual of each joint, and the signals that predict it; nothing without a residual."""
+    if seen.residuals is None:
         return {}
     told = [
         Rest(
@@ -204,9 +225,9 @@ def _left(seen: Account) -> dict[str, tuple[Rest | ResidualShare, ...]]:
             samples=one.samples,
             trajectories=one.trajectories,
         )
-        for one in seen.rest
+        for one in seen.residuals
     ]
-    shares = [ResidualShare(**vars(row)) for one in seen.rest for row in one.rows]
+    shares = [ResidualShare(**vars(row)) for one in seen.residuals for row in one.rows]
     return {"rest": tuple(told), "residual": tuple(shares)}
 
 
@@ -217,7 +238,7 @@ def _parts(asked: Recorded, made: Diagnosed) -> dict[str, tuple[str, ...]]:
 
 
 def _where(seen: Account) -> tuple[Where, ...]:
-    """Where the calibrated simulator errs, the largest shares first."""
+    """The regimes of the calibrated simulator's error, the largest shares first."""
     rows = sorted(seen.where, key=lambda r: (r.regime != "overall", -r.share))
     told = ("channel", "regime", "share", "joint", "unit", "error", "ratio")
     return tuple(Where(**{key: getattr(r, key) for key in told}) for r in rows[:PLACES])

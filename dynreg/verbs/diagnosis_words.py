@@ -1,19 +1,24 @@
-"""What a diagnosis says in words beside its numbers: where the error is, inputs, notes, and what to record next."""
+"""The text of a diagnosis beside its numbers: where the error lies, inputs, notes, and what to record next."""
+
+import math
+from collections.abc import Iterator, Sequence
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
-from dynreg.diagnose.diagnose import Diagnosed
-from dynreg.diagnose.loose import Loose
+from dynreg.diagnose.diagnose import Diagnosed, no_candidates
+from dynreg.diagnose.identifiability import Unidentified
+from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.shown import shown
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
+from dynreg.errors import command
 from dynreg.replay.holes import holes, sentence
 from dynreg.results.diagnosis import Pulled
 from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
+from dynreg.verbs.held_out import held_out_notes
 
 WORDS = {
     "reversals": "where the motion reverses",
@@ -27,11 +32,11 @@ WORDS = {
     "log_begin": "in the first third of the log",
     "log_end": "in the last third of the log",
 }
-DRIFT = ("overall", "early", "late")  # a rollout's error grows anyway: that names no place
+DRIFT = ("overall", "early", "late")  # the error of every rollout grows with time: these regimes say nothing
 
 
 def finding(rows: tuple[ErrorRow, ...]) -> str:
-    """One sentence: where most of a simulator's error is that would not be there at the mean error elsewhere."""
+    """One sentence: the regime with the largest excess error, over the mean error outside the regime."""
     overall = {r.channel: r for r in rows if r.regime == "overall"}
     excess: dict[str, float] = {}
     candidates = [r for r in rows if r.regime not in DRIFT and r.ratio and r.ratio > 1.2 and r.samples >= 10]
@@ -45,27 +50,27 @@ def finding(rows: tuple[ErrorRow, ...]) -> str:
         return f"{100 * worst.share:.0f} % of the error is on {worst.channel}; no regime of its motion stands out."
     inside = [r for r in rows if r.regime == regime]
     top = max((r for r in candidates if r.regime == regime), key=_excess)
-    said = f"{100 * sum(r.share for r in inside):.0f} % of the error lies {WORDS[regime]}"
     among = "" if len(inside) == 1 else f", most of it on {top.channel}"
     return (
-        f"{said}{among}: {top.error:.3g} {top.unit} there in {100 * top.samples / overall[top.channel].samples:.0f} % "
-        f"of the samples of {top.channel}, {times(top.ratio)} times the error elsewhere."
+        f"{100 * sum(r.share for r in inside):.0f} % of the error lies {WORDS[regime]}{among}. The error of "
+        f"{top.channel} is {top.error:.3g} {top.unit} there ({times(top.ratio)} times the error elsewhere), in "
+        f"{100 * top.samples / overall[top.channel].samples:.0f} % of the samples."
     )
 
 
 def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
-    """What of the inputs was measured, and what was assumed."""
+    """Which inputs were measured, and which were assumed."""
     out = []
     for table in problem.model.robot.file.inputs:
         if table.name in recording.names:
             out.append(
-                f"{table.name} was measured and drives the simulators; where the motion itself changes it, "
-                "it is partly a consequence"
+                f"{table.name} was measured and drives the simulators. Where the motion changes it, it is partly a "
+                "result of the motion"
             )
         elif table.optional:
             out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
-    for name, by in shown(problem.model.robot, problem.data.windows).items():
-        out.append(f"{name} is no candidate: what was measured as {by} already holds it")
+    for name, by in measured_effects(problem.model.robot, problem.data.windows).items():
+        out.append(f"{name} is not a candidate: the measured input {by} already contains it")
     return tuple(out)
 
 
@@ -76,84 +81,118 @@ def notes(
     parameters: dict[str, Pulled],
     options: DiagnosisOptions,
 ) -> tuple[str, ...]:
-    """What was left out, what the verdict could not be held against, and which parameters stand at a bound or open."""
+    """Limits of the diagnosis: data left out, an unknown noise floor, parameters at a bound or not identifiable."""
     out = []
     lost = holes(made.problem.model.robot, recording)
     if lost:
-        out.append(f"{sentence(recording, lost)}: rollouts with such rows are left out")
+        out.append(f"{sentence(recording, lost)}. Rollouts over such rows are left out")
     given = made.found.base.hypothesis.terms
     if given:
         out.append(
-            f"{', '.join(t.key for t in given)} came with the simulator that the search began with: fitted anew, and "
-            "not named again"
+            f"the simulator at the start of the search already has {', '.join(t.key for t in given)}. The search fits "
+            "its size again, and does not name it as a cause"
         )
     if options.joints:
         out.append(
-            f"{', '.join(options.joints)} alone: parameters that cannot be seen there stay where the search began"
+            f"only {', '.join(options.joints)} was diagnosed: parameters that do not act there keep their initial value"
         )
+    out += not_looked_for(made.problem, options)
     if made.evidence.noise.basis == "stated_noise":
         out.append(
-            "no run was repeated: what is left is held against the stated sensor noise, which is less than it can be"
+            "no run was repeated: the residual is compared with the stated sensor noise, the least that any simulator "
+            "leaves"
         )
     robot = made.problem.model.robot
     stated = dict(zip(robot.channels, robot.sensor_noise, strict=True))
     for name, sigma in own_noise(robot, recording).items():
         out.append(
-            f"{name} is about {sigma / stated[name]:.0f} times as noisy as robot.toml states: correct its noise there"
+            f"the noise of {name} is about {sigma / stated[name]:.0f} times the value in robot.toml: correct it there"
         )
-    at_bound = [name for name, p in parameters.items() if p.at_bound]
-    if at_bound:
-        out.append(
-            f"{', '.join(at_bound)} at the edge of the allowed range: widen it in robot.toml, or look on"
-        )
-    return (*out, *loose_words(made.problem.model.robot, seen.loose))
+    out += at_the_edge(parameters)
+    out += held_out_notes(robot, made.problem.data.windows, made.problem.data.parts)
+    out += same_words(seen.same)
+    return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified))
 
 
-def loose_words(robot: Robot, loose: Loose) -> tuple[str, ...]:
-    """The parameters that the recording does not tell, alone or together, and what to do about it."""
+def at_the_edge(parameters: dict[str, Pulled]) -> Iterator[str]:
+    """A line on the parameters that a wider range would let go further."""
+    names = [name for name, p in parameters.items() if p.at_bound and not _at_nothing(p)]
+    if names:
+        yield (
+            f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} at the edge of the allowed range: widen the "
+            "range in robot.toml, or look for another cause"
+        )
+
+
+def _at_nothing(p: Pulled) -> bool:
+    """Whether a parameter is at the lower end of a range that begins at 0: less friction than none is no option."""
+    low, high = p.limits or (-math.inf, math.inf)
+    return low == 0.0 and p.value - low < high - p.value
+
+
+def same_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """The parameters that no recording like this tells from an effect, and what to do about it."""
+    return tuple(
+        f"{effect} and {parameter} do the same here: only what both do together is known, and neither value alone. "
+        f"Give {parameter} a fixed value in robot.toml, or ask again with --without {effect.partition('[')[0]}"
+        for effect, parameter in pairs
+    )
+
+
+def not_looked_for(problem: Problem, options: DiagnosisOptions) -> Iterator[str]:
+    """A line for each reason for which effects have no place among the candidates."""
+    left = no_candidates(problem.model.robot, problem.data, options, problem.terms)
+    for why in dict.fromkeys(left.values()):
+        names = [name for name, reason in left.items() if reason == why]
+        yield f"{', '.join(names)} {'was' if len(names) == 1 else 'were'} not looked for: {why}"
+
+
+def identifiability_words(robot: Robot, found: Unidentified) -> tuple[str, ...]:
+    """The parameters that the recording does not identify, alone or together, and what to do about it."""
     out, more = [], "" if robot.planar else ", or add a known mass in some runs"
-    if loose.alone:
-        out.append(f"the recording does not tell {', '.join(loose.alone)}: what robot.toml states stands")
-    for up, down in loose.together:
+    if found.alone:
+        own = "its value is that" if len(found.alone) == 1 else "their values are those"
+        out.append(f"the recording does not identify {', '.join(found.alone)}: {own} of robot.toml")
+    for up, down in found.together:
         against = f" against {', '.join(down)}" if down else ""
         out.append(
-            f"the recording hardly tells the scale of {', '.join(up)}{against}: they can change "
-            f"together with the motion nearly the same; measure one of them{more}"
+            f"the recording hardly identifies the scale of {', '.join(up)}{against}: the motion hardly changes when "
+            f"they change together. Measure one of them{more}"
         )
     return tuple(out)
 
 
 def experiments(made: Diagnosed) -> tuple[str, ...]:
-    """What to record next: what separates the first cause from its rivals, or repeats and more excitation."""
+    """Recordings to make next: data that separate the first cause from its rivals, or repeated runs."""
     if made.verdict in ("ambiguous", "partly_explained") and made.found.accepted:
         first = made.found.rounds[0]
         term = first.chosen.point.hypothesis.terms[-1]
         apart = rivals(made.problem.model.robot, first)
-        return (f"To tell {term.key} from {', '.join(apart)}: {term.effect.separate_by}",) if apart else ()
-    if made.verdict == "unknown":
         return (
-            "Repeat the same commands: what differs from run to run cannot be explained by any simulator",
+            (f"To separate {term.key} from {', '.join(apart)}: {term.effect.separate_by}",) if apart else ()
         )
+    if made.verdict == "unknown":
+        return ("Repeat the same commands: no simulator can explain the difference of repeated runs",)
     return ()
 
 
 def excite_command(robot: str, first: str, second: str) -> str:
-    """The command that writes an experiment between two causes."""
-    pair = f"'{first},{second}'" if "[" in first + second else f"{first},{second}"
-    return f"dynreg excite {robot} --for {pair} -o next.csv"
+    """The command that writes an experiment which separates two causes."""
+    return command("excite", robot, "--for", f"{first},{second}", "-o", "next.csv")
 
 
 def threshold_note(made: Diagnosed) -> str:
-    """Where the threshold comes from."""
+    """How the threshold was found."""
     scores = made.threshold.scores
     if not scores:
         return "a default: this robot was not simulated without effects"
     return (
         f"{len(scores)} simulated robots without an effect reached at most {max(scores):.3g} nats under these "
-        "commands; by their largest scores one in 100 would exceed the threshold, which more runs make surer"
+        "commands. About 1 in 100 of them would exceed the threshold: the estimate extrapolates their largest scores. "
+        "More runs make it more certain"
     )
 
 
 def _excess(row: ErrorRow) -> float:
-    """Share of the error that would go if the regime were as good as elsewhere."""
+    """Share of the error that vanishes if the error in the regime falls to the mean error elsewhere."""
     return row.share * (1.0 - 1.0 / row.ratio) if row.ratio else 0.0

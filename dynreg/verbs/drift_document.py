@@ -18,7 +18,7 @@ NOT_SPLIT = {"splits": 0, "by": None, "tests": None, "one_by_one": None, "alarms
 
 
 def document(robot: Robot, recent: Held, earlier: Held, plan: Plan, found: Drifted) -> Drift:
-    """The verdict with all that it stands on."""
+    """The verdict with all its numbers."""
     both, clear, r = found.both, found.clear, found.both.reference
     return Drift(
         robot=robot.name,
@@ -113,13 +113,13 @@ def _notes(found: Drifted, splits: int) -> tuple[str, ...]:
             " or record more commands, the same ones in both"
         )
     if found.clear and not found.rejected:
-        out.append("no cell alone shows it: the pattern pools all of them")
+        out.append("no single cell shows the change: the pattern pools all of them")
     if found.clear and found.order[0].share < 0.5:
         best = found.order[0]
         out.append(f"{best.name} explains {100 * best.share:.0f} % of the squared shifts: not all of it")
     out += [
-        f"the factor of {j.name} stands at a bound of the search, {LOWEST:g} to {HIGHEST:g}: what moved may be more, or"
-        " something else"
+        f"the factor of {j.name} is at a bound of the search, {LOWEST:g} to {HIGHEST:g}: the change may be larger, or"
+        " another one"
         for j in found.order
         if j.at_bound and j.name in found.clear
     ]

@@ -45,7 +45,7 @@ def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> Ef
 
 
 def _one_group(robot: Robot | None, first: Effect, second: Effect) -> bool:
-    """Whether no commands tell the two apart at the same joint: of any robot that can have both, or of this one."""
+    """Whether no commands separate the two at the same joint, on any robot that can have both, or on this one."""
     if robot is None or first.why_not(robot) or second.why_not(robot):
         return bool(first.group) and first.group == second.group
     pairs = product(placed(robot, first), placed(robot, second))

@@ -1,11 +1,11 @@
-"""Excite: commands for the experiment that tells two causes apart."""
+"""Excite: commands of an experiment that separates two causes."""
 
 from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, option, seed
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.data.recording import Recording
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExciteSettings(Settings):
-    """What an experiment can be told. Raises UsageError where it is not between two effects."""
+    """The settings of `excite`. Raises UsageError unless `between` has two different effects."""
 
     between: tuple[str, ...] = option(
         MISSING,
-        "The two effects.",
+        "The two effects to separate.",
         flag="--for",
         metavar="A,B",
         complete="effect_names",
@@ -44,9 +44,9 @@ class ExciteSettings(Settings):
 def excite(
     robot: "Robot", settings: ExciteSettings, *, progress: Progress | None = None
 ) -> "tuple[Recording, Experiment]":
-    """Commands within the robot's limits that tell the effects `settings.between` apart, and how well they should.
+    """Commands within the robot's limits that separate the effects `settings.between`, and the expected evidence.
 
-    The commands are a recording whose channels are the robot's actions. Raises as `excite.excite`.
+    The commands are a recording whose channels are the robot's actions. Raises the errors of `excite.excite`.
     """
     from dynreg.excite.excite import excite as choose
     from dynreg.verbs.experiment import experiment

@@ -1,4 +1,4 @@
-"""What is said about the commands of an experiment: the limits that they keep, and what to do with each episode."""
+"""The document of an experiment: the limits that its commands keep, and the instructions for each episode."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from dynreg.sim.run import Run
 
 
 def experiment(chosen: Chosen) -> Experiment:
-    """What the commands are expected to tell, and the limits that they keep."""
+    """The expected evidence of the commands, and the limits that they keep."""
     pair, pool = chosen.pair, chosen.pool
-    silent = []  # truths in words: the effect, and its sign where it has one
+    silent = []  # names of the true effects without expected evidence, with their sign where they have one
     for (which, z), counts in zip(pair.truths, chosen.counts, strict=True):
         signed = pair.hypotheses[which].parameters[0].signed
         sign = (" (positive)" if z[len(pair.coordinates)] > 0 else " (negative)") if signed else ""
@@ -30,7 +30,7 @@ def experiment(chosen: Chosen) -> Experiment:
 
 
 def _commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
-    """The limits of every command and of its rate of change."""
+    """The limits of every command and of its rate, with the values used."""
     out = []
     speed = np.abs(np.diff(run.actions, axis=1)) / run.period
     for a, table in enumerate(robot.file.actions):
@@ -44,7 +44,7 @@ def _commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
 
 
 def _moved(robot: Robot, reached: np.ndarray) -> list[LimitKept]:
-    """The range of every driven joint's position, and where it is expected to go."""
+    """The range of every driven joint's position, with the expected extremes."""
     out = []
     for column, table in enumerate(robot.file.channels):
         owner, quantity = parts_of(table.name)
@@ -66,9 +66,9 @@ def _finite(value: float) -> float | None:
 
 
 def _note(robot: Robot, pool: Pool, silent: list[str]) -> str:
-    """What to do: the patterns and the settings of each episode, and what the number stands for."""
+    """Instructions: the pattern and the settings of each episode, and the limits of the expected evidence."""
     run = pool.run
-    parts = [f"{run.episodes} episodes of {run.steps * run.period:g} s, each begun at rest in the reset pose"]
+    parts = [f"{run.episodes} episodes of {run.steps * run.period:g} s; begin each at rest in the reset pose"]
     parts.append("; ".join(f"{e}: {name}" for e, name in enumerate(pool.names)))
     for k, table in enumerate(robot.file.settings):
         column = run.settings[:, k]
@@ -77,5 +77,7 @@ def _note(robot: Robot, pool: Pool, silent: list[str]) -> str:
             where = ", ".join(map(str, np.flatnonzero(column == value)))
             parts.append(f"set {table.name} = {value:g}{unit} in {where}")
     if silent:
-        parts.append(f"no evidence is to be expected where {' or '.join(silent)} is true: it is not counted")
+        parts.append(
+            f"no evidence is expected if {' or '.join(silent)} is the true cause: that case is not counted"
+        )
     return ". ".join(parts)

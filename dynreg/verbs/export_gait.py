@@ -1,4 +1,4 @@
-"""Export of a gait: as commands for a robot, as a picture, as a log of its run."""
+"""Export of a gait: as commands for a robot, as a picture, or as a log of its run."""
 
 from pathlib import Path
 
@@ -18,16 +18,16 @@ RUN = "foxglove"
 
 
 def export_gait(registry: Registry, ref: str | Path | Gait, path: Path, form: str) -> Gait:
-    """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file; the gait.
+    """Write a gait to a new file, and return the gait.
 
-    form : csv, mcap or python for a robot, see `gait.play`. gif, or png for one period in four stills: drawn in the
-    simulator in which it walks least, in the very simulation that its document tells of; the ground of a slope is drawn
-    level. foxglove : a log of its run in that simulator; where `ref` is a recording that was ingested as a trial of a
-    gait, of what was measured and what the simulator does under just these commands, from the same place in every
-    episode.
-    Raises UsageError for another form, a gait that cannot be played and a file that cannot be written, NoMatchError
-    where the registry lacks the robot or the simulators, LogError where the recording holds no commands, PictureError
-    where this machine cannot draw.
+    ref : the gait, its id, `@last`, or the path of its JSON document.
+    form : "csv", "mcap" or "python" are commands for a robot (see `gait.play`). "gif" is a film and "png" four stills
+    of one period, both of the stored run in the simulator with the lowest fitness; a slope is drawn level. "foxglove"
+    is a log of the run in that simulator. If `ref` is a recording of a played gait, the log holds the measured channels
+    and the simulator's under the same commands, from the same initial pose in every episode.
+    Raises UsageError for another form, a gait that cannot be played or a file that cannot be written, NoMatchError if
+    the robot or a simulator is not in the registry, LogError if the recording has no commands, PictureError if this
+    machine cannot draw.
     """
     if form not in (*FORMS, *PICTURES, RUN):
         raise UsageError(
@@ -37,13 +37,13 @@ def export_gait(registry: Registry, ref: str | Path | Gait, path: Path, form: st
         )
     gait, recording = _asked(registry, ref, form)
     require_playable(gait)
-    require_new(path)  # before time is spent on it
+    require_new(path)  # before the simulation, which takes time
     write_new(path, _data(registry, gait, recording, form))
     return gait
 
 
 def _asked(registry: Registry, ref: str | Path | Gait, form: str) -> tuple[Gait, Recording | None]:
-    """The gait, and for a log of its run the recording that was made as it was played, where `ref` is one."""
+    """The gait; and the recording of the played gait if `ref` is one and the form is a log of the run."""
     if isinstance(ref, Gait):
         return ref, None
     if form == RUN and ref != "@last" and not Path(ref).is_file():

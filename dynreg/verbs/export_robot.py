@@ -6,7 +6,7 @@ from dynreg.extend.folder_readme import PLAIN, Written
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
-from dynreg.verbs.simulators import stored
+from dynreg.verbs.simulators import stored, told_last
 from dynreg.verbs.written import new_folder
 
 
@@ -16,7 +16,7 @@ def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFo
     Raises as `export_robot`, NoMatchError where nothing is stored under `ref`, and UsageError where the name is taken
     or cannot be written. Where it fails or is killed no folder is left.
     """
-    found = stored(registry, *registry.resolve(ref, ("simulator", "entry")))
+    found = stored(registry, *registry.resolve(told_last(registry, ref), ("simulator", "entry")))
     with new_folder(destination) as folder:
         made = export_robot(found.robot, found.config, folder)
     plain = destination / Path(made.robot.file.robot.model).with_name(PLAIN)

@@ -1,13 +1,13 @@
-"""Gait: joint commands that walk in the simulators that stand for a recording's robot."""
+"""Gait: joint commands that make a legged robot walk in the simulators nearest to a recording."""
 
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.gait.accept import ACCEPT, USUAL
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, method, option, seed, threads
 from dynreg.verbs.simulators import NOMINAL, OLD, WORDS
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.gait.seek import SearchSettings
@@ -15,39 +15,39 @@ if TYPE_CHECKING:
     from dynreg.verbs.subjects import Recorded
 
 SOURCES = (*WORDS, NOMINAL, "random", "population")
-OF_POPULATION = "mean"  # is raised: some draws of the ranges cannot even stand, and their minimum is 0
+OF_POPULATION = "mean"  # is maximised: some draws of the ranges cannot even stand, so the minimum would be 0
 
 
 @dataclass(frozen=True)
 class GaitSettings(Settings):
-    """What `gait` can be told."""
+    """The settings of `gait`."""
 
-    k: int = option(5, "Simulators that the gait must walk in.", flag="-k", least=1, shared=True)
+    k: int = option(5, "Number of simulators in which the gait must walk.", flag="-k", least=1, shared=True)
     on: str = option(
         SOURCES[0], f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD
     )
     method: str = method()
     accept: str | None = option(
         None,
-        "What the search raises over the simulators.",
+        "Statistic over the simulators that the search maximises.",
         choices=tuple(ACCEPT),
         usual=f"{USUAL}; of a population the {OF_POPULATION}",
     )
     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
-    rollouts: int = option(750, "Runs of one simulator that the search may cost.", least=1)
+    rollouts: int = option(750, "Most simulator runs of the search.", least=1)
     patience: int | None = option(
-        None, "Give up after so many gaits without a better one.", usual="never", least=1
+        None, "Stop after this many gaits without a better one.", usual="never", least=1
     )
-    resume: bool = option(False, "Go on with an interrupted search.")
+    resume: bool = option(False, "Continue an interrupted search.")
     population: str | None = option(
-        None, "Population to choose from.", usual="the only one", complete="stored_names"
+        None, "Population in which to search.", usual="the only one", complete="stored_names"
     )
     seed: int = seed()
     threads: int = threads()
 
     @property
     def search(self) -> "SearchSettings":
-        """How the gait is sought."""
+        """The settings of the search."""
         from dynreg.gait.seek import AGAIN, SearchSettings
 
         accept = self.accept or (OF_POPULATION if self.on == "population" else USUAL)
@@ -57,14 +57,14 @@ class GaitSettings(Settings):
 
 
 def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = None) -> "Gait":
-    """Seek a gait that walks in the simulators nearest to a recording.
+    """Search for a gait that walks in the nearest simulators.
 
-    The gait is stored; a search that was interrupted goes on where it was with --resume.
+    The gait is stored. An interrupted search resumes with --resume.
 
     Example: dynreg gait monday -k 5 --rollouts 2500
 
-    Raises RobotError where the robot has no such task, NoMatchError where no simulator is close enough, UsageError
-    where there are too few.
+    Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
+    are too few simulators.
     """
     from dynreg.gait.seek import seek
     from dynreg.gait.space import gait_space
@@ -78,7 +78,7 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     began = time.perf_counter()
     robot, search = asked.robot, settings.search
     task = task_of(robot, settings.task)
-    gait_space(robot)  # before anything is asked of the registry
+    gait_space(robot)  # raises its errors before the registry is read
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, settings.seed, progress)
     known = known_values(robot, asked.recording)
@@ -89,5 +89,5 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
     found = document(asked, chosen, trials, search, sought, time.perf_counter() - began)
     asked.keep(found)
-    path.unlink(missing_ok=True)  # not before the gait is stored
+    path.unlink(missing_ok=True)  # only after the gait is stored
     return found

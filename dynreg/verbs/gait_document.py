@@ -1,4 +1,4 @@
-"""The result of a search for a gait, from what was found."""
+"""The document of a gait, made from the result of its search."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ from dynreg.verbs.subjects import Recorded
 def journal(
     asked: Recorded, chosen: Chosen, trials: Trials, search: SearchSettings
 ) -> tuple[dict[str, Any], Path]:
-    """What makes this search the one that it is, and the file by which it can go on."""
+    """The key of this search (all that determines it), and the path of the journal from which it can resume."""
     key = {
         "robot": asked.robot.hash,
         "recording": asked.recording.id,
@@ -43,7 +43,7 @@ def document(
     sought: Sought,
     seconds: float,
 ) -> Gait:
-    """The gait with all that was found of it. seconds : that it took."""
+    """The document of the gait. seconds : wall time of the search."""
     robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
     finals, fitness = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
     stood = not sought.fell.any() and not (finals and finals.falls)
@@ -96,8 +96,8 @@ def _trials(chosen: Chosen, trials: Trials, sought: Sought) -> tuple[GaitTrial, 
 
 
 def _notes(helpless: np.ndarray, accept: str) -> tuple[str, ...]:
-    """What must be said where every gait that was tried fell in some of the simulators (k,)."""
+    """A note on the simulators in which every tried gait fell; helpless : (k,) mask of these."""
     if not helpless.any():
         return ()
     many = f"{helpless.sum()} of {len(helpless)} simulators"
-    return (f"in {many} every gait that was tried fell, which counts as 0 in the {accept}",)
+    return (f"every tried gait fell in {many}: a fall counts as 0 in the {accept}",)

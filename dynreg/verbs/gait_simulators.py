@@ -1,23 +1,23 @@
-"""The simulators in which a gait is sought."""
+"""The simulators in which the search for a gait evaluates it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.errors import NoMatchError, UsageError
+from dynreg.errors import NoMatchError, UsageError, command
+from dynreg.progress import Progress
 from dynreg.results.neighbours import Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.simulators import NOMINAL, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
-from dynreg.verbs.verb import Progress
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Registered simulators, how each came to be chosen, and the result that named them. on : as was asked for."""
+    """Registered simulators, the kind of each, and the id of the result that named them. on : the word asked for."""
 
     on: str
     kinds: tuple[str, ...]
@@ -26,10 +26,10 @@ class Chosen:
 
 
 def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progress: Progress | None) -> Chosen:
-    """The simulators that `on` names, `settings.k` where it names no single ones.
+    """The simulators that `on` names: `settings.k` of them, or the listed ones.
 
-    What a query tells is asked anew, by `settings`. Raises NoMatchError where no simulator is close enough or there is
-    none of that name, UsageError where one is of another robot or there are too few.
+    Words that refer to a query run it again with `settings`. Raises NoMatchError if no simulator is close enough or a
+    name is unknown, UsageError if a simulator is of another robot or there are too few.
     """
     if on in _MADE:
         return _MADE[on](asked, settings, seed)
@@ -46,7 +46,7 @@ def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progres
 
 
 def _kind(one: Simulator) -> str:
-    """Whether it is an "entry" of a population or a "simulator"."""
+    """The kind of a simulator: "entry" of a population, or "simulator"."""
     return "entry" if one.lineage.get("kind") == "entry" else "simulator"
 
 
@@ -62,7 +62,7 @@ def _close_enough(asked: Recorded, settings: QuerySettings, progress: Progress |
         raise NoMatchError(
             f"no simulator is close enough to {asked.name!r}: {found.alarm}",
             expected="a recording that the population can explain",
-            do=f"find what the simulators lack with `dynreg diagnose {asked.name}`, then add --on diagnosed",
+            do=f"find the missing effect with `{command('diagnose', asked.name)}`, then add --on diagnosed",
         )
     return found
 
@@ -72,14 +72,14 @@ def _nominal(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
 
 
 def _population(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
-    """Configurations drawn from the parameters' ranges, as those of a population are."""
+    """Configurations sampled from the parameters' ranges, like those of a population."""
     seed = stream_seed(seed, "gait simulators")
     return _made(asked, asked.robot.space.sample(0, settings.k, seed), "population")
 
 
 def _random(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
-    """Registered simulators, drawn at random: what the nearest must beat."""
-    identity, many = population_for(asked.registry, asked.recording.id, settings.population)
+    """Registered simulators drawn at random: the baseline of the nearest ones."""
+    identity, many = population_for(asked, settings.population)
     if settings.k > many:
         raise UsageError(
             f"k = {settings.k}",

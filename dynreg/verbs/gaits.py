@@ -1,4 +1,4 @@
-"""Gaits that were stored: found again, tried again, and told of in a recording."""
+"""Stored gaits: read, tried again in their simulators, and named as the source of a recording."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +18,10 @@ from dynreg.verbs.simulators import simulator
 
 
 def gait_of(registry: Registry, ref: str | Path) -> Gait:
-    """A gait by its id, a recording's (its last gait), `@last`, or the path of its JSON document.
+    """A gait by its id, `@last`, the path of its JSON document, or the id of a recording (its last gait).
 
-    Raises NoMatchError where there is none, UsageError where it is something else, or the file's genes and limits are
-    not those of its robot, where the registry holds that.
+    Raises NoMatchError if there is none, UsageError if `ref` is not a gait or, for a robot of the registry, if the
+    genes or limits in the file are not those of its robot.
     """
     if not Path(ref).is_file():
         return Gait.model_validate(_record(registry, str(ref)).document)
@@ -31,7 +31,7 @@ def gait_of(registry: Registry, ref: str | Path) -> Gait:
         first = problem.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise UsageError(
-            f"{str(ref)!r} is no gait: {where}: {first['msg']}".replace(": :", ":"),
+            f"{str(ref)!r} is not a gait: {where}: {first['msg']}".replace(": :", ":"),
             expected="the JSON document that `dynreg gait --json` prints",
             do="name that file, or a stored gait",
         ) from None
@@ -47,9 +47,9 @@ def genes_of(gait: Gait) -> dict[str, float]:
 
 
 def trials_of(registry: Registry, gait: Gait, seconds: float, rate: float) -> tuple[Trials, int]:
-    """Trials of `seconds` with `rate` commands a second in a gait's simulators, and in which of them it walks least.
+    """Trials of `seconds` at `rate` [Hz] in the simulators of a gait, and the index of that with the lowest fitness.
 
-    Raises NoMatchError where the registry lacks the robot or the simulators.
+    Raises NoMatchError if the robot or a simulator is not in the registry.
     """
     robot = load_robot(registry.robot_folder(gait.robot_hash))
     task = task_of(robot, gait.task)
@@ -62,9 +62,9 @@ def trials_of(registry: Registry, gait: Gait, seconds: float, rate: float) -> tu
 
 
 def trial_of(registry: Registry, recording: Recording, ref: str, robot: Robot) -> Recording:
-    """A recording that tells in its provenance which stored gait was played.
+    """The recording with the id of the played gait in its provenance.
 
-    Raises NoMatchError where there is no such gait, UsageError where it is another robot's.
+    Raises NoMatchError if there is no such gait, UsageError if it belongs to another robot.
     """
     record = _record(registry, ref)
     owner = record.document["robot_hash"]
@@ -86,6 +86,6 @@ def _record(registry: Registry, ref: str) -> ResultRecord:
         raise UsageError(
             f"result {ref!r} is of kind {record.kind!r}",
             expected="a gait",
-            do="see `dynreg list --kind result`, or seek one with `dynreg gait`",
+            do="see `dynreg list --kind result`, or search for one with `dynreg gait`",
         )
     return record

@@ -1,12 +1,12 @@
 """Logs of a robot as a registered recording."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from dynreg.data.recording import Recording
-from dynreg.registry import Registry
+from dynreg.progress import Progress
+from dynreg.registry import RecordingInfo, Registry
 from dynreg.results.stored import RecordingSummary
 from dynreg.sim.robot import Robot
 from dynreg.verbs.subjects import read_log, register
@@ -20,27 +20,83 @@ def ingest(
     log_map: str | Path | None = None,
     name: str | None = None,
     gait: str | None = None,
+    progress: Progress | None = None,
 ) -> RecordingSummary:
     """Read logs of a robot, check them and register them as one recording, under a name where one is given.
 
+    The same numbers are the same recording, whichever robot they are ingested with: the last one is its usual robot. A
+    name moves to it from another recording of the same log files.
     log_map : as for `subjects.read_log`. gait : the stored gait that was played, by id or `@last`; its id goes into the
-    recording's provenance.
+    recording's provenance. progress : is called with (stage, done, total).
     Raises LogError, MapError with what is wrong and where, NoMatchError and UsageError for a gait that is not there or
     another robot's; nothing is registered then.
     """
     registry.check_writable()
-    recording = logs if isinstance(logs, Recording) else read_log(logs, robot, log_map)
+    recording = logs if isinstance(logs, Recording) else read_log(logs, robot, log_map, progress)
+    report = progress or (lambda *_: None)
+    report("store the recording", 0, 1)
     if gait is not None:
         from dynreg.verbs.gaits import trial_of
 
         recording = trial_of(registry, recording, gait, robot)
+    before = _held(registry, recording.id, name)
     identity = register(registry, robot, recording, name)
-    return recording_summary(identity, recording, robot.name, name or registry.recording_info(identity).name)
+    report("store the recording", 1, 1)
+    notes = (*_changed(registry, identity, name, before), *_without_commands(recording, robot))
+    version = registry.robot_info(robot.hash).version
+    mine = [p.id for p in registry.populations() if p.robot_hash == robot.hash]
+    told = {"version": version, "simulators": sum(map(registry.count, mine)), "notes": notes}
+    return recording_summary(
+        identity, recording, robot.name, registry.recording_info(identity).name
+    ).model_copy(update=told)
+
+
+@dataclass(frozen=True)
+class _Before:
+    """The registry before: the owner of the name, and the same recording."""
+
+    holder: str | None
+    recording: RecordingInfo | None
+
+
+def _held(registry: Registry, recording: str, name: str | None) -> _Before:
+    known = registry.recording_info(recording) if registry.holds(recording) else None
+    return _Before(None if name is None else registry.name_holder(name), known)
+
+
+def _changed(registry: Registry, identity: str, name: str | None, before: _Before) -> tuple[str, ...]:
+    """Changes that ingesting made to stored things, a line each."""
+    notes = []
+    if before.holder not in (None, identity):
+        owner = registry.robot_info(_robot(registry, before.holder))
+        notes.append(
+            f"the name {name!r} now means this recording. Recording {before.holder[:12]} of {owner}, from the same log "
+            "files, had it before. It and its results are kept under its id"
+        )
+    if before.recording is not None:
+        old, new = (registry.robot_info(h) for h in (before.recording.robot_hash, _robot(registry, identity)))
+        if old != new:
+            notes.append(
+                f"the same numbers as before: the recording is now used with {new}, before with {old}"
+            )
+    return tuple(notes)
+
+
+def _without_commands(recording: Recording, robot: Robot) -> Iterator[str]:
+    missing = [name for name in robot.actions if name not in recording.names]
+    if missing:
+        yield (
+            f"the log has no commands ({missing[0]!r} is missing). The recording can be listed, shown and exported. It "
+            "cannot be replayed, so query and diagnose cannot use it"
+        )
+
+
+def _robot(registry: Registry, recording: str) -> str:
+    return registry.recording_info(recording).robot_hash
 
 
 def recording_summary(identity: str, recording: Recording, robot: str, name: str) -> RecordingSummary:
-    """What was ingested, with the findings of the checks."""
-    gaps = [np.diff(e.time) for e in recording.episodes if len(e.time) > 1]
+    """The ingested recording, with the findings of the checks."""
     findings = recording.provenance.get("findings", [])
     return RecordingSummary(
         recording=identity,
@@ -50,7 +106,7 @@ def recording_summary(identity: str, recording: Recording, robot: str, name: str
         episodes=len(recording.episodes),
         rows_count=sum(len(e.time) for e in recording.episodes),
         duration=float(sum(e.duration for e in recording.episodes)),
-        rate=float(1.0 / np.median(np.concatenate(gaps))) if gaps else None,
+        rate=recording.rate,
         channels=recording.names,
         settings=tuple(sorted({k for e in recording.episodes for k in e.settings})),
         gait=recording.provenance.get("gait"),

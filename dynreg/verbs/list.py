@@ -35,14 +35,18 @@ def simulator_name(identity: str, config: Mapping[str, Any]) -> str:
 
 
 def _populations(registry: Registry) -> Iterator[Row]:
+    versions = _versions(registry)
     for r in registry.populations():
         detail = {"entries": registry.count(r.id), "planned": r.size, "seed": r.seed}
+        detail["version"] = versions[r.robot_hash]
         yield r.id, r.name, r.name, detail
 
 
 def _recordings(registry: Registry) -> Iterator[Row]:
-    robots = registry.robots()
-    return ((i.id, ", ".join(i.names), robots[i.robot_hash], {}) for i in registry.recordings())
+    robots = {info.hash: info for info in registry.robot_versions()}
+    for i in registry.recordings():
+        robot = robots[i.robot_hash]
+        yield i.id, ", ".join(i.names), robot.name, {"version": robot.version}
 
 
 def _simulators(registry: Registry) -> Iterator[Row]:
@@ -57,7 +61,18 @@ def _results(registry: Registry) -> Iterator[Row]:
 
 
 def _robots(registry: Registry) -> Iterator[Row]:
-    return ((identity, name, name, {}) for identity, name in registry.robots().items())
+    """The versions of each robot in the order in which they came, with what hangs on each."""
+    populations, recordings = registry.populations(), registry.recordings()
+    for info in registry.robot_versions():
+        mine = [r.id for r in populations if r.robot_hash == info.hash]
+        detail = {"version": info.version, "populations": len(mine)}
+        detail |= {"entries": sum(map(registry.count, mine))}
+        detail |= {"recordings": sum(r.robot_hash == info.hash for r in recordings)}
+        yield info.hash, info.name, info.name, detail
+
+
+def _versions(registry: Registry) -> dict[str, int]:
+    return {info.hash: info.version for info in registry.robot_versions()}
 
 
 _ROWS = {

@@ -1,4 +1,4 @@
-"""How large the cause may be that a diagnosis looked at most closely, and the rivals that it cannot be told from."""
+"""Intervals of the cause that a diagnosis examines most closely, and its rivals that the data do not exclude."""
 
 from dataclasses import replace
 
@@ -11,33 +11,33 @@ from dynreg.verbs.diagnosis_words import excite_command
 
 
 def looked(made: Diagnosed, seen: Account) -> Looked | None:
-    """The first cause, or without one that asked for, or the best ranked; None where nothing was ranked."""
-    look, model = seen.look, made.found.model
-    if look is None:
+    """The first cause; without one the effect that was asked for, or the best ranked. None if nothing was ranked."""
+    examined, model = seen.examined, made.found.model
+    if examined is None:
         return None
-    number = len(look.point.hypothesis.terms) - 1
-    alone = estimates(model, look.point, number, look.draws, median=True)
-    beside = [estimates(model, one.point, number, one.draws, median=True) for one in look.beside]
+    number = len(examined.point.hypothesis.terms) - 1
+    alone = estimates(model, examined.point, number, examined.draws, median=True)
+    beside = [estimates(model, one.point, number, one.draws, median=True) for one in examined.beside]
     widest = {}
     for name, own in alone.items():
         every = [own, *(e[name] for e in beside)]
         widest[name] = replace(own, low=min(e.low for e in every), high=max(e.high for e in every))
     return Looked(
-        effect=look.cause.effect.id,
-        joints=look.cause.joints,
-        rivals=tuple(one.pair[1].key for one in look.beside),
-        alone=_told(alone),
-        whatever=_told(widest),
+        effect=examined.cause.effect.id,
+        joints=examined.cause.joints,
+        rivals=tuple(one.pair[1].key for one in examined.beside),
+        alone=_documents(alone),
+        whatever=_documents(widest),
     )
 
 
 def inseparable(made: Diagnosed, seen: Account) -> tuple[Inseparable, ...]:
-    """The rivals that the recording cannot tell from the cause looked at."""
-    if seen.look is None:
+    """The rivals that the recording does not separate from the examined cause."""
+    if seen.examined is None:
         return ()
     model, out = made.found.model, []
     first = made.found.rounds[0] if made.found.accepted else None
-    for one in seen.look.beside:
+    for one in seen.examined.beside:
         if not one.inseparable:
             continue
         cause, rival = one.pair
@@ -48,8 +48,8 @@ def inseparable(made: Diagnosed, seen: Account) -> tuple[Inseparable, ...]:
         out.append(
             Inseparable(
                 between=(cause.key, rival.key),
-                cause=_told(inside),
-                rival=_told(estimates(model, one.point, number, one.draws, median=True)),
+                cause=_documents(inside),
+                rival=_documents(estimates(model, one.point, number, one.draws, median=True)),
                 growth=one.growth,
                 absent=not proven and _may_be_absent(cause, inside),
                 experiment=excite_command(model.robot.name, cause.key, rival.key),
@@ -58,13 +58,13 @@ def inseparable(made: Diagnosed, seen: Account) -> tuple[Inseparable, ...]:
     return tuple(out)
 
 
-def _told(own: dict[str, Estimate]) -> dict[str, EffectEstimate]:
+def _documents(own: dict[str, Estimate]) -> dict[str, EffectEstimate]:
     return {name: EffectEstimate(**vars(e)) for name, e in own.items()}
 
 
-def _may_be_absent(term: Term, told: dict[str, Estimate]) -> bool:
-    """Whether every interval holds a size that is not worth naming (half the weak one)."""
-    sized = [(told[p.name], p.inverse) for p in term.effect.parameters if not p.shape]
+def _may_be_absent(term: Term, own: dict[str, Estimate]) -> bool:
+    """Whether every interval contains a negligible size (half the weak one)."""
+    sized = [(own[p.name], p.inverse) for p in term.effect.parameters if not p.shape]
     return all(
         not inverse and e.low <= 0.5 * e.sizes[0] and e.high >= -0.5 * e.sizes[0] for e, inverse in sized
     )

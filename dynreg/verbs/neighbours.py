@@ -14,6 +14,7 @@ from dynreg.replay.judged import gain, traced
 from dynreg.results.neighbours import ChannelError, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
 from dynreg.results.result import Cost, Estimate
 from dynreg.sim.config import SimConfig
+from dynreg.verbs.held_out import held_out_notes
 from dynreg.verbs.subjects import Recorded
 
 TRACES = 6  # channels shown in a report
@@ -21,7 +22,7 @@ TRACES = 6  # channels shown in a report
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What a query was about, and what it retrieved. began : when, by the clock."""
+    """What a query asks about and the entries that it retrieved. began : its start by `time.perf_counter` [s]."""
 
     asked: Recorded
     case: Case
@@ -30,7 +31,7 @@ class Subject:
     began: float
 
     def document(self, **judged: Any) -> Neighbours:
-        """The document: what was asked, and what is judged of it."""
+        """The document with the fields in `judged`."""
         case = self.case
         return Neighbours(
             robot=case.robot.name,
@@ -44,7 +45,7 @@ class Subject:
         )
 
     def cost(self, rollouts: int, test_rollouts: int = 0) -> Cost:
-        """What it cost until now."""
+        """The cost until now."""
         return Cost(
             evaluations=self.found.ranked.evaluations,
             rollouts=rollouts,
@@ -58,7 +59,7 @@ class Subject:
         return Nominal(replay_error=error, parameters=space.as_dict(space.nominal))
 
     def neighbour(self, entry: int, error: float | None) -> Neighbour:
-        """An entry (its number) with its replay error, where it was replayed."""
+        """An entry by its row in the population; `error` is its replay error, None where it was not replayed."""
         entries, ranked, robot = self.case.population.entries, self.found.ranked, self.case.robot
         distance = float(ranked.distance[np.flatnonzero(ranked.order == entry)[0]])
         number = int(entries.numbers[entry])
@@ -73,7 +74,7 @@ class Subject:
 
 
 def unjudged(subject: Subject) -> Neighbours:
-    """The k nearest alone: how well they predict is known only where replay ranked them."""
+    """The k nearest entries without a comparison; they have a replay error only where the distance is a replay."""
     ranked, k = subject.found.ranked, subject.spending.k
     errors = ranked.distance[:k].tolist() if ranked.replays else [None] * k
     near = [subject.neighbour(int(i), e) for i, e in zip(ranked.order[:k], errors, strict=True)]
@@ -91,17 +92,17 @@ def unjudged(subject: Subject) -> Neighbours:
         fits=True,
         misfit=None,
         alarm=None,
-        notes=("nothing was held against the nominal simulator: whether the nearest one fits is not known",),
+        notes=("the nearest simulator was not compared with the nominal one: its fit is not known",),
         cost=subject.cost(ranked.replays),
     )
 
 
 def judged(subject: Subject, chosen: Choice) -> Neighbours:
-    """The answer that replays chose, and how it does on what was held out."""
+    """The answer that the replays chose, and its error on the held-out part."""
     case, replays, answer = subject.case, chosen.replays, chosen.answer
     score, space = replays.score, case.robot.space
-    told = {0, chosen.best, answer, chosen.made} - {None}
-    simulators = {i: _simulator(subject, chosen, i) for i in told}
+    reported = {0, chosen.best, answer, chosen.made} - {None}
+    simulators = {i: _simulator(subject, chosen, i) for i in reported}
     nearest = [i for i, c in enumerate(chosen.candidates) if c.kind == "neighbour"]
     ranks = sorted(nearest, key=lambda i: score[i]) if subject.spending.replay else nearest
     synthesised = None if chosen.made is None else _synthesised(case, chosen, simulators[chosen.made])
@@ -123,13 +124,17 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
         fits=alarm is None,
         misfit=chosen.misfit,
         alarm=alarm,
-        notes=notes + _bound_notes(synthesised),
+        notes=(
+            *notes,
+            *_bound_notes(synthesised),
+            *held_out_notes(case.robot, case.data.windows, case.data.parts),
+        ),
         cost=subject.cost(chosen.rollouts, len(chosen.tests)),
     )
 
 
 def _simulator(subject: Subject, chosen: Choice, number: int) -> str:
-    """The id of a candidate: an entry's own, or that under which it is registered."""
+    """The id of a candidate: that of its entry, or else of the simulator that is registered here."""
     candidate, population = chosen.candidates[number], subject.case.population
     if candidate.entry is not None:
         return population.entries.ids[candidate.entry]
@@ -173,20 +178,27 @@ def _stages(subject: Subject, chosen: Choice, simulators: dict[int, str]) -> tup
 
 
 def _channels(case: Case, chosen: Choice) -> tuple[ChannelError, ...]:
-    """Every measured channel, nominal and answer, worst share first."""
+    """The errors of every measured channel: scored ones first, the largest (relative to the motion) of them on top."""
     spread = case.data.windows.spread
     found = [
-        ChannelError(channel=c.name, unit=c.unit, nominal=before, answer=after, spread=float(spread[s]))
+        ChannelError(
+            channel=c.name,
+            unit=c.unit,
+            nominal=before,
+            answer=after,
+            spread=float(spread[s]),
+            scored=c.weight > 0,
+        )
         for s, (c, (before, after)) in enumerate(
             zip(case.robot.file.channels, chosen.channels.T.tolist(), strict=True)
         )
         if not np.isnan(chosen.channels[:, s]).all()
     ]
-    return tuple(sorted(found, key=lambda c: -c.answer / c.spread))
+    return tuple(sorted(found, key=lambda c: (not c.scored, -c.answer / c.spread)))
 
 
 def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
-    """What a report draws of nominal and answer: the channels with the largest nominal error."""
+    """The curves of a report: the channels with the largest nominal error."""
     return tuple(
         Trace(
             episode=one.episode,
@@ -210,16 +222,16 @@ def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
 
 
 def _alarm(misfit: float) -> tuple[str | None, tuple[str, ...]]:
-    """The alarm's sentence, None where the family holds something close, and notes."""
-    note = f"the answer's error is {misfit:.2g} times what separates neighbouring simulators under these commands"
+    """The text of the alarm (None where some simulator is close enough), and the notes."""
+    size = f"{misfit:.2g} times the nearest neighbours' own spread"
+    note = f"the error of the answer is {size} under these commands"
     if misfit <= TOO_FAR:
         return None, (note,)
-    sentence = (
-        f"no simulator in this family is close to the robot: the best one's error is {misfit:.2g} times what "
-        f"separates neighbours (alarm above {TOO_FAR:g}); something is missing from the model, or its "
-        f"ranges are too narrow: widen them, or extend the model where the listed channels err most"
+    alarm = (
+        f"the error of the best simulator is {size}, above the limit of {TOO_FAR:g}. The model lacks an effect, or "
+        "its parameter ranges are too narrow. The table of channels shows the largest errors"
     )
-    return sentence, (note,)
+    return alarm, (note,)
 
 
 def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
@@ -227,6 +239,6 @@ def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
     if not at:
         return ()
     return (
-        f"{', '.join(at)} {'lies' if len(at) == 1 else 'lie'} at the edge of the population's range: "
-        "widen it, or look for a missing cause",
+        f"{', '.join(at)} {'is' if len(at) == 1 else 'are'} at the edge of the population's range: "
+        "widen the range, or look for a missing effect",
     )

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, option, seed, threads
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Training
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PopulateSettings(Settings):
-    """What `populate` can be told."""
+    """The settings of `populate`."""
 
     seed: int = seed()
-    ranges: str | None = option(None, "Named ranges of robot.toml.")
+    ranges: str | None = option(None, "Named parameter ranges of robot.toml.")
     shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
-    link: bool = option(True, "Build the search graph as well.")
+    link: bool = option(True, "Also build the search graph.")
     threads: int = threads()
 
 
@@ -35,11 +35,12 @@ def populate(
     training: "Training | None" = None,
     progress: Progress | None = None,
 ) -> "PopulationSummary":
-    """Bring a population to n entries, and link them; entries that are there already stay as they are.
+    """Extend a population to n entries, and build its search graph. Existing entries are not changed.
 
-    Entry i is row i of the Sobol sequence of the robot's ranges, simulated through the shared bank with motor
-    noise of its own, and a model warm-started from the base: its bytes depend on the robot, the seed and i
-    alone. A killed populate resumes; several at once share the work, and each returns when all of it is done.
+    Entry i has the parameters of row i of the Sobol sequence over the robot's ranges. It is simulated with the commands
+    of the shared bank and with its own motor noise; its model is warm-started from the base model. Its bytes depend
+    only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
+    returns when all entries are done.
 
     Raises UsageError where n is below 1.
     """
@@ -58,8 +59,8 @@ def populate(
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
     identity, shared = begin(registry, robot, plan, watch, report)
-    told = lambda there: report("simulators", min(there, n), n)  # noqa: E731
-    added = fill(registry, identity, shared, settings.threads, watch, told)
+    advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
+    added = fill(registry, identity, shared, settings.threads, watch, advance)
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)

@@ -23,10 +23,11 @@ from dynreg.neighbours.entries import (
     shared_arrays,
     shared_from,
 )
+from dynreg.progress import Progress
 from dynreg.registry import PopulationRecord, Registry, ShardData
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs.subjects import population_for
-from dynreg.verbs.verb import Progress
+from dynreg.verbs.accepted import accept
+from dynreg.verbs.subjects import Recorded, population_for
 
 _READY: WeakKeyDictionary[Registry, tuple[tuple[str, int], Population]] = WeakKeyDictionary()
 WAIT = 0.1  # seconds between looks at what other processes have left
@@ -34,7 +35,7 @@ WAIT = 0.1  # seconds between looks at what other processes have left
 
 @dataclass(frozen=True)
 class Plan:
-    """What a population shall be: n entries or more, drawn by a seed, trained so, stored so many to a shard."""
+    """The plan of a population: its least number of entries, seed, training and entries for each shard."""
 
     n: int
     seed: int
@@ -52,6 +53,7 @@ def begin(
 ) -> tuple[str, Shared]:
     """The id of a population, and what its entries share: as the registry holds it, else made."""
     identity = population_id(robot, plan.seed, plan.training)
+    accept(registry, robot)
     registry.put_robot(robot.files, robot.hash, robot.name)
     known = _held(registry, identity)
     if known is not None:
@@ -139,12 +141,12 @@ def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int,
     return len(entries), distance.evaluations
 
 
-def ready(registry: Registry, recording: str, ref: str | None, *, states: bool = False) -> Population:
-    """The population to ask about a recording (its id): `ref`, or the only one of its robot; the last stays loaded.
+def ready(asked: Recorded, ref: str | None, *, states: bool = False) -> Population:
+    """The population to ask about a recording: `ref`, or the only one of its robot; the last stays loaded.
 
     Raises as `population_for`.
     """
-    key = population_for(registry, recording, ref)
+    registry, key = asked.registry, population_for(asked, ref)
     held_key, held = _READY.get(registry, (None, None))
     if held_key != key or (states and held.entries.states is None):
         held = load_population(registry, key[0], states=states)

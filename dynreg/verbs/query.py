@@ -1,4 +1,4 @@
-"""Query: from a recording to the simulator that predicts it best. Retrieve, replay and re-rank, synthesise."""
+"""Query: the simulator that predicts a recording best. Retrieve, replay and re-rank, synthesise."""
 
 import time
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from dynreg.distance.table import AUTO, NAMES, needs
 from dynreg.errors import UsageError
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, threads
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
@@ -17,20 +17,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class QuerySettings(Settings):
-    """What `query` can be told."""
+    """The settings of `query`."""
 
-    k: int = option(5, "How many neighbours.", flag="-k", least=1, shared=True)
-    distance: str = option(AUTO, "How neighbours are found.", choices=NAMES, shared=True)
+    k: int = option(5, "Number of neighbours.", flag="-k", least=1, shared=True)
+    distance: str = option(AUTO, "Distance by which neighbours are found.", choices=NAMES, shared=True)
     population: str | None = option(
-        None, "Population to choose from.", usual="the only one", complete="stored_names"
+        None, "Population in which to search.", usual="the only one", complete="stored_names"
     )
-    replay: bool = option(True, "Replay the commands in the best and re-rank.")
-    synthesise: bool = option(True, "Make a simulator from the neighbours.")
+    replay: bool = option(
+        True, "Replay the commands in the nearest simulators and rank them by replay error."
+    )
+    synthesise: bool = option(True, "Make a new simulator from the neighbours.")
     hold_out: str | None = hold_out()
     budget: int | None = option(
         None,
-        "Simulations that the query may run, beyond those of --distance replay.",
-        usual="18 and two for each parameter",
+        "Most simulations of the query; those of --distance replay come on top.",
+        usual="43 and fourteen for each parameter",
         least=1,
         shared=True,
     )
@@ -38,7 +40,7 @@ class QuerySettings(Settings):
 
     @property
     def states(self) -> bool:
-        """Whether its population must be loaded with the entries' states."""
+        """Whether the population must be loaded with the entries' states."""
         return needs(self.distance, "states")
 
 
@@ -51,10 +53,12 @@ def query(
 ) -> "Neighbours":
     """Find the simulators nearest to a recording.
 
-    They are replayed with the recording's own commands and ranked again, and one answer is given.
+    The query replays the recording's commands in them and ranks them by the replay error. It synthesises a simulator
+    from the best ones. The answer is the simulator with the lowest error.
 
-    Exit status 4 when no simulator of the population fits the recording (the result is printed all the
-    same).
+    Where held-out data do not show that the answer errs less than the nominal simulator, the headline says so.
+
+    Exit status 4: no simulator of the population fits the recording. The result is printed nevertheless.
 
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
 
@@ -68,7 +72,7 @@ def query(
 
     began, k, recording = time.perf_counter(), settings.k, asked.recording
     if population is None:
-        population = ready(asked.registry, recording.id, settings.population, states=settings.states)
+        population = ready(asked, settings.population, states=settings.states)
     if k > len(population):
         raise UsageError(
             f"k = {k}",

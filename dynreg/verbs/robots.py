@@ -1,7 +1,7 @@
 """The robots that come along, and the check of a robot folder."""
 
 from dynreg.results.robots import RobotCheck, RobotLine, RobotList
-from dynreg.sim.check import check_robot
+from dynreg.sim.inspection import inspect_robot
 from dynreg.sim.robot import load_robot, packaged_robots
 
 
@@ -11,9 +11,10 @@ def robot_list() -> RobotList:
 
 
 def robot_check(folder: str) -> RobotCheck:
-    """What is wrong with a robot folder or a packaged robot."""
-    problems = tuple(check_robot(folder))
-    return RobotCheck(robot=folder, sound=not problems, problems=problems)
+    """The errors and warnings of a robot folder or a packaged robot."""
+    found = inspect_robot(folder)
+    told = {kind: tuple(str(one) for one in found if one.severity == kind) for kind in ("error", "warning")}
+    return RobotCheck(robot=folder, sound=not told["error"], problems=told["error"], warnings=told["warning"])
 
 
 def _line(name: str) -> RobotLine:

@@ -2,7 +2,7 @@
 
 >>> @dataclass(frozen=True)
 ... class Walk(Settings):
-...     seed: int = option(0, "Seed.", least=0)
+...     seed: int = option(0, "Seed of the random numbers.", least=0)
 ...     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
 >>> Walk(seed=-1)
 Traceback (most recent call last):
@@ -26,14 +26,14 @@ _KINDS = {int: "a whole number", float: "a number", bool: "True or False", str: 
 
 @dataclass(frozen=True)
 class Option:
-    """How one setting is told.
+    """One setting: its default, help and range.
 
     help : one sentence. flag : on the command line; "" for the name with dashes, None for none. usual : what the
     default stands for, in words. metavar : of its value. least, most : its range, ends included; above, below :
     without them. choices : the only values, or a function that gives them. old : {what a value was called: what it is
     called now}. some : what a list must hold at least one of; see : the command that shows these. complete : what a
-    shell offers, by its name in `cli.completion`. repeated : a sequence whose flag is given again and again, not a list
-    with commas. shared : a settings file and DYNREG_* may tell it as well.
+    shell offers, by its name in `cli.completion`. repeated : a list with commas whose flag may be given
+    again, too. shared : a settings file and DYNREG_* may tell it as well.
     """
 
     help: str
@@ -114,17 +114,17 @@ def threads() -> Any:
 
 def seed() -> Any:
     """The setting that every verb has which draws at random."""
-    return option(0, "Seed.", least=0, shared=True)
+    return option(0, "Seed of the random numbers.", least=0, shared=True)
 
 
 def method() -> Any:
     """The setting that every verb has which searches."""
-    return option("cma", "The search.", choices=tuple(SEARCHES), old={"cmaes": "cma"})
+    return option("cma", "Search method.", choices=tuple(SEARCHES), old={"cmaes": "cma"})
 
 
 def hold_out() -> Any:
     """The setting that every verb has which keeps a part of the recording to judge by; see `replay.parts`."""
-    return option(None, "Test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
+    return option(None, "Held-out test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
 
 
 @dataclass(frozen=True)

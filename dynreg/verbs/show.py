@@ -39,7 +39,14 @@ def _entry(registry: Registry, identity: str) -> Shown:
 def _recording(registry: Registry, identity: str) -> Shown:
     info = registry.recording_info(identity)
     robot, name = registry.robots()[info.robot_hash], next(iter(info.names), "")
-    return name, robot, recording_summary(identity, registry.recording(identity), robot, name).to_dict()
+    return (
+        name,
+        robot,
+        {
+            **recording_summary(identity, registry.recording(identity), robot, name).to_dict(),
+            "version": registry.robot_info(info.robot_hash).version,
+        },
+    )
 
 
 def _population(registry: Registry, identity: str) -> Shown:
@@ -61,7 +68,9 @@ def _result(registry: Registry, identity: str) -> Shown:
 
 def _robot(registry: Registry, identity: str) -> Shown:
     name = registry.robots()[identity]
-    return name, name, {"hash": identity}
+    info = registry.robot_info(identity)
+    others = [other.version for other in registry.robot_versions(name) if other.hash != identity]
+    return name, name, {"hash": identity, "version": info.version, "other_versions": others}
 
 
 _SHOWN = {

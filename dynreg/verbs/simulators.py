@@ -5,8 +5,8 @@ simulator or an entry, or by the id of a result that recommends one. Its effects
 """
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import AmbiguousError, NoMatchError, UsageError
@@ -55,10 +55,13 @@ class Simulator:
     """A simulator that was named: its configuration, effects included, and its robot.
 
     id : of the simulator or entry; None for the nominal one, which nobody needs to register.
-    name : "leg-17" of an entry, else how it came about and the beginning of its id. lineage : how it came about.
+    name : "leg-17" of an entry, else how it came about and the beginning of its id, with the version of its robot where
+    that is another one than was asked with. lineage : how it came about.
     source : id of the result that told it, None where it was named itself.
     fitted_to : episodes of the recording to which it was fitted, or by which it was chosen, whole or in part; empty
-    where nothing says that it was, None where it was and nothing says to which.
+    where nothing says that it was, None where it was and nothing says to which. parts : of that result, by episode or
+    as "episode[3]" where an episode was cut into windows; None where no result says them. asked : the options
+    of that result, by name; empty where it says none.
     """
 
     id: str | None
@@ -68,6 +71,8 @@ class Simulator:
     robot: "Robot"
     source: str | None = None
     fitted_to: frozenset[str] | None = frozenset()
+    parts: Mapping[str, Sequence[str]] | None = None
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
 
 def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | None = None) -> Simulator:
@@ -84,6 +89,8 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
         config = SimConfig.of(robot, robot.space.nominal)
         return Simulator(None, NOMINAL, {"kind": NOMINAL}, config, robot)
     if ref in WORDS:
+        if recording is None:
+            raise _none_yet(ref, " about this recording")
         return _told(registry, _newest(registry, ref, recording), ref, robot, recording)
     try:
         kind, identity = registry.resolve(ref, ("simulator", "entry", "result"))
@@ -97,26 +104,45 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
         ) from None
     if kind != "result":
         found = stored(registry, kind, identity, robot)
-        return replace(found, fitted_to=_fitted_to(registry, found, recording))
+        return _with_parts(found, _told_by(registry, found, recording), recording)
     record = registry.result(identity)
     if record.kind not in RECOMMENDED:
         raise _no_simulator(ref, record)
     return _told(registry, record, RECOMMENDED[record.kind], robot, recording)
 
 
+def told_last(registry: "Registry", ref: str) -> str:
+    """The id of the simulator that a word of `WORDS` stands for in the newest result; another `ref` as it is.
+
+    A thing of that name goes before the word. Raises NoMatchError where no result tells such a simulator yet.
+    """
+    if ref not in WORDS:
+        return ref
+    try:
+        return registry.resolve(ref)[1]
+    except NoMatchError:
+        record = _newest(registry, ref, None)
+    identity = WORDS[ref].told(record.document)
+    if identity is None:
+        raise _no_simulator(ref, record)
+    return identity
+
+
 def own(found: Simulator, robot: "Robot") -> Simulator:
-    """The simulator again; UsageError where it is of another robot."""
+    """The simulator again; UsageError where it is of another robot, or of another version of it."""
     if found.config.robot != robot.hash:
+        version = "another version of " if found.config.robot_name == robot.name else ""
+        again = f", or ask with --robot {found.config.robot[:12]}" if version else ""
         raise UsageError(
-            f"simulator {found.name!r} is of robot {found.config.robot_name!r} ({found.config.robot[:12]})",
+            f"simulator {found.name!r} is of {version}robot {found.config.robot_name!r} ({found.config.robot[:12]})",
             expected=f"a simulator of {robot.name!r} ({robot.hash[:12]})",
-            do="name another; see `dynreg list --kind simulator`",
+            do=f"name another; see `dynreg list --kind simulator`{again}",
         )
     return found
 
 
 def made(lineage: Mapping[str, Any]) -> str:
-    """How a simulator came about, in words.
+    """How a simulator was made, in words.
 
     >>> made({"made_by": "query", "kind": "synthesised"}), made({"made_by": "calibrate cma"})
     ('synthesised', 'calibrated by cma')
@@ -125,14 +151,18 @@ def made(lineage: Mapping[str, Any]) -> str:
 
 
 def _newest(registry: "Registry", ref: str, recording: str | None) -> "ResultRecord":
-    word = WORDS[ref]
+    """The newest result about a recording (of all, for None) that tells a word's simulator."""
     try:
-        if recording is not None:
-            return registry.latest(word.kind, recording)
+        return registry.latest(WORDS[ref].kind, recording)
     except NoMatchError:
-        pass
-    raise NoMatchError(
-        f"no {ref!r} simulator: no {'query' if word.made_by == 'query' else word.kind} about this recording is stored",
+        raise _none_yet(ref, " about this recording" if recording else "") from None
+
+
+def _none_yet(ref: str, about: str) -> NoMatchError:
+    word = WORDS[ref]
+    kind = "query" if word.made_by == "query" else word.kind
+    return NoMatchError(
+        f"no {ref!r} simulator: no {kind}{about} is stored",
         expected=f"one of {', '.join(NAMES)}, or an id",
         do=f"run `dynreg {word.made_by}` on it first, or name another simulator",
     )
@@ -146,9 +176,8 @@ def _told(
     if identity is None:
         raise _no_simulator(word, record)
     found = stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
-    own = _fitted(record.document) if record.recording_id == recording else frozenset()
-    fitted_to = _fitted_to(registry, found, recording) if own == frozenset() else own
-    return replace(found, source=record.id, fitted_to=fitted_to)
+    document = record.document if record.recording_id == recording else _told_by(registry, found, recording)
+    return replace(_with_parts(found, document, recording), source=record.id)
 
 
 def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None" = None) -> Simulator:
@@ -167,6 +196,9 @@ def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None"
         name = f"{made(lineage) or kind} {identity[:8]}"
     same = robot is not None and config.robot == robot.hash
     owner = robot if same else load_robot(registry.robot_folder(config.robot))
+    if robot is not None and not same:
+        version = registry.robot_info(config.robot).version
+        name += f" (version {version})" if owner.name == robot.name else f" ({owner.name})"
     return Simulator(identity, name, lineage, config, owner)
 
 
@@ -181,17 +213,26 @@ def _fitted(document: Document) -> frozenset[str] | None:
     return frozenset(re.sub(r"\[\d+\]$", "", name) for name in (*parts["fit"], *parts["select"]))
 
 
-def _fitted_to(registry: "Registry", found: Simulator, recording: str | None) -> frozenset[str] | None:
-    """What the newest results about a recording, else the simulator's own lineage, say of it; see `Simulator`."""
+def _told_by(registry: "Registry", found: Simulator, recording: str | None) -> Document | None:
+    """The newest result about a recording that tells this simulator; None where there is none."""
     for word in WORDS.values() if recording else ():
         try:
             document = registry.latest(word.kind, recording).document
         except NoMatchError:
             continue
         if found.id in (document.get("calibrated_simulator"), word.told(document)):
-            return _fitted(document)
-    made_here = recording is not None and found.lineage.get("recording") == recording
-    return None if made_here else frozenset()
+            return document
+    return None
+
+
+def _with_parts(found: Simulator, document: Document | None, recording: str | None) -> Simulator:
+    """The simulator with what a result about the recording, else its own lineage, says that it was fitted to."""
+    if document is not None:
+        told = {"parts": document.get("parts"), "asked": document.get("asked") or {}}
+        return replace(found, fitted_to=_fitted(document), **told)
+    fitted = (found.lineage.get("recording"), *found.lineage.get("recordings", ()))
+    made_here = recording is not None and recording in fitted
+    return replace(found, fitted_to=None if made_here else frozenset())
 
 
 def _no_simulator(ref: str, record: "ResultRecord") -> NoMatchError:

@@ -1,42 +1,94 @@
-"""What verbs are asked about: robots, logs, recordings and populations, found where they are said to be."""
+"""The subjects of verbs: robots, logs, recordings and populations, found by name, id or path."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dynreg.errors import DynregError, LogError, MapError, NoMatchError, UsageError
-from dynreg.registry import PopulationRecord, Registry
+from dynreg.errors import (
+    AmbiguousError,
+    Assumed,
+    DynregError,
+    LogError,
+    MapError,
+    NoMatchError,
+    RobotError,
+    UsageError,
+)
+from dynreg.registry import PopulationRecord, Registry, RobotInfo
 from dynreg.results.result import Result
 from dynreg.results.stored import RecordingSummary
 
 if TYPE_CHECKING:
     from dynreg.data.maps import LogMap
     from dynreg.data.recording import Recording
+    from dynreg.progress import Progress
     from dynreg.sim.robot import Robot
 
 
-def loaded_robot(robot: "str | Path | Robot", ranges: str | None = None) -> "Robot":
-    """A robot by its packaged name or folder, with one of its [populations] where `ranges` names it."""
+def loaded_robot(
+    robot: "str | Path | Robot", ranges: str | None = None, registry: Registry | None = None
+) -> "Robot":
+    """A robot by its packaged name or folder, with one of its [populations] where `ranges` names it.
+
+    registry : where a name that is neither is looked up, as the newest version of it, and hashes are. Raises RobotError
+    where there is no such robot.
+    """
     from dynreg.sim.robot import Robot, load_robot, with_population
 
     if isinstance(robot, Robot):
         return robot if ranges is None else with_population(robot, ranges)
-    return load_robot(robot, ranges)
+    try:
+        return load_robot(robot, ranges)
+    except RobotError:
+        kept = None if registry is None or _exists(robot) else _kept_folder(registry, str(robot))
+        if kept is None:
+            raise
+        return load_robot(kept, ranges)
+
+
+def _exists(path: str | Path) -> bool:
+    try:
+        return Path(path).expanduser().exists()
+    except (OSError, RuntimeError, ValueError):
+        return False
+
+
+def _kept_folder(registry: Registry, ref: str) -> Path | None:
+    """The registry's own copy of a robot that it has by this name or hash; None where it has none."""
+    try:
+        return registry.robot_folder(ref)
+    except AmbiguousError:
+        raise
+    except NoMatchError:
+        return None
 
 
 def read_log(
-    logs: str | Path | Sequence[str | Path], robot: "Robot", log_map: "str | Path | LogMap | None" = None
+    logs: str | Path | Sequence[str | Path],
+    robot: "Robot",
+    log_map: "str | Path | LogMap | None" = None,
+    progress: "Progress | None" = None,
 ) -> "Recording":
     """Logs of a robot as one recording, with the map given, else by their own names or a packaged map.
 
-    Raises LogError or MapError.
+    progress : is called with (stage, done, total). Raises LogError or MapError.
     """
+    paths = [Path(p) for p in ([logs] if isinstance(logs, str | Path) else logs)]
+    stage = f"read and check {paths[0].name if len(paths) == 1 else f'{len(paths)} logs'}"
+    report = progress or (lambda *_: None)
+    report(stage, 0, 1)
+    found = _read(paths, robot, log_map)
+    report(stage, 1, 1)
+    return found
+
+
+def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | None") -> "Recording":
     from dynreg.data.ingest import read_recording
-    from dynreg.data.maps import LogMap, read_map
+    from dynreg.data.maps import LogMap, read_map, read_own_map
 
     spec = robot.recording_spec
-    paths = [Path(p) for p in ([logs] if isinstance(logs, str | Path) else logs)]
     if log_map is not None:
         return read_recording(paths, spec, log_map if isinstance(log_map, LogMap) else read_map(log_map))
     try:
@@ -44,25 +96,49 @@ def read_log(
     except DynregError as first:
         for path in sorted((robot.folder / "maps").glob("*.toml")):
             try:
-                return read_recording(paths, spec, read_map(path))
+                return read_recording(paths, spec, read_own_map(path))
             except (LogError, MapError):
                 continue
         raise first from None
 
 
+_SAME_RATE = 0.01  # how far the rate of a recording may be from that of a robot
+
+
 @dataclass(frozen=True)
 class Recorded:
-    """A recording that a verb is asked about: where it is kept, its robot, itself and its name."""
+    """A recording that a verb is asked about: where it is kept, its robot, itself and its name.
+
+    each : those that it was joined from; see `several.joined`.
+    """
 
     registry: Registry
     robot: "Robot"
     recording: "Recording"
     name: str
+    each: "tuple[Recorded, ...]" = ()
 
     def register(self) -> None:
         """Keep the robot and the recording where the registry does not yet."""
+        for one in self.each:
+            one.register()
         if not self.registry.holds(self.recording.id):
-            register(self.registry, self.robot, self.recording)
+            register(self.registry, self.robot, self.recording, self._free_name() if self.each else None)
+        elif self.robot.hash not in self.registry.robots():
+            _put_robot(self.registry, self.robot)
+
+    def _free_name(self) -> str | None:
+        """The name of what was joined; None, which is said, where a recording of other log files has it."""
+        if self.registry.may_be_called(self.recording, self.name):
+            return self.name
+        holder = self.registry.name_holder(self.name) or ""
+        warnings.warn(
+            f"recording {holder[:12]} of other log files is called {self.name!r}: this one is kept without a name, as "
+            f"{self.recording.id[:12]}",
+            Assumed,
+            2,
+        )
+        return None
 
     def keep(self, result: Result) -> None:
         """Store what a verb answers, with the recording that it is about."""
@@ -80,25 +156,101 @@ def recorded(
 ) -> Recorded:
     """A recording by its id, name or `@last`, or read from a log of `robot`.
 
+    robot : of a registered recording, any whose channels it has; by default the one that it was ingested with last.
     ingest : whether a log is registered at once; where not, `Recorded.register` does it when the verb has an answer.
-    Raises NoMatchError for what is neither, UsageError for a recording of another robot, LogError and MapError for a
-    log that cannot be read.
+    Raises NoMatchError for what is neither, UsageError for a recording that lacks what the robot needs, LogError and
+    MapError for a log that cannot be read.
     """
     identity = _registered(registry, reference, robot)
     if identity is None:
-        owner = loaded_robot(robot)
+        owner = loaded_robot(robot, registry=registry)
         loaded = read_log(reference, owner, log_map)
         if not ingest:
             return Recorded(registry, owner, loaded, loaded.id[:12])
         identity = register(registry, owner, loaded)
-    name = registry.recording_info(identity).name
-    return Recorded(registry, robot_of(registry, identity), registry.recording(identity), name)
+    elif robot is None:
+        owner = robot_of(registry, identity)
+        _tell_newer(registry, identity)
+    else:
+        owner = loaded_robot(robot, registry=registry)
+    info = registry.recording_info(identity)
+    asked = Recorded(registry, owner, registry.recording(identity), info.name)
+    if owner.hash != info.robot_hash:
+        require_fits(asked, owner)
+    return asked
+
+
+def require_fits(asked: Recorded, robot: "Robot") -> None:
+    """UsageError where a recording lacks channels or settings that a robot needs, or was made for another rate."""
+    spec, recording = robot.recording_spec, asked.recording
+    units = {channel.name: channel.unit for channel in recording.channels}
+    kinds = {"state": "channel", "action": "command", "input": "input", "enable": "input"}
+    lacking = [f"{kinds[c.kind]} {c.name!r}" for c in spec.channels if not c.optional and c.name not in units]
+    told = [set(episode.settings) for episode in recording.episodes]
+    asked_for = [name for name in spec.settings if name not in spec.usual]
+    lacking += [f"setting {name!r}" for name in asked_for if not all(name in names for names in told)]
+    lacking += [
+        f"channel {c.name!r} in {c.unit!r} (it is in {units[c.name]!r})"
+        for c in spec.channels
+        if units.get(c.name, c.unit) != c.unit
+    ]
+    rate = recording.rate
+    if spec.rate is not None and rate is not None and abs(rate / spec.rate - 1) > _SAME_RATE:
+        lacking.append(f"rows at {spec.rate:g} Hz (it has {rate:.4g} Hz)")
+    if lacking:
+        raise UsageError(
+            f"recording {asked.name!r} lacks what robot {robot.name!r} ({robot.hash[:12]}) needs: "
+            + ", ".join(lacking),
+            expected="a recording with all of these",
+            do="ingest its log again with this robot, or name another robot",
+        )
+
+
+def _tell_newer(registry: Registry, recording: str) -> None:
+    """Say that a robot has a newer version than the one that a recording was ingested with."""
+    info = registry.recording_info(recording)
+    mine, last = _version(registry, info.robot_hash), _newest(registry, info.robot_hash)
+    if last.hash != mine.hash:
+        warnings.warn(
+            f"recording {info.name!r} was ingested with version {mine.version} of robot {mine.name!r}, which is used. "
+            f"Version {last.version} is newer: add --robot {word_for(registry, last)} to use it",
+            Assumed,
+            2,
+        )
+
+
+def _version(registry: Registry, robot_hash: str) -> RobotInfo:
+    return next(info for info in registry.robot_versions() if info.hash == robot_hash)
+
+
+def _newest(registry: Registry, robot_hash: str) -> RobotInfo:
+    """The newest version of the robot that has this hash."""
+    return registry.robot_versions(registry.robots()[robot_hash])[-1]
+
+
+def word_for(registry: Registry, info: RobotInfo) -> str:
+    """A registered robot on the command line: its name where that means this one, else a prefix of its hash."""
+    from dynreg.sim.robot import packaged_robots
+
+    taken = info.name in packaged_robots() or _exists(info.name)
+    if taken:
+        means = loaded_robot(info.name).hash if info.name in packaged_robots() else None
+    else:
+        means = registry.robot_versions(info.name)[-1].hash
+    return info.name if means == info.hash else info.hash[:12]
 
 
 def register(registry: Registry, robot: "Robot", recording: "Recording", name: str | None = None) -> str:
-    """Keep a robot and a recording of it, under a name; its id."""
-    registry.put_robot(robot.files, robot.hash, robot.name)
+    """Keep a robot and a recording of it, under a name; its id. RobotError as `accept` raises it."""
+    _put_robot(registry, robot)
     return registry.put_recording(recording, robot.hash, name)
+
+
+def _put_robot(registry: Registry, robot: "Robot") -> None:
+    from dynreg.verbs.accepted import accept
+
+    accept(registry, robot)
+    registry.put_robot(robot.files, robot.hash, robot.name)
 
 
 def robot_of(registry: Registry, recording: str) -> "Robot":
@@ -108,54 +260,71 @@ def robot_of(registry: Registry, recording: str) -> "Robot":
     return load_robot(registry.robot_folder(registry.recording_info(recording).robot_hash))
 
 
-def population_for(registry: Registry, recording: str, ref: str | None) -> tuple[str, int]:
-    """Id and size of the population to ask about a recording (its id): `ref`, or the only one of its robot.
+def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:
+    """Id and size of the population to ask about a recording: `ref`, or the only one of the robot.
 
-    Raises UsageError for one of another robot or where there are several, NoMatchError where there is none or it has
-    no entries.
+    One of another robot, or of another version of it, may be named where the recording has that robot's channels: its
+    own robot simulates then. Raises UsageError where it has not or where there are several, NoMatchError where there is
+    none or it has no entries.
     """
-    info = registry.recording_info(recording)
-    records = registry.populations()
-    if ref is not None:
-        identity = registry.resolve(ref, ("population",))[1]
-        record = registry.population(identity)
+    registry = asked.registry
+    if ref is None:
+        record = _only_population(asked)
     else:
-        record = _only_population(registry, info.robot_hash, records)
-    if record.robot_hash != info.robot_hash:
-        raise UsageError(
-            f"the recording is of robot {registry.robots()[info.robot_hash]!r}, "
-            f"the population of {record.name!r}",
-            expected="a population of the same robot folder",
-            do="populate that robot, or ingest the log for this one",
-        )
+        record = registry.population(registry.resolve(ref, ("population",))[1])
+        if record.robot_hash != asked.robot.hash:
+            _tell_other(asked, record)
     count = registry.count(record.id)
     if count == 0:
         raise NoMatchError(
             f"population {record.id[:12]} has no entries yet",
             expected="at least one simulator",
-            do=f"run `dynreg populate {record.name} -n {record.size}`",
+            do=f"run `dynreg populate {word_for(registry, _version(registry, record.robot_hash))} -n {record.size}`",
         )
     return record.id, count
 
 
-def _only_population(
-    registry: Registry, robot_hash: str, records: Sequence[PopulationRecord]
-) -> PopulationRecord:
-    name = registry.robots()[robot_hash]
-    fitting = [r for r in records if r.robot_hash == robot_hash]
-    if not fitting:
-        raise NoMatchError(
-            f"no simulators of robot {name!r} (folder hash {robot_hash[:12]}) in {str(registry.path)!r}",
-            expected="a population of the recording's robot",
-            do=f"run `dynreg populate {name} -n 1000` first",
-        )
+def _tell_other(asked: Recorded, record: PopulationRecord) -> None:
+    """Say whose population is asked; UsageError where the recording does not fit its robot."""
+    from dynreg.sim.robot import load_robot
+
+    require_fits(asked, load_robot(asked.registry.robot_folder(record.robot_hash)))
+    owner = _version(asked.registry, record.robot_hash)
+    warnings.warn(f"population {record.id[:12]} is of {owner}: that one simulates", Assumed, 2)
+
+
+def _only_population(asked: Recorded) -> PopulationRecord:
+    """The only population of the robot that a recording is asked with."""
+    robot, records = asked.robot, asked.registry.populations()
+    fitting = [r for r in records if r.robot_hash == robot.hash]
     if len(fitting) > 1:
         raise UsageError(
-            f"{len(fitting)} populations of robot {name!r}",
+            f"{len(fitting)} populations of robot {robot.name!r}",
             expected=f"one of {[r.id[:12] for r in fitting]}",
             do="name one with --population",
         )
+    if not fitting:
+        raise _no_population(asked, [r for r in records if r.name == robot.name])
     return fitting[0]
+
+
+def _no_population(asked: Recorded, older: Sequence[PopulationRecord]) -> NoMatchError:
+    """The error for a robot that has no population; older : those of its other versions."""
+    registry, robot = asked.registry, asked.robot
+    versions = {info.hash: info for info in registry.robot_versions(robot.name)}
+    mine = versions.get(robot.hash)
+    what, size, instead = f"robot {robot.name!r} ({robot.hash[:12]})", 1000, ""
+    if older and mine is not None:
+        last = max(older, key=lambda r: versions[r.robot_hash].version)
+        count = registry.count(last.id)
+        what = f"{mine}; version {versions[last.robot_hash].version} has {count}"
+        size, instead = last.size, f", or add --population {last.id[:12]} to use those"
+    word = robot.hash[:12] if mine is None else word_for(registry, mine)
+    return NoMatchError(
+        f"no simulators of {what}",
+        expected=f"a population of the recording's robot in {str(registry.path)!r}",
+        do=f"run `dynreg populate {word} -n {size}`{instead}",
+    )
 
 
 def _registered(
@@ -163,7 +332,7 @@ def _registered(
 ) -> str | None:
     """The id of a registered recording; None for the path of a log of `robot`.
 
-    Raises NoMatchError for what is neither, UsageError for a recording of another robot.
+    Raises NoMatchError for what is neither, UsageError for a log whose robot is not named.
     """
     if isinstance(recording, RecordingSummary):
         return recording.recording
@@ -179,13 +348,4 @@ def _registered(
                 do="add --robot ROBOT, or ingest it first",
             ) from None
         return None
-    if robot is not None:
-        owner = registry.robots()[registry.recording_info(identity).robot_hash]
-        asked = loaded_robot(robot).name
-        if owner != asked:
-            raise UsageError(
-                f"recording {str(recording)!r} is of robot {owner!r}, not of {asked!r}",
-                expected=f"a recording of {asked!r}",
-                do="leave --robot out, or name another recording",
-            )
     return identity

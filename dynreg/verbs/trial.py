@@ -1,35 +1,35 @@
-"""Trial: how often a diagnosis is right about simulated robots whose truth is known."""
+"""Trial: how often a diagnosis names the right effect on simulated robots with a hidden effect."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
+from dynreg.progress import Progress
 from dynreg.verbs.diagnose import threshold_runs
 from dynreg.verbs.settings import Settings, option, seed, threads
-from dynreg.verbs.verb import Progress
 
 if TYPE_CHECKING:
     from dynreg.results.trials import TrialTable
     from dynreg.verbs.verb import Built
 
 HIDES = ("drawn", "chosen", "nothing", "every")
-TOGETHER = 8  # robots that are diagnosed in lockstep: more take memory, and no less time
-SIZES = ("weak", "medium", "strong")  # of `sim.effects`, which takes long to load
+TOGETHER = 8  # robots diagnosed in lockstep: more take more memory, and save no time
+SIZES = ("weak", "medium", "strong")  # as in `sim.effects`, whose import takes long
 
 
 @dataclass(frozen=True)
 class TrialSettings(Settings):
-    """What a trial can be told: what robots hide, how many there are, and how long their logs.
+    """The settings of a trial: the hidden effects, the number of robots, and the length of their logs.
 
-    hide : "drawn" (each robot hides an effect drawn for it), "chosen" (those of `effects`, together), "nothing", or
+    hide : "drawn" (one random effect per robot), "chosen" (all of `effects` in each robot), "nothing", or
         "every" (each effect that the robot can have, `count` robots with each).
-    Raises UsageError where these do not fit together.
+    Raises UsageError if `effects` is given without "chosen", or "chosen" without `effects`.
     """
 
-    hide: str = option("drawn", "What robots hide.", choices=HIDES, flag=None)
-    effects: tuple[str, ...] = option((), "What to hide, together.", flag=None)
-    size: str = option("medium", "One of weak, medium or strong.", choices=SIZES)
-    count: int = option(1, "Robots.", flag="-n", least=1)
+    hide: str = option("drawn", "How hidden effects are chosen.", choices=HIDES, flag=None)
+    effects: tuple[str, ...] = option((), "Effects to hide, all in each robot.", flag=None)
+    size: str = option("medium", "Size of the hidden effect.", choices=SIZES)
+    count: int = option(1, "Number of robots.", flag="-n", least=1)
     seed: int = seed()
     seconds: float = option(50.0, "Length of each robot's log [s].", above=0.0)
     engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
@@ -43,17 +43,17 @@ class TrialSettings(Settings):
         if (self.hide == "chosen") != bool(self.effects):
             raise UsageError(
                 f"hide {self.hide!r} with effects {list(self.effects)}",
-                expected="effects with 'chosen', and only there",
-                do="name effects, or choose another way to hide",
+                expected="effects if and only if hide is 'chosen'",
+                do="name effects, or change `hide`",
             )
         for key in self.effects:
             term(key)
 
 
 def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":
-    """Hide an effect in simulated robots and see whether a diagnosis names it.
+    """Hide effects in simulated robots and diagnose them.
 
-    The hidden robots have errors of their nameplate, noise and a finer simulation than the model's.
+    The simulated robots have parameters off their nameplate, sensor noise, and a finer time step than the model.
 
     Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
     """
@@ -73,5 +73,7 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
         report("trials", number, len(todo))
         results += results_of(trials, todo[number : number + TOGETHER], needed)
     report("trials", len(todo), len(todo))
-    notes = [f"threshold {needed:.3g} nats, from {settings.threshold_runs} robots without an effect"]
+    notes = [
+        f"threshold: {needed:.3g} nats, from {settings.threshold_runs} simulated robots without an effect"
+    ]
     return TrialTable.of(asked.robot.name, results, notes)

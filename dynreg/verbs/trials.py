@@ -1,4 +1,4 @@
-"""Single trials: which robots hide what, and what was said of each, held against its truth."""
+"""Single trials: the hidden effects of each robot, and its diagnosis compared with them."""
 
 from collections.abc import Sequence
 
@@ -27,10 +27,10 @@ from dynreg.sim.robot import Robot
 def results_of(
     trials: Trials, todo: Sequence[Trial], needed: float, *, share: bool = True, interval: bool = False
 ) -> list[TrialResult]:
-    """Hide effects in robots, diagnose their logs in lockstep, score the first cause of each.
+    """Hide effects in robots, diagnose their logs in lockstep, and score the first cause of each.
 
-    share : whether to find the share of the attainable gain, which takes another fit. interval : whether to look if
-    the 90 % interval of a rightly named effect's size holds the truth.
+    share : whether to compute the share of the attainable gain, which takes one more fit. interval : whether to check
+    that the 90 % interval of a rightly named effect's size covers the true size.
     """
     return [_result(trials, one, share, interval) for one in tried(trials, todo, needed)]
 
@@ -45,7 +45,7 @@ def _result(trials: Trials, one: Tried, share: bool, interval: bool) -> TrialRes
 
 
 def _scored(robot: Robot, one: Tried) -> TrialResult:
-    """What was said of a hidden robot, held against its truth."""
+    """The diagnosis of a robot with hidden effects, compared with the truth."""
     hidden, found, first, verdict = one.hidden, one.made.found, one.first, one.made.verdict
     first_round = found.rounds[0] if first else None
     stated = (
@@ -81,7 +81,7 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
 
 
 def _values(hidden: Hidden) -> dict[str, float]:
-    """Values of what is hidden by name."""
+    """{name: true value} of the hidden effects' parameters."""
     return {
         p.name if len(hidden.terms) == 1 else f"{t.key}.{p.name}": float(v)
         for t, row in zip(hidden.terms, hidden.values, strict=True)
@@ -90,7 +90,7 @@ def _values(hidden: Hidden) -> dict[str, float]:
 
 
 def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: int, seed: int) -> list[Trial]:
-    """What every robot hides; the arguments are those of `TrialSettings`."""
+    """The hidden effects of every robot; the arguments are those of `TrialSettings`."""
     shared = [t for t in single_terms(robot) if not t.joints]
     seeds = [stream_seed(seed, "trial", i) % 2**31 for i in range(count)]
     if hide == "nothing":
@@ -105,7 +105,7 @@ def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: in
 
 
 def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:
-    """The terms of these keys; UsageError where one cannot act on the robot."""
+    """The terms with these keys. Raises UsageError if one of them cannot act on the robot."""
     chosen = tuple(term(key) for key in keys)
     for t in chosen:
         unknown = set(t.joints) - {joint_of(name) for name in robot.actions}
@@ -113,7 +113,7 @@ def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:
         if reason:
             raise UsageError(
                 f"effect {t.key!r} on robot {robot.name!r}: {reason}",
-                expected="an effect that can act there",
+                expected="an effect that can act on this robot",
                 do=f"see `dynreg effects {robot.name}`",
             )
     return chosen

@@ -1,4 +1,4 @@
-"""Verbs as rows: what each does, what it can be told, and how Python and the command line ask for it.
+"""Verbs as rows: the function, its settings, and its Python method and command.
 
 A verb is a function (asked, settings, progress) -> Result. `asked` is a `Recorded` or a `Built`: the registry, with
 the recording or the robot that it is about. What it answers is stored, and kept under the kind that its schema names.
@@ -6,11 +6,12 @@ A verb's module loads quickly, as the help of the program needs its settings: wh
 """
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, taking
 
 if TYPE_CHECKING:
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
     from dynreg.results.stored import RecordingSummary
     from dynreg.sim.robot import Robot
 
-Progress = Callable[[str, int, int], None]  # is called with (stage, done, total)
 Answer = TypeVar("Answer")
 _COMMANDS = ("Example:", "Exit status")  # how paragraphs begin that a command alone shows
 _TAKEN = {
     "recording": """recording : a registered one by its id, name, `@last` or summary, or the path of a log of `robot`.
-robot : packaged name, folder or robot; needed for a log alone.
+robot : packaged name, folder, name or hash in the registry, or robot; needed for a log, and any that has the
+    recording's channels may be named.
 log_map : a map file, for a log that needs one.
 progress : is called with (stage, done, total).""",
     "robot": """robot : packaged name, folder or robot.
@@ -44,13 +45,16 @@ class Verb:
     """One row: the function, its settings, and what it is about.
 
     ingest : whether a log that is given by its path is registered before the verb begins, as when its answer is kept;
-    else it is registered with the answer.
+    else it is registered with the answer. several : whether it may be asked about several recordings at once. faster :
+    what a user can do where it takes long, told by the command.
     """
 
     run: Callable[..., Any]
     settings: type[Settings]
     about: Literal["recording", "robot"]
     ingest: bool = False
+    several: bool = False
+    faster: str = ""
 
     @property
     def help(self) -> str:
@@ -65,28 +69,36 @@ class Verb:
 
 
 def about_recording(
-    run: Callable[..., Answer], settings: type[Settings], *, ingest: bool = False
+    run: Callable[..., Answer],
+    settings: type[Settings],
+    *,
+    ingest: bool = False,
+    several: bool = False,
+    faster: str = "",
 ) -> Callable[..., Answer]:
-    """The method of a session for a verb that is asked about a recording."""
+    """The method of a session for a verb that is asked about a recording; see `Verb`."""
 
     def method(
         self,
-        recording: "str | Path | RecordingSummary",
+        recording: "str | Path | RecordingSummary | Sequence[str | Path | RecordingSummary]",
         *,
         robot: "str | Path | Robot | None" = None,
         log_map: str | Path | None = None,
         progress: Progress | None = None,
         **told: Any,
     ) -> Answer:
+        from dynreg.verbs.several import joined
         from dynreg.verbs.subjects import recorded
 
         chosen = settings(**told)
-        asked = recorded(self.registry, recording, robot, log_map, ingest=ingest)
+        references = [*recording] if several and isinstance(recording, list | tuple) else [recording]
+        each = [recorded(self.registry, one, robot, log_map, ingest=ingest) for one in references]
+        asked = joined(each) if len(each) > 1 else each[0]
         found = run(asked, chosen, progress)
         asked.keep(found)
         return found
 
-    return _row(method, Verb(run, settings, "recording", ingest))
+    return _row(method, Verb(run, settings, "recording", ingest, several, faster))
 
 
 def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callable[..., Answer]:
@@ -96,7 +108,7 @@ def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callabl
         from dynreg.verbs.subjects import loaded_robot
 
         chosen = settings(**told)
-        found = run(Built(self.registry, loaded_robot(robot)), chosen, progress)
+        found = run(Built(self.registry, loaded_robot(robot, registry=self.registry)), chosen, progress)
         self.registry.put_result(found.schema_name(), None, found.to_dict())
         return found
 

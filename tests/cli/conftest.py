@@ -42,6 +42,10 @@ class RecordedSession:
     def __exit__(self, *error: object) -> None:
         pass
 
+    @property
+    def registry(self) -> "RecordedSession":
+        return self
+
     def __getattr__(self, verb: str) -> Callable:
         def answer(*given: object, **named: object) -> object:
             self.asked.append((verb, given, named))
@@ -85,7 +89,10 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         "result": made_up_results.neighbours(),
         "export": made_up_results.listing(),
         "verify": made_up_results.verification(),
-        "info": made_up_results.information().to_dict(),
+        "remove": made_up_results.removal(),
+        "collect": made_up_results.collection(),
+        "info": made_up_results.information(),
+        "robot_folder": NoMatchError("no robot is called that", expected="a name", do="see `dynreg list`"),
         "missing": NoMatchError("'x' is not there", expected="a name", do="see `dynreg list`"),
     }
 
@@ -97,5 +104,6 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
     for verb in ("effects", "excite"):  # which need no registry
         monkeypatch.setattr(Session, verb, staticmethod(getattr(made, verb)))
     monkeypatch.setattr(verify, "verification", made.verify)
+    (tmp_path / "dynreg-registry").mkdir()
     (tmp_path / "run.csv").write_text(tiny_registry.bench_csv(), encoding="utf-8")
     return made

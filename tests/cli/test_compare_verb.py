@@ -18,6 +18,7 @@ def test_compare_passes_its_options_on(dynreg, session) -> None:
     assert named == {
         "models": ("kinematic", "dynamic"),
         "simulators": ("nominal", "ab12"),
+        "hold_out": None,
         "seed": 4,
         "starts": 3,
         "generations": 20,
@@ -25,24 +26,38 @@ def test_compare_passes_its_options_on(dynreg, session) -> None:
         "robot": "diffdrive",
         "log_map": Path("m.toml"),
         "threads": 2,
-        "progress": None,
+        "progress": named["progress"],
     }
 
 
-def test_every_model_is_made_where_none_is_named(dynreg, session) -> None:
+def test_nothing_need_be_named(dynreg, session) -> None:
     from dynreg.compare.contenders import MODELS as KNOWN
     from dynreg.verbs.compare import MODELS
 
     assert dynreg("compare", "monday").status == 0
     named = session.asked[0][2]
-    assert tuple(named["models"]) == MODELS == tuple(KNOWN) and named["simulators"] == ()
+    assert named["models"] is None and named["simulators"] is None and MODELS == tuple(KNOWN)
 
 
-def test_simulators_alone_are_compared_where_the_list_of_models_is_empty(dynreg, session) -> None:
-    assert dynreg("compare", "monday", "--models", "", "--with", "nominal", "--with", "ab12").status == 0
+@pytest.mark.parametrize("line", ["--with nominal,ab12", "--with nominal --with ab12"])
+def test_simulators_are_told_with_commas_or_one_by_one(line: str, dynreg, session) -> None:
+    assert dynreg("compare", "monday", "--models", "", *line.split()).status == 0
     assert session.asked[0][2]["models"] == () and session.asked[0][2]["simulators"] == ("nominal", "ab12")
-    ended = dynreg("compare", "monday", "--models", "", "--with", "nominal")
-    assert ended.status == 2 and "1 to compare; expected two models or simulators" in ended.err
+
+
+def test_an_arm_has_a_table_by_horizon_and_one_by_channel(dynreg, session) -> None:
+    session.answers["compare"] = made_up_comparison.arm()
+    ended = dynreg("compare", "tuesday")
+    text = " ".join(ended.out.split())
+    for words in (
+        "tuesday: In rollouts of 2 s of held-out run_1 and run_3, extended ab12ab12 errs least: 50 [45, 55] %",
+        "(50 % [45, 55])",
+        "(tie)",
+        "elbow/position rad",
+        "80 of 0.1 s, 4 of 2 s, cut from run_1, run_3; left out, as a simulator was fitted to it: run_0, run_2[1]",
+    ):
+        assert words in text
+    assert ended.status == 0 and max(map(len, ended.out.splitlines())) <= 100 and "commands" not in text
 
 
 def test_compare_answers_in_json_and_in_tables(dynreg, session) -> None:
@@ -52,7 +67,7 @@ def test_compare_answers_in_json_and_in_tables(dynreg, session) -> None:
     assert ended.status == 0 and max(map(len, ended.out.splitlines())) <= 100
     text = " ".join(ended.out.split())
     for words in (
-        "On the last 40 commands of monday, dynamic is off least",
+        "monday: On the last 40 commands, dynamic is off least",
         "nominal and synthesised ab12ab12 cannot be told from it",
         "kinematic - dynamic",
         "3 runs of 10 commands in a row",

@@ -9,7 +9,7 @@ import pytest
 
 from dynreg.cli.schemas import model_of
 from dynreg.errors import NoMatchError
-from dynreg.report.drift import command
+from dynreg.report.drift import again
 from dynreg.results import Drift
 from dynreg.verbs.drift import DriftSettings
 
@@ -36,11 +36,17 @@ def test_drift_passes_its_options_on(dynreg, asked) -> None:
                 "welch": True,
                 "together": False,
                 "splits": 50,
+                "effects": None,
+                "threshold_runs": 20,
+                "tolerance": 1.0,
+                "horizon": None,
+                "windows": None,
+                "threads": 0,
                 "seed": 4,
                 "out": Path("table.parquet"),
                 "robot": "diffdrive",
                 "log_map": Path("m.toml"),
-                "progress": None,
+                "progress": asked.asked[0][2]["progress"],
             },
         )
     ]
@@ -114,7 +120,7 @@ def test_what_is_usual_in_the_hint_is_what_the_test_does_unasked() -> None:
     rates = document.false_alarms.model_copy(update={"level": usual.level})
     own = {"sample": usual.sample, "grid": usual.cells, "seed": usual.seed, "together": usual.together}
     made = document.model_copy(update=own | {"false_alarms": rates})
-    assert command(made) == "dynreg drift friday --against monday"
+    assert again(made) == "dynreg drift friday --against monday"
 
 
 @pytest.mark.parametrize(
@@ -159,3 +165,23 @@ def test_the_page_of_a_drift(dynreg, asked, tmp_path: Path) -> None:
     again = dynreg("drift", "friday", "--report", tmp_path / "again.html")
     assert again.status == 0 and "dynreg report" not in again.out
     assert (tmp_path / "again.html").read_bytes() == (tmp_path / "page.html").read_bytes()
+
+
+def test_what_changed_on_a_robot_without_wheels_is_said_with_its_direction(dynreg, asked, tmp_path) -> None:
+    import made_up_changes
+
+    asked.answers["drift"] = made_up_changes.changes()
+    ended = dynreg("drift", "friday", "--against", "monday", "--report", tmp_path / "page.html")
+    text = " ".join(ended.out.split())
+    assert ended.status == 0 and max(map(len, ended.out.splitlines())) <= 100
+    for words in (
+        "From monday to friday, payload[elbow] (mass) rose by 0.31 [0.29, 0.33] kg.",
+        "A change needs 8.1 nats",
+        "what did not",
+        "dynreg compare friday --with 121212121212,343434343434",
+    ):
+        assert words in text
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert html.count('class="pair ') == 2 and "path.s-extended" in html and "as monday was" in html
+    asked.answers["drift"] = made_up_changes.changes(changed=False)
+    assert "From monday to friday nothing changed that the recordings tell." in dynreg("drift", "friday").out

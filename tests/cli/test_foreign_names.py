@@ -49,7 +49,7 @@ def strangers(session):
             answer = (answer[0], poisoned(answer[1]))
         session.answers[verb] = answer if isinstance(answer, Exception) else poisoned(answer)
     # `info` is answered as plain data
-    session.answers["info"] = poisoned(made_up_results.information()).model_dump(by_alias=True)
+    session.answers["info"] = poisoned(made_up_results.information())
     return session
 
 

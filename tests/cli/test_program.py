@@ -45,11 +45,13 @@ def test_help_says_what_last_stands_for(verb: str, last: str, dynreg) -> None:
     assert f"@last (the last {last})" in " ".join(dynreg(verb, "--help").out.split())
 
 
-@pytest.mark.parametrize("name", commands())
-def test_every_verb_is_in_the_readme(name: str) -> None:
-    """README.md must hold "dynreg VERB" for each verb, such as "dynreg robots check"."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert re.search(rf"\bdynreg {name}\b", readme), f"README.md does not mention `dynreg {name}`"
+@pytest.mark.parametrize("name", [n for n, command in commands().items() if not hasattr(command, "commands")])
+def test_every_verb_has_a_page_with_an_example(name: str) -> None:
+    """docs/verbs/NAME.md: `<!-- made: help NAME -->`, and below it the command with what it prints."""
+    page = ROOT / "docs" / "verbs" / f"{name.replace(' ', '_')}.md"
+    assert page.exists(), f"write {page.relative_to(ROOT)}: see docs/verbs/query.md"
+    text = page.read_text(encoding="utf-8")
+    assert f"<!-- made: help {name} -->" in text and re.search(rf"^(\$ )?dynreg {name}\b", text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("code", ["import dynreg", "from dynreg.cli.main import main; main(['--help'])"])
@@ -145,10 +147,17 @@ def test_what_the_machine_refuses_is_no_bug(error: Exception, says: str, dynreg,
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
 @pytest.mark.parametrize("line", ["robots", "robots --json", "effects"])
-def test_an_output_that_is_full_is_one_line(line: str) -> None:
+@pytest.mark.parametrize("held_back", [True, False])
+def test_an_output_that_is_full_is_one_line(line: str, held_back: bool) -> None:
+    unbuffered = {"PYTHONUNBUFFERED": "" if held_back else "1"}
     with open("/dev/full", "w") as full:
         ended = subprocess.run(
-            [*PROGRAM, *line.split()], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60
+            [*PROGRAM, *line.split()],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            env=os.environ | unbuffered,
         )
     assert ended.returncode == 1 and ended.stderr.count("\n") == 1
     assert "No space left" in ended.stderr and "bug" not in ended.stderr

@@ -23,6 +23,7 @@ class AskSettings(Settings):
     budget: int | None = option(None, "Not what a verb of this name shares.", least=1)
     files: tuple[str, ...] = option((), "One of many.", flag="--with", repeated=True)
     longest: float = option(2.0, "Seconds.", above=0.0)
+    way: str = option("short", "Which way.", choices=("short", "long"))
     quick: bool = option(False, "Be quick.")
     link: bool = option(True, "Link them.")
     fair: bool = option(True, "Be fair.", flag="--even/--uneven")
@@ -121,11 +122,15 @@ def test_the_help_says_what_stands_in_for_what_is_not_given(ask, capsys) -> None
     assert ask("--help") is None
     told = " ".join(capsys.readouterr().out.split())
     for said in (
-        "Only these [all].",
-        "Seed [0].",
-        "Simulation threads [all cores].",
+        "Only these. [default: all]",
+        "Seed of the random numbers. [default: 0]",
+        "Simulation threads. [default: all cores]",
         "Seconds. [default: 2.0]",
+        "Which ones. One of a, b, c. [default: a,b]",
+        "--way short|long Which way. [default: short]",
+        "Link them. [default: link]",
+        "-n N How many. [default: 1]",
     ):
         assert said in told
-    assert "Which ones. One of a, b, c. [default: a,b]" in told and "inner" not in told
+    assert "--inner" not in told and "<" not in told
     assert "--link / --no-link" in told and "--even / --uneven" in told and "--no-quick" not in told

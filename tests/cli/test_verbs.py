@@ -21,6 +21,8 @@ VERBS = {
     "calibrate": ("calibrate", "bench_monday"),
     "report": ("report", "@last"),
     "export": ("export", "bench_monday", "--to", "copy"),
+    "rm": ("rm", "bench_monday"),
+    "gc": ("gc", "--dry-run"),
     "verify": ("verify",),
     "info": ("info",),
 }
@@ -51,7 +53,7 @@ def test_populate_passes_its_options_on(dynreg, session) -> None:
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("populate", ("quadruped", 8))
     told = {"seed": 3, "ranges": "slow", "link": False, "threads": 2, "shard_size": 200}
-    assert named == told | {"progress": None}
+    assert named == told | {"progress": named["progress"]}
 
 
 def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> None:
@@ -59,8 +61,25 @@ def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> Non
     assert not session.created and session.asked == []
     assert dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday").status == 0
     ((verb, (recording, robot), named),) = session.asked
-    assert session.created and verb == "ingest" and named == {"name": "monday", "gait": None}
+    assert session.created and verb == "ingest" and callable(named.pop("progress"))
+    assert named == {"name": "monday", "gait": None}
     assert robot.name == "servo_pendulum" and len(recording.episodes) == 5
+
+
+def test_ingest_offers_the_question_that_needs_no_population(dynreg, session) -> None:
+    ended = dynreg("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday")
+    name = made_up_results.recording().name
+    lines = ended.out.splitlines()
+    assert lines[-2:] == [f"next: dynreg query {name} -k 5", f"  or: dynreg diagnose {name}"]
+
+
+def test_a_command_to_type_reads_the_same_in_a_shell(dynreg, session, tmp_path) -> None:
+    """A file with a space in its name was two words."""
+    import shlex
+
+    ended = dynreg("rm", "first run", "b;c")
+    (line,) = [line for line in ended.out.splitlines() if line.startswith("next: ")]
+    assert shlex.split(line)[1:] == ["dynreg", "rm", "first run", "b;c", "--yes"]
 
 
 def test_query_passes_its_options_on(dynreg, session) -> None:
@@ -80,7 +99,7 @@ def test_query_passes_its_options_on(dynreg, session) -> None:
         "robot": "leg",
         "log_map": Path("m.toml"),
         "threads": 2,
-        "progress": None,
+        "progress": named["progress"],
     }
 
 
@@ -138,7 +157,7 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
         "threads": 0,
         "robot": "leg",
         "log_map": Path("m.toml"),
-        "progress": None,
+        "progress": named["progress"],
     }
 
 
@@ -154,6 +173,21 @@ def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:
     assert session.asked[-1][2]["method"] == "cma"
     ended = dynreg("calibrate", "bench", "--method", "guess")
     assert ended.status == 2 and "one of cma, hill, random" in ended.err
+
+
+def test_info_works_where_there_is_no_registry_and_makes_none(dynreg, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended = dynreg("info", "--registry", "none", "--json")
+    told = json.loads(ended.out)
+    assert ended.status == 0 and not told["exists"] and told["holds"] == {} and "mujoco" in told["versions"]
+    assert "rerun-sdk" in told["optional"] and not list(tmp_path.iterdir())
+    assert "none there yet" in dynreg("info", "--registry", "none").out
+
+
+def test_info_says_what_is_wrong_with_a_folder_that_is_no_registry(dynreg, tmp_path: Path) -> None:
+    (tmp_path / "letters.txt").write_text("none of ours")
+    ended = dynreg("info", "--registry", tmp_path)
+    assert ended.status == 1 and str(tmp_path) in ended.err
 
 
 def test_quiet_leaves_hints_out(dynreg, session) -> None:
@@ -193,6 +227,42 @@ def test_doctor_says_when_nothing_is_wrong(dynreg, tmp_path: Path) -> None:
     log.write_text("time,x\n" + "".join(f"{0.01 * i:.2f},{(i * 7) % 11}\n" for i in range(300)))
     ended = dynreg("doctor", log)
     assert ended.status == 0 and "can be ingested" in ended.out
+
+
+def test_doctor_lists_what_a_log_holds_before_any_robot_exists(dynreg, tmp_path: Path) -> None:
+    log = tmp_path / "run.csv"
+    log.write_text("time,pos_arm\n" + "".join(f"{0.01 * i:.2f},{(i * 7) % 11}\n" for i in range(300)))
+    (topic,) = json.loads(dynreg("doctor", log, "--json").out)["contents"]
+    assert topic == {
+        "log": "run.csv",
+        "topic": "",
+        "type": "",
+        "messages": 300,
+        "rate": pytest.approx(100.0),
+        "begin": 0.0,
+        "end": pytest.approx(2.99),
+        "signals": ["pos_arm"],
+        "units": {},
+    }
+    assert "pos_arm" in dynreg("doctor", log).out
+
+
+def test_doctor_drafts_a_map_that_ingest_takes(dynreg, tmp_path: Path) -> None:
+    """To a file that was not there, or to stdout alone; it never writes over a file."""
+    log, drafted = tmp_path / "run.csv", tmp_path / "map.toml"
+    renamed = {"arm/position": "pos_arm", "arm/velocity": "vel_arm", "arm/target": "cmd_arm"}
+    text = tiny_registry.bench_csv(lambda i, row: row)
+    for name, column in renamed.items():
+        text = text.replace(name, column)
+    log.write_text(text, encoding="utf-8")
+    ended = dynreg("doctor", log, "--robot", "servo_pendulum", "--draft-map", drafted)
+    assert ended.status == 0 and "map written to" in ended.out and "next: dynreg ingest" in ended.out
+    assert dynreg("ingest", log, "--robot", "servo_pendulum", "--map", drafted).status == 0
+    again = dynreg("doctor", log, "--robot", "servo_pendulum", "--draft-map", drafted)
+    assert again.status == 1 and "is there already" in again.err
+    told = dynreg("doctor", log, "--robot", "servo_pendulum", "--draft-map", "-")
+    assert told.status == 0 and told.out == drafted.read_text(encoding="utf-8")
+    assert dynreg("doctor", log, "--map", drafted, "--draft-map", "-").status == 2
 
 
 def test_doctor_finds_the_packaged_map_of_a_bench_log(dynreg, data_dir: Path) -> None:

@@ -119,7 +119,7 @@ def test_a_base_that_is_told_its_speed_and_yaw_rate(tmp_path: Path) -> None:
     assert (error(husky, config(husky), log) < 1e-9).all()
     with dynreg.open(tmp_path / "registry") as session:
         session.ingest(log, folder, name="yard")
-        result = session.compare("yard", models=["kinematic"], simulators=["nominal"])
+        result = session.compare("yard", models=["kinematic"], simulators=["nominal"]).commands
         assert result.best == "nominal" and result.track == 2.0
         assert result.errors.models["kinematic"]["dtheta"].mean > 2.0
     with pytest.raises(RobotError, match="has no pose of a base"):

@@ -1,5 +1,6 @@
 """Each fault planted in a good log is found, where it is, and a good log has none."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from dynreg.data.checks import longest_run, velocity_slope
 from dynreg.data.ingest import doctor, read_recording
+from dynreg.data.maps import parse_map
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Series
 from dynreg.errors import LogError, MapError
@@ -82,11 +84,105 @@ def nan_time(c: Columns) -> None:
     c["time"][5] = np.nan
 
 
+def spike(c: Columns) -> None:
+    c["arm__position"][300] += 0.3
+
+
+def stuck_alone(c: Columns) -> None:
+    c["arm__position"][300:] = c["arm__position"][300]
+
+
+def nanoseconds(c: Columns) -> None:
+    c["time"] = (c["time"] * 1e9).astype(int)
+
+
+def test_a_servo_that_is_held_or_has_settled_is_not_stuck(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    """Friction holds it while its command moves on one side; then its drive is off while the command moves."""
+    t = swing["time"]
+    swing["arm__target"] = np.where(t > 1.5, 1.5 + 0.2 * np.sin(3 * t), swing["arm__target"])
+    for name, rest in (("arm__position", 1.2), ("arm__velocity", 0.0)):
+        swing[name] = np.where(t > 1.7, rest, swing[name])
+    assert not [f for f in doctor(write_table(**swing), servo_spec) if f.check == "stuck"]
+    swing["arm__target"] = 3.0 * np.sin(3 * t)
+    swing["arm__enabled"] = (t < 1.7).astype(float)
+    assert not [f for f in doctor(write_table(**swing), servo_spec) if f.check == "stuck"]
+
+
+def test_no_spikes_in_what_real_signals_do(write_table: Callable):
+    """Steps, ramps, coarse sensors, noise and oscillations at the fastest that can be sampled have none."""
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(2000)
+    signals = {
+        "steps": np.sign(np.sin(2 * t)),
+        "noise": rng.normal(size=2000),
+        "coarse": np.round(np.sin(t) / 0.05) * 0.05,
+        "flicker": np.where(rng.random(2000) < 0.01, 0.001, 0.0),
+        "fast": np.tile([1.0, -1.0], 1000),
+        "chirp": np.sin(3 * t**2),
+        "still": np.zeros(2000),
+    }
+    assert not [f for f in doctor(write_table(time=t, **signals)) if f.check == "spike"]
+
+
+def test_spikes_are_found_where_they_are(write_table: Callable):
+    rng, t = np.random.default_rng(1), 0.01 * np.arange(2000)
+    q = np.sin(t) + rng.normal(size=2000) * 1e-3
+    rows = [200, 777, 1500]
+    q[rows] += [0.3, -0.2, 0.5]
+    (found,) = [f for f in doctor(write_table(time=t, q=q)) if f.check == "spike"]
+    assert (
+        "row 200" in found.where and "3 single-sample spikes (at 2.000 s, 7.770 s, 15.000 s)" in found.message
+    )
+    assert "at 15.000 s;" in found.message
+    assert found.message.endswith(
+        'write outliers = "drop" in the map under the channel that has source = "q"'
+    )
+
+
+def test_the_cure_for_spikes_names_the_table_of_the_map(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    """As text to be pasted; with it the spikes are gone."""
+    swing["arm__position"][300] += 0.3
+    path = write_table(**swing)
+    told = [f["message"] for f in read_recording(path, servo_spec).provenance["findings"]]
+    for message in (*told, *(f.message for f in doctor(path, servo_spec) if f.check == "spike")):
+        cure, header = re.findall(r'write (.*) in the map under (\[channels."arm/position"\])$', message)[0]
+    names = ("arm/position", "arm/velocity", "arm/target")
+    text = "".join(f'[channels."{name}"]\nsource = "{name}"\n' for name in names)
+    cured = parse_map(text.replace(f"{header}\n", f"{header}\n{cure}\n") + "[settings.kp]\nvalue = 1.0\n")
+    assert not [f for f in doctor(path, servo_spec, cured) if f.check == "spike"]
+
+
+def test_spikes_of_a_position_are_no_finding_on_its_velocity(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    """A bus that loses a sample now and then told of a velocity that is a hundredth of what it should be."""
+    still = 0.02 * np.sin(3 * swing["time"])
+    swing |= {"arm__position": still, "arm__velocity": 0.06 * np.cos(3 * swing["time"])}
+    swing["arm__target"] *= 0.02
+    swing["arm__position"][20::20] += 0.03 * swing["time"][20::20]
+    found = doctor(write_table(**swing), servo_spec)
+    assert {f.check for f in found} == {"spike"}
+
+
+def test_a_clock_in_another_unit_is_named(write_table: Callable, swing: Columns):
+    for unit, factor in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
+        columns = swing | {"time": np.rint(swing["time"] * factor).astype(int)}
+        found = doctor(write_table(**columns))
+        assert any(f'time_unit = "{unit}"' in f.message for f in found), (unit, found)
+        assert not any(f.check == "jitter" for f in found)
+
+
 FAULTS = [
     (clock_back, "error", "clock", "row 400"),
     (clock_stops, "error", "clock", "row 300"),
     (repeated_stamp, "warning", "clock", "row 299"),
-    (nan_time, "error", "clock", "row 5"),
+    (nan_time, "warning", "clock", "row 5"),
+    (spike, "warning", "spike", "arm/position, row 300"),
+    (stuck_alone, "warning", "stuck", "arm/position, row 300"),
+    (nanoseconds, "warning", "clock", "log.csv"),
     (gap, "warning", "gap", "row 500"),
     (nans, "warning", "nan", "arm/position, row 100"),
     (infinite, "warning", "nan", "arm/velocity, row 7"),

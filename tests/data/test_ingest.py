@@ -296,3 +296,102 @@ def test_slow_signals_and_commands_logged_on_change_are_filled_in(write_table, s
     values = read_recording(write_table(**swing), servo_spec).episodes[0].values
     assert np.isfinite(values).all()
     assert len(np.unique(values[:, 2])) == 4
+
+
+def clocked(tmp_path: Path, name: str, start: float, seconds: float = 1.0) -> Path:
+    """A log that needs no map, whose clock begins at `start` [s]."""
+    rows = "".join(f"{start + 0.01 * k!r},{k},0,0\n" for k in range(round(100 * seconds) + 1))
+    (tmp_path / name).write_text("time,arm/position,arm/velocity,arm/target\n" + rows)
+    return tmp_path / name
+
+
+def test_logs_are_ordered_by_their_clocks_and_the_rests_between_them_stay(tmp_path: Path, servo_spec):
+    spec = replace(servo_spec, channels=tuple(replace(c, low=None, high=None) for c in servo_spec.channels))
+    day = 1_700_000_000.0
+    logs = [
+        clocked(tmp_path, name, day + at) for name, at in (("b.csv", 60.0), ("c.csv", 100.5), ("a.csv", 0.0))
+    ]
+    recording = read_recording(logs, spec)
+    assert [e.name for e in recording.episodes] == ["a", "b", "c"]
+    assert [e.time[0] for e in recording.episodes] == pytest.approx([0.0, 60.0, 100.5], abs=1e-6)
+    assert recording.provenance["clocks"] == pytest.approx({"a": day, "b": day + 60, "c": day + 100.5})
+    assert any("ordered by their clocks" in f["message"] for f in recording.provenance["findings"])
+    again = read_recording(logs[::-1], spec)
+    assert again.id == recording.id
+
+
+def test_clocks_that_start_anew_are_said_and_the_order_given_stands(tmp_path: Path, servo_spec):
+    spec = replace(servo_spec, channels=tuple(replace(c, low=None, high=None) for c in servo_spec.channels))
+    logs = [clocked(tmp_path, name, at) for name, at in (("b.csv", 0.02), ("a.csv", 0.0))]
+    recording = read_recording(logs, spec)
+    assert [e.name for e in recording.episodes] == ["b", "a"]
+    assert [e.time[0] for e in recording.episodes] == [0.0, 0.0]
+    (told,) = [f for f in recording.provenance["findings"] if "anew" in f["message"]]
+    assert told["severity"] == "info" and "in the order given" in told["message"]
+
+
+def free(spec: RecordingSpec) -> RecordingSpec:
+    """The spec without limits."""
+    return replace(spec, channels=tuple(replace(c, low=None, high=None) for c in spec.channels))
+
+
+def test_of_two_clocks_that_overlap_only_the_rest_between_these_is_lost(tmp_path: Path, servo_spec):
+    begins = {"e.csv": 5010.0, "d.csv": 5000.9, "c.csv": 5000.0, "f.csv": 5020.0}
+    recording = read_recording([clocked(tmp_path, name, at) for name, at in begins.items()], free(servo_spec))
+    assert [e.name for e in recording.episodes] == ["c", "d", "e", "f"]
+    assert [e.time[0] for e in recording.episodes] == pytest.approx([0.0, 0.0, 9.1, 19.1], abs=1e-6)
+    assert recording.begins() == pytest.approx([0.0, 1.0, 10.1, 20.1], abs=1e-6)
+    (told,) = [f for f in recording.provenance["findings"] if "overlap" in f["message"]]
+    assert told["severity"] == "warning" and "by 0.1 s" in told["message"]
+    assert told["where"] == "c.csv and d.csv"
+
+
+def test_a_clock_from_zero_is_not_compared_with_an_absolute_one(tmp_path: Path, servo_spec):
+    """By their numbers alone the log from zero would be the first, and the rest before the other 54 years."""
+    logs = [
+        clocked(tmp_path, name, at) for name, at in (("b.csv", 1.7e9), ("c.csv", 1.7e9 + 9.0), ("a.csv", 5.0))
+    ]
+    recording = read_recording(logs, free(servo_spec))
+    assert [e.name for e in recording.episodes] == ["b", "c", "a"]
+    assert [e.time[0] for e in recording.episodes] == [0.0, 0.0, 0.0]
+    (told,) = [f for f in recording.provenance["findings"] if "count from different times" in f["message"]]
+    assert told["severity"] == "warning" and told["where"] == "a.csv" and "b.csv" in told["message"]
+    assert told in [vars(f) for f in doctor(logs, free(servo_spec))]
+    assert any("count from different times" in f.message for f in doctor(logs))
+
+
+def test_the_episodes_of_a_log_stay_together_where_each_log_starts_anew(tmp_path: Path, servo_spec):
+    """Two logs of two runs each, with 9 s between: by their clocks the runs of one would lie in those of the other."""
+    text = "".join(
+        f'[channels."{n}"]\nsource = "{n}"\n' for n in ("arm/position", "arm/velocity", "arm/target")
+    )
+    for name in "ab":
+        first, second = (clocked(tmp_path, part, at).read_text() for part, at in (("1", 0.0), ("2", 10.0)))
+        (tmp_path / f"{name}.csv").write_text(first + second.split("\n", 1)[1])
+    logs = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    recording = read_recording(logs, free(servo_spec), parse_map(text + '[episodes]\nby = "gaps"\n'))
+    assert [e.name for e in recording.episodes] == ["a_1", "a_2", "b_1", "b_2"]
+    assert recording.begins() == pytest.approx([0.0, 10.0, 11.0, 21.0])
+
+
+def test_doctor_tells_the_rests_between_logs(tmp_path: Path, servo_spec):
+    logs = [
+        clocked(tmp_path, name, 1.7e9 + at)
+        for name, at in (("b.csv", 60.0), ("c.csv", 100.5), ("a.csv", 0.0))
+    ]
+    for told in (doctor(logs, free(servo_spec)), doctor(logs)):
+        (rests,) = [f for f in told if "rests between the logs" in f.message]
+        assert rests.severity == "info" and "59 s before b.csv, 39.5 s before c.csv" in rests.message
+    assert not [f for f in doctor(logs[:1]) if f.check == "clock"]
+
+
+def test_the_rests_reach_what_drifts(tmp_path: Path):
+    """A simulator's clock goes on over the rest between two logs: friction that drifts is by so much the higher."""
+    import dynreg
+    from dynreg.replay.rows import rows_of
+
+    robot = dynreg.load_robot("servo_pendulum")
+    logs = [clocked(tmp_path, name, at) for name, at in (("b.csv", 1030.0), ("a.csv", 1000.0))]
+    spec = robot.recording_spec
+    free = replace(spec, channels=tuple(replace(c, low=None, high=None) for c in spec.channels))
+    assert rows_of(robot, read_recording(logs, free)).begin == pytest.approx([0.0, 30.0])

@@ -30,6 +30,7 @@ def _db3(path: Path) -> None:
 WRITERS: dict[str, Callable[[Path], object]] = {
     "run.csv": lambda p: p.write_text("time,q\n" + "".join(f"{t},{t}\n" for t in T)),
     "run.parquet": lambda p: pq.write_table(pa.table({"time": T, "q": T}), p),
+    "run.npz": lambda p: np.savez(p, time=T, q=T),
     "run.mat": lambda p: savemat(p, {"time": T, "q": T}),
     "run.json": lambda p: p.write_text('{"entries": [{"t": 0, "q": 1}, {"t": 1, "q": 2}]}'),
     "run.mcap": write_cdr_mcap,

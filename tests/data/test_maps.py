@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynreg.data.maps import check_map, parse_map, read_map
+from dynreg.data.ingest import read_recording
+from dynreg.data.maps import LogMap, check_map, parse_map, read_map
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.units import UNITS, conversion
 from dynreg.errors import MapError
@@ -119,3 +121,66 @@ def test_packaged_and_example_maps_are_valid():
     assert len(maps) >= 8
     for path in maps:
         read_map(path)
+
+
+def test_values_that_a_map_drops_and_clips(write_table, swing, servo_spec):
+    """Beyond `valid`, as spikes, as far from their neighbours' median; each is counted in a finding."""
+    swing["arm__position"][100] = 9.0
+    swing["arm__position"][300] += 0.3
+    base = {name: {"source": name} for name in ("arm/position", "arm/velocity", "arm/target")}
+    path = write_table(**swing)
+
+    def read(**keys) -> tuple[np.ndarray, list[str]]:
+        drafted = {"channels": base | {"arm/position": {"source": "arm/position", **keys}}}
+        recording = read_recording(path, servo_spec, LogMap.model_validate(drafted))
+        told = recording.provenance["findings"]
+        assert not [f for f in told if f["check"] == "nan"]  # it was asked for
+        found = [f["message"] for f in told if f["check"] == "dropped"]
+        return recording.episodes[0].values[:, 0], found
+
+    true = np.sin(3 * 0.01 * np.arange(401))
+    values, found = read(valid=[-3, 3], outliers="drop")
+    np.testing.assert_allclose(values, true, atol=1e-3)
+    assert found == ["values are dropped: 1 beyond `valid`, 1 as `outliers`"]
+    values, found = read(outliers=0.2)
+    np.testing.assert_allclose(values, true, atol=1e-3)
+    assert found == ["values are dropped: 2 as `outliers`"]
+    values, found = read(clip=[-0.5, 0.5])
+    assert np.abs(values).max() == 0.5 and len(found) == 1
+    assert read()[0][50] == 9.0
+
+
+def test_values_that_the_log_lacks_are_told_beside_those_that_a_map_drops(write_table, swing, servo_spec):
+    swing["arm__position"][300] += 0.3
+    swing["arm__position"][500] = np.nan
+    names = ("arm/position", "arm/velocity", "arm/target")
+    drafted = {"channels": {name: {"source": name} for name in names}}
+    drafted["channels"]["arm/position"]["outliers"] = "drop"
+    recording = read_recording(write_table(**swing), servo_spec, LogMap.model_validate(drafted))
+    (found,) = [f for f in recording.provenance["findings"] if f["check"] == "nan"]
+    assert "row 500" in found["where"] and found["message"].startswith("1 of 801 values")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("valid = [3, -3]", "give the lower number first"),
+        ("outliers = -1.0", "above 0"),
+        ('outliers = "keep"', "line 4"),
+        ("clip = [0.1]", "line 4"),
+        ('angle = "yaws"', "line 4"),
+        ('angle = "yaw"\nunit = "deg"', "leave `unit` out"),
+    ],
+)
+def test_what_a_map_cannot_say_of_values(line: str, said: str):
+    with pytest.raises(MapError, match="line [234]") as error:
+        parse_map(f'\n[channels."arm/position"]\nsource = "q"\n{line}\n')
+    assert said in str(error.value)
+
+
+def test_a_setting_with_an_offset(write_table, swing, servo_spec):
+    names = ("arm/position", "arm/velocity", "arm/target")
+    told = {"kp": {"metadata": "kp", "scale": 0.5, "offset": -20.0}}
+    log_map = LogMap.model_validate({"channels": {n: {"source": n} for n in names}, "settings": told})
+    recording = read_recording(write_table(**swing), servo_spec, log_map)
+    assert recording.episodes[0].settings["kp"] == 180.0

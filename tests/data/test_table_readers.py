@@ -10,7 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat, savemat
 
+from dynreg.data.drafting import draft_map
+from dynreg.data.ingest import read_recording
 from dynreg.data.readers import ReadOptions, read_log
+from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import LogError
 
 T = np.arange(50) * 0.01
@@ -161,3 +164,128 @@ def test_lerobot_dataset(tmp_path: Path):
         log.sources["observation.state[lift.pos]"].values, [0, 1, 2, 3, 10, 11, 12, 13]
     )
     assert log.metadata["fps"] == 30
+
+
+def test_a_lerobot_dataset_falls_into_its_episodes_without_being_told(tmp_path: Path):
+    """Its stamps start anew in each: neither is the clock said to run back. A map can still say otherwise."""
+    from dynreg.data.ingest import examine, read_recording
+    from dynreg.data.maps import LogMap
+    from dynreg.data.schema import ChannelSpec, RecordingSpec
+
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "data").mkdir()
+    features = {"observation.state": {"dtype": "float32", "names": ["pan.pos"]}}
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 30, "features": features}))
+    stamps, numbers = np.tile(np.arange(40) / 30, 2), np.repeat([0, 1], 40)
+    rows = {
+        "timestamp": stamps,
+        "episode_index": numbers,
+        "observation.state": [[float(k)] for k in range(80)],
+    }
+    pq.write_table(pa.table(rows), tmp_path / "data" / "all.parquet")
+    assert not [f for f in examine(tmp_path)[1] if f.severity == "error"]
+    spec = RecordingSpec("arm", (ChannelSpec("pan/position", "rad", "state"),), (), 30.0)
+    channels = {"pan/position": {"source": "observation.state[pan.pos]"}}
+    recording = read_recording(tmp_path, spec, LogMap.model_validate({"channels": channels}))
+    assert [len(e.time) for e in recording.episodes] == [40, 40]
+    whole = LogMap.model_validate({"channels": channels, "episodes": {"by": "file"}})
+    with pytest.raises(LogError, match="runs back"):
+        read_recording(tmp_path, spec, whole)
+
+
+def test_npz_with_named_arrays(tmp_path: Path):
+    """Vectors, columns of matrices by number and by name, scalars as settings; an array of another length is told."""
+    rng = np.random.default_rng(0)
+    q, tau = rng.normal(size=(50, 2)), rng.normal(size=50).astype(">f4")
+    np.savez_compressed(
+        tmp_path / "x.npz",
+        time=T,
+        q=q,
+        dq=np.asfortranarray(q).T,
+        tau=tau,
+        joint_names=np.array(["hip", "knee"]),
+        kp=np.array(20.0),
+        other=np.zeros(7),
+        cube=np.zeros((50, 2, 2)),
+    )
+    log = read_log(tmp_path / "x.npz")
+    assert set(log.sources) == {f"{n}[{i}]" for n in ("q", "dq") for i in (0, 1, "hip", "knee")} | {"tau"}
+    np.testing.assert_array_equal(log.sources["q[knee]"].values, q[:, 1])
+    np.testing.assert_array_equal(log.sources["dq[hip]"].values, q[:, 0])
+    np.testing.assert_array_equal(log.sources["tau"].values, tau.astype(float))
+    assert log.metadata["kp"] == 20.0
+    assert [f.where.split(", ")[1] for f in log.findings] == ["other", "cube"]
+
+
+@pytest.mark.parametrize("wanted", [{"q[knee]"}, {"q[1]"}, {"q[hip]", "dq[2]"}])
+def test_npz_gives_the_columns_that_are_asked_for(wanted: set[str], tmp_path: Path):
+    """By name and by number, also where those of one array are not all wanted."""
+    q = np.random.default_rng(0).normal(size=(50, 3))
+    np.savez(tmp_path / "x.npz", time=T, q=q, dq=-q, joint_names=np.array(["hip", "knee", "ankle"]))
+    log = read_log(tmp_path / "x.npz", ReadOptions(sources=frozenset(wanted)))
+    assert set(log.sources) == wanted
+    columns = {"q[knee]": q[:, 1], "q[1]": q[:, 1], "q[hip]": q[:, 0], "dq[2]": -q[:, 2]}
+    for name in wanted:
+        np.testing.assert_array_equal(log.sources[name].values, columns[name])
+
+
+def test_a_map_drafted_from_an_npz_reads_it(tmp_path: Path):
+    rng = np.random.default_rng(0)
+    arrays = {key: rng.normal(size=(50, 3)).cumsum(axis=0) for key in ("pos", "cmd")}
+    np.savez(tmp_path / "x.npz", time=T, **arrays, joint_names=np.array(["hip", "knee", "ankle"]))
+    spec = RecordingSpec("leg", (ChannelSpec("knee/position", "rad", "state"),), (), None)
+    drafted = draft_map(read_log(tmp_path / "x.npz"), spec)
+    assert drafted.sources["knee/position"].keys["source"] == "pos[knee]"
+    (episode,) = read_recording([tmp_path / "x.npz"], spec, drafted.log_map).episodes
+    assert np.abs(episode.values[:, 0]).max() > 0
+
+
+def test_npz_of_objects_is_refused_in_one_line_and_damage_never_crashes(tmp_path: Path, monkeypatch):
+    np.savez(tmp_path / "o.npz", time=T, q=np.array([{"a": 1}] * len(T), dtype=object))
+    with pytest.raises(LogError, match="Python objects") as refused:
+        read_log(tmp_path / "o.npz")
+    assert "\n" not in str(refused.value)
+    np.savez(tmp_path / "x.npz", time=T, q=Q)
+    whole, rng = (tmp_path / "x.npz").read_bytes(), np.random.default_rng(0)
+    for _ in range(150):
+        data = bytearray(whole[: rng.integers(10, len(whole) + 1)])
+        for at in rng.integers(4, max(len(data), 5), 6) % len(data):
+            data[at] = rng.integers(256)
+        (tmp_path / "y.npz").write_bytes(data)
+        with contextlib.suppress(LogError):
+            read_log(tmp_path / "y.npz")
+    np.savez_compressed(tmp_path / "big.npz", time=np.arange(200_000.0), q=np.zeros(200_000))
+    monkeypatch.setenv("DYNREG_MAX_WHOLE_BYTES", "2000000")
+    with pytest.raises(LogError, match="DYNREG_MAX_WHOLE_BYTES"):
+        read_log(tmp_path / "big.npz")
+
+
+def test_a_matlab_file_of_matrices_and_one_of_structs(tmp_path: Path):
+    savemat(tmp_path / "x.mat", {"t": T, "q": np.stack([Q, 2 * Q])})
+    np.testing.assert_array_equal(read_log(tmp_path / "x.mat").sources["q[1]"].values, 2 * Q)
+    savemat(tmp_path / "s.mat", {"log": {"t": T, "q": Q}})
+    with pytest.raises(LogError, match="structs.*-struct"):
+        read_log(tmp_path / "s.mat")
+
+
+VARIANTS = {
+    "comments": ("# a bench\n# of ours, 3\ntime,q\n", "{0!r},{1!r}\n", "utf-8"),
+    "a comment above a header with a hash": ("# a bench\n# time,q\n", "{0!r},{1!r}\n", "utf-8"),
+    "UTF-16": ("time,q\n", "{0!r},{1!r}\n", "utf-16"),
+}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_csv_as_other_tools_write_it(variant: str, tmp_path: Path):
+    head, line, encoding = VARIANTS[variant]
+    text = head + "".join(line.format(t, q) for t, q in zip(T.tolist(), Q.tolist(), strict=True))
+    (tmp_path / "x.csv").write_bytes(text.encode(encoding))
+    np.testing.assert_array_equal(read_log(tmp_path / "x.csv").sources["q"].values, Q)
+
+
+def test_csv_with_decimal_commas(tmp_path: Path):
+    lines = [f"{t!r};{q!r};a, 1,5 b".replace(".", ",") for t, q in zip(T.tolist(), Q.tolist(), strict=True)]
+    (tmp_path / "x.csv").write_text("time;q;who\n" + "\n".join(lines))
+    log = read_log(tmp_path / "x.csv")
+    np.testing.assert_array_equal(log.sources["q"].values, Q)
+    assert log.labels["who"][0] == "a, 1,5 b"

@@ -9,7 +9,7 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
-from dynreg.diagnose.account import Account, told
+from dynreg.diagnose.account import Account, with_account
 from dynreg.diagnose.diagnose import Diagnosed, diagnose, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
@@ -82,7 +82,7 @@ def logged(*keys: str, seed: int = 11) -> tuple[Hidden, Recording]:
 
 
 def whole(*keys: str) -> Search[tuple[Diagnosed, Account]]:
-    return told(diagnose(load_robot("servo_pendulum"), logged(*keys)[1], ASKED), ASKED)
+    return with_account(diagnose(load_robot("servo_pendulum"), logged(*keys)[1], ASKED), ASKED)
 
 
 def bits(value: Any) -> Any:

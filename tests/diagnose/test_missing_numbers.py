@@ -75,7 +75,7 @@ def test_a_log_with_little_else_is_refused_and_told_where(robot: Robot, recordin
         odd = broken.episodes[1::2]
         short = [Episode(e.name, e.time[:6], e.values[:6], e.settings) for e in odd]
         broken = replace(broken, episodes=(*broken.episodes[::2], *short))
-    with pytest.raises(LogError, match=rf"{channel} holds no number in rows \d+ to \d+ of episode") as error:
+    with pytest.raises(LogError, match=rf"{channel} has no value in rows \d+ to \d+ of episode") as error:
         pose(robot, broken, DiagnosisOptions(hold_out="0", threads=1))
     assert "more places" in str(error.value) and "; expected " in str(error.value)
 
@@ -96,5 +96,5 @@ def test_missing_commands_are_no_cause(robot: Robot, recording: Recording, tmp_p
         )
     assert found.verdict == "none" and not found.causes
     (note,) = [note for note in found.notes if "left out" in note]
-    assert note.startswith("arm/target holds no number in rows ")
+    assert note.startswith("arm/target has no value in rows ")
     assert wrong.verdict != "none" and not [note for note in wrong.notes if "left out" in note]

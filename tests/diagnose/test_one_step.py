@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from motions import windows_of
 
-from dynreg.diagnose.leftover import leftover
 from dynreg.diagnose.one_step import one_step_residuals, one_step_run
+from dynreg.diagnose.residual_fit import fit_residual
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
 from dynreg.sim.engines import rollout
@@ -80,7 +80,7 @@ def test_friction_that_the_simulator_lacks_depends_on_velocity(robot, logged):
     inertia = 0.0018 + 0.49 * 0.1**2  # rotor and tip of the bench
     slope = np.polyfit(v[known], lost[known], 1)[0]
     assert slope == pytest.approx(-(0.02 - 0.006) / inertia, rel=0.15)
-    told = leftover(found)
+    told = fit_residual(found)
     assert told.rows[0].signal == "velocity" and told.rows[0].share > 0.8
     assert np.isfinite(lost).sum() == (
         1000 if logged else 990
@@ -108,7 +108,7 @@ def test_what_sensors_do_to_the_true_simulator_is_no_cause(robot, logged):
     if not logged:
         windows.measured[..., 1] = np.nan
     (found,) = one_step_residuals(robot, windows, predicted(robot, windows, values(robot)))
-    told = leftover(found)
+    told = fit_residual(found)
     assert told.explained == 0 and told.size > 1.0
 
 

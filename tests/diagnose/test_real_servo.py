@@ -7,11 +7,11 @@ import pytest
 
 import dynreg
 from dynreg.diagnose.calibrate import calibrate
-from dynreg.diagnose.loose import loose_ends
+from dynreg.diagnose.identifiability import unidentified
+from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Short
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.shown import shown
 from dynreg.diagnose.threshold import USUAL
 from dynreg.evidence.likelihood import information
 from dynreg.evidence.lockstep import run
@@ -51,11 +51,11 @@ def test_load_friction_is_the_cause_and_takes_a_fifth_off_the_held_out_error(pos
 
 def test_the_measured_supply_is_no_candidate(posed):
     model, data = posed
-    assert shown(model.robot, data.windows) == {"voltage_sag": "supply"}
+    assert measured_effects(model.robot, data.windows) == {"voltage_sag": "supply"}
 
 
 def test_the_scale_of_the_mass_is_left_open(posed, calibrated):
     model, point, sample = calibrated.model, calibrated.point, calibrated.sample
     (residual,), (slope,) = run(sensitivities(model, [point], sample))
     curvature, _ = information(point, residual, slope, sample)
-    assert "tip_mass" in loose_ends(model.coordinates, np.linalg.inv(curvature)).alone
+    assert "tip_mass" in unidentified(model.coordinates, np.linalg.inv(curvature)).alone

@@ -3,7 +3,7 @@
 import pytest
 
 import dynreg
-from dynreg.results import Diagnosis
+from dynreg.results import Diagnosis, diagnosis_details
 
 BOB = 0.62  # kg
 LOADED = "energy_shaping_1kg"  # with about 0.4 kg more
@@ -35,7 +35,8 @@ def test_the_interval_holds_the_payload_only_if_rivals_may_act(found):
 
 def test_the_sentence_names_the_pair_the_interval_and_the_experiment(found):
     wide = found.looked.whatever["share"]
-    assert "cannot tell payload from drive_gain" in found.sentence
-    assert f"{wide.low:.3g} to {wide.high:.3g}" in found.sentence
-    assert "dynreg excite simple_pendulum --for payload," in found.sentence
+    details = "\n".join(diagnosis_details(found))
+    assert "does not separate payload from drive_gain" in details
+    assert f"between {wide.low:.3g} and {wide.high:.3g}" in details
+    assert "dynreg excite simple_pendulum --for payload," in details
     assert Diagnosis.model_validate_json(found.to_json()) == found

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import dynreg
+from dynreg.diagnose.diagnose import no_candidates, offered
 from dynreg.diagnose.joints import only_joints, terms_at
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
-from dynreg.diagnose.problem import planned
-from dynreg.diagnose.rest import rest
+from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.threshold import USUAL, null_score
+from dynreg.diagnose.unexplained import unexplained
 from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.lockstep import run
@@ -23,6 +24,7 @@ from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.diagnosis_words import not_looked_for
 
 ARM = load_robot("so101")
 MOTIONS = ("coupled_joints", "step_response", "inertia_coupling", "hold_under_gravity")
@@ -132,7 +134,7 @@ def test_what_is_left_is_told_of_the_joints_asked_for_alone(engine: str):
     for joints in (None, ("elbow",), ("jaw", "pitch")):
         settings = DiagnosisOptions(joints=joints, engine=engine, threads=1, windows=1)
         model, data = pose(ARM, recording, settings)
-        found = run(rest(State(model, data.sample(data.fit), model.start, model.start), "unknown"))
+        found = run(unexplained(State(model, data.sample(data.fit), model.start, model.start), "unknown"))
         assert all(row.joint == each.joint for each in found for row in each.rows)
         left[joints] = {each.joint: (each.size, each.samples) for each in found}
     assert set(left[None]) == {name.split("/")[0] for name in ARM.actions}
@@ -146,6 +148,32 @@ def test_windows_that_are_episodes_stay_parted():
     few = thinned(Parts(fit, ~fit, np.zeros(8, dtype=bool)), np.arange(8), 3)
     assert few.fit.sum() == few.select.sum() == 3
     assert not (few.fit & ~fit).any() and not (few.select & fit).any()
+
+
+def test_effects_that_have_no_place_are_told_with_the_reason():
+    plan = protocol(ARM, seed=1, seconds=12.5)
+    recording = log_of(ARM, hide(ARM, (), None, 4), plan, engine="joint")
+    some = DiagnosisOptions(joints=("elbow",), effects=("payload", "backlash", "wheel_slip"), windows=1)
+    model, data = pose(ARM, recording, some)
+    terms = offered(model, data, some)
+    assert [t.key for t in terms] == ["backlash[elbow]"]
+    lost = no_candidates(model.robot, data, some, terms)
+    assert lost == {
+        "payload": "an effect of the whole robot needs all its joints; leave out the choice of joints",
+        "wheel_slip": "robot 'so101' cannot have it (no engine moves the robot on wheels)",
+    }
+    said = " | ".join(not_looked_for(Problem(model, data, tuple(terms), None), some))
+    assert "payload was not looked for: an effect of the whole robot" in said and "wheel_slip was not" in said
+    with pytest.raises(
+        UsageError, match="no effect is left to look for; 'payload': an effect of the whole robot"
+    ):
+        offered(model, data, replace(some, effects=("payload",)))
+    every = replace(some, joints=ARM.driven, effects=("payload",))
+    assert [t.key for t in offered(model, data, every)] == ["payload"]
+    assert set(no_candidates(model.robot, data, replace(some, effects=None), ())) >= {
+        "payload",
+        "gravity_tilt",
+    }
 
 
 def test_robots_without_an_effect_are_diagnosed_at_some_joints_too():

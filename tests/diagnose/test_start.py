@@ -7,7 +7,7 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.diagnose.account import simulator, told
+from dynreg.diagnose.account import simulator, with_account
 from dynreg.diagnose.diagnose import diagnose, offered, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
@@ -51,7 +51,7 @@ def test_where_the_simulator_has_the_only_cause_already_nothing_is_missing(robot
     assert not {"cogging"} & {r.effect for r in found.ranking}
     (size, *_), (true, *_) = calibrated["cogging"].values(), hidden.values[0]
     assert size == pytest.approx(true, rel=0.1), "fitted anew: it began 20 % too large"
-    assert any("cogging came with the simulator" in note for note in found.notes)
+    assert any("already has cogging." in note for note in found.notes)
 
 
 def test_what_else_is_missing_is_named_and_the_extended_simulator_has_both(robot: Robot):
@@ -77,7 +77,7 @@ def test_of_two_effects_the_one_that_is_missing_is_told_and_the_known_one_keeps_
     hidden, recording = recorded(robot, "cogging", "load_friction")
     cogging, friction = (values[0] for values in hidden.values)
     asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=2, threshold_runs=2, threads=1)
-    made, seen = run(told(diagnose(robot, recording, asked, begun(robot, hidden)), asked))
+    made, seen = run(with_account(diagnose(robot, recording, asked, begun(robot, hidden)), asked))
     (cause,) = seen.causes
     assert made.verdict == "named" and list(cause) == [p.name for p in hidden.terms[1].effect.parameters]
     assert next(iter(cause.values())).value == pytest.approx(friction, rel=0.15)

@@ -8,6 +8,7 @@ import pytest
 from by_hand import answered, first_channel, held_against_zero, plain
 from legs import in_the_air, over_its_stop
 
+from dynreg.evidence import lockstep
 from dynreg.evidence.accuracy import rough
 from dynreg.evidence.data import Data
 from dynreg.evidence.fit import fit
@@ -125,3 +126,16 @@ def test_the_accuracy_of_one_search_is_its_own():
     usual, finer = run(together(asked))
     assert np.abs(usual - finer).max() > 1e-6
     assert np.array_equal(run(fine.residuals([model.start], data.sample(data.fit))), finer)
+
+
+@pytest.mark.parametrize("name", ["leg", "servo"])
+def test_what_takes_long_is_asked_in_parts_and_finds_the_same(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also an ask alone is parted; each part is told."""
+    for constant, value in (("LEAST", 3), ("FIRST", 3), ("OFTEN", 0.0)):
+        monkeypatch.setattr(lockstep, constant, value)
+    counts: list[int] = []
+    found, many = run(counted(searches()[name](), counts.append))
+    assert told(found) == alone()[name]
+    assert counts[-1] == many and counts[0] == 3 and set(np.diff(counts).tolist()) <= {1, 2, 3}

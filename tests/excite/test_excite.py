@@ -118,7 +118,7 @@ def test_an_effect_that_another_contains_is_not_counted(servo: Robot) -> None:
     pair = ("coulomb_friction", "stribeck_friction")
     _, experiment = told(servo, pair, seconds=2.0, seed=0, rounds=1)
     assert experiment.separation > 10.0
-    assert "where coulomb_friction is true" in experiment.note
+    assert "if coulomb_friction is the true cause" in experiment.note
 
 
 def test_effects_of_a_base_on_wheels_are_driven_apart() -> None:

@@ -1,5 +1,7 @@
 """Simulators as robot folders: the folder rolls out as the simulator does, in dynreg and in MuJoCo alone."""
 
+import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +13,12 @@ from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import Coordinates
 from dynreg.extend.carry import carries
 from dynreg.extend.robot_folder import export_robot
-from dynreg.sim.check import check_robot
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import applicable, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
+from dynreg.sim.inspection import check_robot
+from dynreg.sim.lint import doubts
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -67,6 +70,8 @@ def test_a_folder_moves_as_the_simulator_and_passes_the_check(name: str, tmp_pat
     exported = export_robot(robot, made, tmp_path / "taken")
     assert all(effect.parameters for effect in exported.effects) and exported.problem is None
     assert not check_robot(tmp_path / "taken")
+    before = {text for _, text in doubts(robot)}
+    assert not [text for _, text in doubts(exported.robot) if text not in before], "no new warning"
     run = bank(robot, 15)
     for engine in robot.file.robot.engines:
         ours = states(robot, made, run, engine)
@@ -137,6 +142,20 @@ def test_mujoco_alone_moves_as_the_simulator(key: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(played, ours, atol=DIGITS)
     if key:
         assert np.abs(ours - states(robot, replace(made, effects={}), run, "mujoco")[..., 0]).max() > 0.01
+
+
+def test_mujoco_alone_steps_as_robot_toml_says(tmp_path: Path) -> None:
+    source = tmp_path / "stepped"
+    shutil.copytree(load_robot("servo_pendulum").folder, source)
+    text = (source / "robot.toml").read_text()
+    told = re.sub(r"(?m)^timestep = .*$", 'timestep = 0.001\\nintegrator = "implicitfast"', text)
+    (source / "robot.toml").write_text(told)
+    robot = load_robot(source)
+    export_robot(robot, config(robot), tmp_path / "taken")
+    for path in (tmp_path / "taken" / "mujoco.xml", source / "model.xml"):
+        option = mujoco.MjModel.from_xml_path(str(path)).opt
+        same = (option.integrator, option.timestep) == (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, 0.001)
+        assert same == (path.name == "mujoco.xml")
 
 
 @pytest.mark.parametrize("key, share", [("command_lag", 0.2), ("quadratic_drag", 0.05)])

@@ -125,16 +125,31 @@ def _same(old: Any, new: Any, within: float | None, width: float) -> bool:
 def fingerprint() -> dict[str, str]:
     """What decides how floats round here: the processor, the system, and the libraries that compute."""
     told = {"machine": platform.machine(), "system": platform.platform(), "processor": _processor()}
+    told["kernels"] = _kernels()
     told["python"] = platform.python_version()
     libraries = ("numpy", "scipy", "mujoco", "torch", "scikit-learn", "cma", "pyarrow")
     return told | {name: version(name) for name in libraries}
 
 
+def _kernels() -> str:
+    """What the libraries of linear algebra compute with: they choose it by the processor, or are told to."""
+    import scipy.linalg  # noqa: F401 -- loads its own library
+    import torch
+    from threadpoolctl import threadpool_info
+
+    blas = {
+        one["architecture"]
+        for one in threadpool_info()
+        if one["user_api"] == "blas" and "architecture" in one
+    }
+    return " ".join([*sorted(blas), torch.backends.cpu.get_cpu_capability()])
+
+
 def _processor() -> str:
+    """Its model: processors of one name round otherwise, where the libraries choose other kernels for them."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
         return platform.processor()
-    return next(
-        (line.partition(":")[2].strip() for line in text.splitlines() if line.startswith("model name")), ""
-    )
+    told = dict(re.findall(r"^([^\t:]+?)\s*:[ ]?(.*)$", text.partition("\n\n")[0], re.MULTILINE))
+    return " ".join(told[name] for name in ("model name", "cpu family", "model") if name in told)

@@ -15,6 +15,12 @@ from golden.comparing import NETWORKS, STRICT, brief, differences, fingerprint
 
 HERE = Path(__file__).parent
 WITHIN = {"compare_networks": NETWORKS}
+# Contacts of four feet make another search of what another processor rounds otherwise: there, only these are compared.
+CHAOTIC = {
+    "diagnose_quadruped": ("schema", "verdict", "causes", "channels", "recordings"),
+    "gait_neighbours": ("gait",),
+}
+LONG = ("diagnose_quadruped",)
 
 
 def stored(name: str) -> dict:
@@ -33,15 +39,18 @@ def measured() -> Path | None:
     return folder if folder.is_dir() else None
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in CASES]
+)
 def test_it_says_what_it_said(name: str, strict: bool, measured: Path | None, tmp_path: Path) -> None:
     try:
         made = CASES[name](Place(tmp_path, measured))
     except Skipped as missing:
         pytest.skip(str(missing))
-    found = differences(
-        stored(name), json.loads(json.dumps(brief(made))), strict=strict, within=WITHIN.get(name, STRICT)
-    )
+    old, new = stored(name), json.loads(json.dumps(brief(made)))
+    if name in CHAOTIC and not strict:
+        old, new = ({key: one.get(key) for key in CHAOTIC[name]} for one in (old, new))
+    found = differences(old, new, strict=strict, within=WITHIN.get(name, STRICT))
     assert not found, "\n".join([f"{len(found)} values differ:", *found[:40]])
 
 

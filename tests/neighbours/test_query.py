@@ -118,8 +118,8 @@ def test_the_budget_is_kept_and_counted(servos, short, watched, budget, synthesi
     test = len(answer.parts["test"])
     spent = sum(count for count, used in watched if len(used) != test)
     assert answer.cost.rollouts == spent <= budget
-    if synthesise or budget <= 25:
-        assert spent == budget, "what is allowed is used"
+    if budget <= 25:
+        assert spent == budget, "what is allowed is used, until the last steps save nothing"
     assert answer.cost.test_rollouts == next(count for count, used in watched if len(used) == test)
 
 

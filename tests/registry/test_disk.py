@@ -54,3 +54,11 @@ def test_what_the_system_refuses_is_a_sentence(message, tmp_path):
         RegistryError, match=f"^{message}.*; expected a place that may be written.*; free some space"
     ):
         REFUSED[message](tmp_path)
+
+
+def test_where_no_folder_can_be_opened_its_names_are_left_to_the_system(tmp_path, monkeypatch):
+    """As on Windows, where every put ended in an error."""
+    from types import SimpleNamespace
+
+    monkeypatch.setattr(disk, "os", SimpleNamespace(name="nt"))
+    disk.sync_folder(tmp_path)

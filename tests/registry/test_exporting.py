@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from registry_contents import POPULATION, ROBOT, make_shard, populate
 
-from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.errors import CorruptError, NoMatchError, UsageError
 from dynreg.registry import Registry, export, verify
 from dynreg.registry.files import try_lock
 
@@ -81,9 +81,9 @@ def test_refusals_leave_nothing_behind(registry, out, tmp_path):
     before = sorted(p.name for p in tmp_path.iterdir())
     with pytest.raises(NoMatchError):
         export(registry, ["bench", "nothing like it"], out)
-    with pytest.raises(RegistryError, match="at least one"):
+    with pytest.raises(UsageError, match="at least one"):
         export(registry, [], out)
-    with pytest.raises(RegistryError, match="does not exist yet"):
+    with pytest.raises(UsageError, match="does not exist yet"):
         export(registry, ["bench"], tmp_path)
     next((registry.path / "shards").glob("*.parquet")).unlink()
     with pytest.raises(CorruptError):

@@ -48,7 +48,7 @@ def test_a_long_silence_is_a_hole_and_a_short_one_is_none(robot, recording, chan
     assert found == (Hole(channel, 1, 10, 9 + long),)
     assert hit(windows(robot, recording), found).tolist() == [False, True, False, False, False]
     said = sentence(recording, (*found, Hole(channel, 3, 4, 5)))
-    assert said.startswith(f"{channel} holds no number in rows 10 to {9 + long} of episode 'run1'")
+    assert said.startswith(f"{channel} has no value in rows 10 to {9 + long} of episode 'run1'")
     assert said.endswith("(and in 1 more places)")
 
 

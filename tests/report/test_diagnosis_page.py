@@ -107,14 +107,17 @@ def test_shares_of_the_table_are_those_of_the_result() -> None:
 
 
 @pytest.mark.parametrize("verdict", ["unknown", "partly_explained"])
-def test_what_is_left_is_shown_by_the_signals_that_tell_it(verdict: str) -> None:
+def test_the_residual_is_shown_by_the_signals_that_predict_it(verdict: str) -> None:
     result = made_up_diagnosis.diagnosis(verdict)
     (left,) = diagnosis_page(result)["rests"]
     assert left["bars"] == [("position", pytest.approx(14)), ("sign of velocity", pytest.approx(5))]
-    said = "3.1 rad/s^2 (1 sigma) of arm's acceleration is left; on unseen data its signals tell 19 % of that"
+    said = (
+        "The unexplained acceleration of arm is 3.1 rad/s^2 (1 sigma)."
+        " Its signals predict 19 % of it on unseen data"
+    )
     assert f"{said}: position 14 %, sign of velocity 5 %." in words(page(result))
     untold = made_up_diagnosis.diagnosis(verdict).model_copy(update={"residual": ()})
-    assert "is left, none of which its signals tell." in words(page(untold))
+    assert "Its signals predict none of it." in words(page(untold))
     assert not diagnosis_page(made_up_diagnosis.diagnosis("named"))["rests"]
 
 

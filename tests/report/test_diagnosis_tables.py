@@ -12,7 +12,17 @@ from dynreg.report.diagnosis.words import (
     threshold_words,
     unsaid,
 )
-from dynreg.results import EffectEstimate, Noise, Threshold, TrialTable
+from dynreg.report.html import page
+from dynreg.report.tables import hint
+from dynreg.results import (
+    Diagnosis,
+    EffectEstimate,
+    Gain,
+    Noise,
+    Threshold,
+    TrialTable,
+    diagnosis_sentence,
+)
 
 VERDICTS = ("named", "ambiguous", "partly_explained", "unknown", "none")
 
@@ -46,6 +56,15 @@ def test_long_names_and_many_channels_stay_within_the_width() -> None:
     text = text_of(result.model_copy(update={"parameters": long, "errors": errors}))
     assert max(map(len, text.splitlines())) <= 100
     assert "the first 8 of 30 channels" in text
+
+
+def test_a_table_of_errors_that_is_cut_begins_with_the_base() -> None:
+    result = made_up_diagnosis.diagnosis("named")
+    names = [f"leg{i}/position" for i in range(12)] + ["base/x", "base/z"]
+    errors = tuple(result.error.model_copy(update={"channel": name}) for name in names)
+    text = flat(result.model_copy(update={"errors": errors}))
+    assert text.index("base/x") < text.index("base/z") < text.index("leg0/position")
+    assert "leg5/position" in text and "leg6/position" not in text
 
 
 def test_each_hypothesis_is_told_what_became_of_it() -> None:
@@ -98,7 +117,8 @@ def test_commands_are_offered_only_for_what_commands_can_tell_apart() -> None:
 
 
 def test_steps_follow_the_verdict() -> None:
-    assert any("dynreg export eeee" in s for s in diagnosis_steps(made_up_diagnosis.diagnosis()))
+    steps = diagnosis_steps(made_up_diagnosis.diagnosis())
+    assert any("dynreg export eeee" in s and "--as robot" in s for s in steps)
     unknown = diagnosis_steps(made_up_diagnosis.diagnosis("unknown", held_out=False))
     assert any("dynreg doctor" in s for s in unknown) and any("--hold-out" in s for s in unknown)
     assert not any("export" in s for s in unknown)
@@ -113,17 +133,17 @@ def test_the_threshold_says_where_it_comes_from() -> None:
     assert any("usual one" in line for line in unsaid(usual))
 
 
-def test_what_is_left_is_held_against_what_is_known() -> None:
+def test_the_residual_is_compared_with_its_floor() -> None:
     given = {"channel": "q", "unit": "rad", "left": 0.01, "floor": 0.0, "basis": "stated_noise"}
     assert "is not known" in noise_words(Noise(**given, ratio=None))
     white = noise_words(Noise(**given | {"floor": 0.005}, ratio=2.0, white=True))
-    assert "2 times what the sensor's stated noise makes" in white and "looks like white noise" in white
+    assert "2 times the error from the sensor's stated noise" in white and "looks like white noise" in white
     assert "no run was repeated" in noise_words(None)
 
 
 def test_trials_show_rates_confusions_and_the_robots() -> None:
     text = flat(made_up_diagnosis.trials())
-    assert text.startswith("servo_pendulum: 8 of 10 hidden effects named right, 1 of 10 given a wrong name")
+    assert text.startswith("servo_pendulum: 8 of 10 hidden effects named right, 1 of 10 named wrong")
     for words in ("8 of 10 49 to 96 %", "load_friction stribeck_friction 1", "nothing payload 1", "0.97"):
         assert words in text
     assert "one by one" not in text
@@ -134,14 +154,17 @@ def test_trials_show_rates_confusions_and_the_robots() -> None:
 
 def test_a_part_of_the_cause_is_not_called_a_confusion() -> None:
     partly = made_up_diagnosis.trial().model_copy(update={"right": False, "verdict": "partly_explained"})
-    assert "load_friction, but as a part of the cause" in flat(TrialTable.of("leg", [partly]))
+    assert "load_friction (explains only a part)" in flat(TrialTable.of("leg", [partly]))
 
 
 def test_the_library_shows_what_fits_and_why_the_rest_does_not() -> None:
     text = flat(made_up_diagnosis.effects_list())
     assert "effects of servo_pendulum" in text and "0.01 / 0.03 / 0.08 tau" in text
     assert "command_delay, sensor_delay a hardware loop-back" in text
-    assert "not on servo_pendulum" in text and "nothing in the model can touch anything" in text
+    assert (
+        "effects that cannot act on servo_pendulum" in text
+        and "nothing in the model can touch anything" in text
+    )
     assert "ground_friction contact" in flat(made_up_diagnosis.effects_list(None))
 
 
@@ -158,5 +181,76 @@ def test_near_effects_are_told_when_asked() -> None:
 
 def test_an_experiment_tells_what_it_separates_and_uses() -> None:
     text = flat(made_up_diagnosis.experiment())
-    assert "between payload and coulomb_friction: 61 nats expected" in text
+    assert "separate payload from coulomb_friction by 61 nats (expected)" in text
     assert "14 nats" in text and "arm/target -3.14 3.14 -1.9 2.2 rad" in text and "ramps" in text
+
+
+def beside_the_start(value: float, low: float | None, high: float | None, **told) -> Diagnosis:
+    """A diagnosis whose simulator was held against that at its start."""
+    result = made_up_diagnosis.diagnosis().model_copy(
+        update={"over_start": Gain(value=value, low=low, high=high), **told}
+    )
+    return result.model_copy(update={"sentence": diagnosis_sentence(result)})
+
+
+@pytest.mark.parametrize("low, high", [(-0.9, -0.2), (None, None)])
+def test_a_nominal_simulator_that_predicts_better_is_warned_of_everywhere(low, high) -> None:
+    """The gain was told against the calibrated simulator alone, where the nominal one was better than both."""
+    worse = beside_the_start(-0.56, low, high)
+    assert worse.sentence.endswith(", but the nominal simulator predicts the held-out part better.")
+    text, html = flat(worse), " ".join(page(worse).split())
+    for shown in (text, html):
+        assert "56 % higher" in shown and "do not use it" in shown
+        assert "Do not use the extended simulator: the nominal simulator predicts" in shown
+    assert 'role="alert"' in html and not any("dynreg export" in s for s in diagnosis_steps(worse))
+    assert hint(worse).startswith(
+        "dynreg compare bench_monday --with nominal,diagnosed  # do not use the extended"
+    )
+    assert worse.to_dict()["over_start"]["value"] == -0.56 and "nominal" in worse.to_dict()["sentence"]
+
+
+def test_what_is_not_clearly_better_is_said_and_what_is_better_is_not() -> None:
+    unclear = beside_the_start(0.02, -0.1, 0.12)
+    assert "Against the nominal simulator, the extended simulator's error" in flat(unclear)
+    assert "no clear difference" in flat(unclear) and hint(unclear) == "dynreg report @last"
+    assert any("dynreg export" in s for s in diagnosis_steps(unclear))
+    better = beside_the_start(0.3, 0.2, 0.4)
+    assert "Against" not in flat(better) and 'role="alert"' not in page(better)
+    other = beside_the_start(-0.3, -0.4, -0.2, start="34" * 32)
+    assert "the simulator at the start predicts the held-out part better" in other.sentence
+    assert f"--with {'34' * 6},diagnosed" in hint(other)
+
+
+def test_what_was_held_out_is_said() -> None:
+    text = flat(made_up_diagnosis.diagnosis())
+    assert "Held out: kp400, kp400_again, of 6 episodes." in text
+    assert "Held out: kp400, kp400_again" in page(made_up_diagnosis.diagnosis())
+    one = {"fit": ("run[0]", "run[2]"), "select": ("run[3]",), "test": ("run[1]", "run[4]")}
+    pieces = made_up_diagnosis.diagnosis().model_copy(update={"parts": one})
+    assert "Held out: run[1], run[4], pieces of the one run that was fitted as well." in flat(pieces)
+    assert "How it does in another run was not tested." in flat(pieces)
+    assert "Held out" not in flat(made_up_diagnosis.diagnosis(held_out=False))
+
+
+@pytest.mark.parametrize("shown", [flat, lambda result: " ".join(page(result).split())])
+def test_a_value_that_was_not_fitted_has_no_interval(shown) -> None:
+    result = made_up_diagnosis.diagnosis("named")
+    stayed = result.parameters["tip_mass"].model_copy(update={"value": 0.49, "low": None, "high": None})
+    moved = stayed.model_copy(update={"value": 0.7, "pulled_sigma": None})
+    older = moved.model_copy(update={"low": 0.7, "high": 0.7})  # as earlier versions wrote it
+    for given in (moved, older):
+        text = shown(result.model_copy(update={"parameters": {"tip_mass": given, "resistance": stayed}}))
+        assert "not fitted" in text and "0.7 to 0.7" not in text and "[0.7, 0.7]" not in text
+    assert "Not fitted, as in robot.toml: resistance." in flat(
+        result.model_copy(update={"parameters": {"tip_mass": moved, "resistance": stayed}})
+    )
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_intervals_are_marked_where_the_model_is_not_complete(verdict: str) -> None:
+    result = made_up_diagnosis.diagnosis(verdict)
+    for text in (flat(result), " ".join(page(result).split()), " ".join(result._repr_html_().split())):
+        assert result.reliance in text
+        assert ("Do not rely on these intervals" in text) == (verdict == "unknown")
+        assert ("only if the model is complete" in text) == (verdict in ("unknown", "partly_explained"))
+    assert ("value [unreliable interval]" in flat(result)) == (verdict == "unknown")

@@ -126,7 +126,7 @@ def test_lines_that_run_together_can_be_told_apart() -> None:
     (dashed,) = re.findall(r"path\.s-nominal {[^}]*stroke-dasharray: (\d+) (\d+)", html)
     assert int(dashed[1]) >= 4, "gaps that the answer shows through"
     assert '<i class="nominal dashed">' in html
-    assert "its line runs under the dashed one" in words(html)
+    assert "the two lines coincide" in words(html)
     assert "its line runs under" not in words(page(RESULTS["synthesised"]))
 
 

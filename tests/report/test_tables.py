@@ -2,12 +2,14 @@
 
 import io
 
+import made_up_comparison
 import made_up_results
 import pytest
 
 from dynreg.cli.output import console
 from dynreg.report.grid import table
-from dynreg.report.neighbours import next_steps, verdict
+from dynreg.report.html import page
+from dynreg.report.neighbours import comparison, next_steps, refusal, verdict
 from dynreg.report.tables import render
 from dynreg.results import Gain, Result
 
@@ -31,7 +33,7 @@ def test_many_neighbours_and_long_names_stay_within_the_width() -> None:
     wide = result.model_copy(update={"nominal": result.nominal.model_copy(update={"parameters": long})})
     text = text_of(wide)
     assert max(map(len, text.splitlines())) <= 100
-    assert "40 neighbours" in text and "the first 5" in text
+    assert "40 nearest neighbours" in text and "the first 5 shown" in text
 
 
 def test_brackets_in_names_are_printed_as_they_are() -> None:
@@ -49,21 +51,62 @@ def test_numbers_stand_right_and_words_left() -> None:
 def test_the_verdict_follows_the_answer() -> None:
     assert "synthesised simulator c0ffee" in verdict(made_up_results.neighbours())
     assert "servo_pendulum-417" in verdict(made_up_results.neighbours(kind="neighbour"))
-    assert "nominal model stands" in verdict(made_up_results.neighbours(kind="nominal"))
+    assert "use the nominal model" in verdict(made_up_results.neighbours(kind="nominal"))
     assert "No simulator" in verdict(made_up_results.neighbours(fits=False))
+
+
+def test_an_answer_that_held_out_data_do_not_show_to_be_better_is_not_recommended() -> None:
+    found = made_up_results.neighbours()
+    for low, high in ((-0.06, 0.06), (-0.3, -0.1), (0.0, 0.2)):
+        unclear = found.model_copy(update={"gain": Gain(value=(low + high) / 2, low=low, high=high)})
+        assert verdict(unclear) == "For bench_monday, no simulator here is clearly better than nominal."
+        assert comparison(unclear).startswith("The best is the synthesised simulator c0ffee")
+        assert "no simulator here is clearly better than nominal" in str(unclear)
+        steps = next_steps(unclear)
+        assert "Ask what all of them lack: dynreg diagnose bench_monday" in steps
+        assert not any("export" in step for step in steps)
+        assert refusal(unclear) is None, "the family fits"
 
 
 def test_a_loss_is_not_called_a_gain() -> None:
     worse = made_up_results.neighbours().model_copy(update={"gain": Gain(value=-0.2, low=None, high=None)})
-    assert "20 % above the nominal" in verdict(worse) and "too few episodes" in verdict(worse)
+    assert "20 % higher than nominal" in comparison(worse) and "too few episodes" in comparison(worse)
     clearly = worse.model_copy(update={"gain": Gain(value=-0.2, low=-0.3, high=-0.1)})
-    assert "20 % above the nominal" in verdict(clearly)
+    assert "20 % higher than nominal (90 % interval: 10 to 30 % higher)." in comparison(clearly)
     unclear = worse.model_copy(update={"gain": Gain(value=0.03, low=-0.08, high=0.1)})
-    assert "does not clearly differ" in verdict(unclear) and "below" not in verdict(unclear)
+    assert comparison(unclear).endswith("8 % higher to 10 % lower): no clear difference.")
+
+
+def test_where_nothing_fits_no_number_recommends_the_best() -> None:
+    result = made_up_results.neighbours(fits=False)
+    assert verdict(result).endswith("do not rely on the best one.")
+    assert "31 % lower than nominal" in comparison(result) and comparison(result).endswith(
+        "too large for a fit."
+    )
+    assert "no simulator of this population fits" in str(result)
+    assert "value [unreliable interval]" in text_of(result) and result.reliance in text_of(result)
+    assert "value [90 % interval]" in text_of(made_up_results.neighbours())
+
+
+def test_channels_that_are_not_scored_are_marked() -> None:
+    result = made_up_results.neighbours()
+    assert "not scored" not in text_of(result) + page(result)
+    position, velocity = result.channels
+    derived = velocity.model_copy(update={"scored": False})
+    half = result.model_copy(update={"channels": (position, derived)})
+    for text in (text_of(half), page(half)):
+        assert "arm/velocity (not scored)" in text and "arm/position (not scored)" not in text
+        assert "have weight 0 in robot.toml" in text
+    compared = made_up_comparison.arm()
+    some = compared.rollouts.model_copy(update={"unscored": ("shoulder/position",)})
+    assert some.channels == ("elbow/position", "shoulder/position")
+    other = compared.model_copy(update={"rollouts": some})
+    for text in (text_of(other), page(other)):
+        assert "shoulder/position (not scored)" in text and "have weight 0 in robot.toml" in text
 
 
 def test_next_steps_follow_the_result() -> None:
-    assert any("dynreg export" in step for step in next_steps(made_up_results.neighbours()))
+    assert any("--as robot --to FOLDER" in step for step in next_steps(made_up_results.neighbours()))
     alarmed = next_steps(made_up_results.neighbours(fits=False))
     assert any("dynreg doctor" in step for step in alarmed) and not any("export" in s for s in alarmed)
     assert any("--hold-out" in step for step in next_steps(made_up_results.neighbours(held_out=False)))

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_robot import ARM_XML
 
 from dynreg.errors import RobotError
 from dynreg.sim.excitation import KINDS, excitation, reset_pose
@@ -93,3 +94,14 @@ def test_commands_for_what_the_model_does_not_have_are_refused(said: str, write_
     robot = load_robot(write_robot(*MISSING[said]))
     with pytest.raises(RobotError, match=said):
         excitation(robot, seed=0)
+
+
+def test_targets_keep_to_the_joint_where_the_action_has_no_range(write_robot: Callable[..., Path]):
+    """A shoulder with stops at 120 degrees, and without any about a pose of 4 rad."""
+    unranged = ("low = -2.0\nhigh = 2.0\n", "")
+    run = excitation(load_robot(write_robot(unranged)), seed=0)
+    assert 1.0 < np.abs(run.actions[..., 0]).max() <= np.deg2rad(120)
+    assert np.nanmax(np.abs(run.initial[..., 0])) <= np.deg2rad(120)
+    free = ARM_XML.replace('range="-120 120" limited="true"', "").replace('qpos="0.3', 'qpos="4')
+    told = excitation(load_robot(write_robot(unranged, xml=free)), seed=0).actions[..., 0]
+    assert np.all(np.abs(told - 4.0) <= 3.2) and np.ptp(told) > 2.0

@@ -12,7 +12,7 @@ from arm_robot import ARM_XML
 
 from dynreg.errors import RobotError
 from dynreg.registry import Registry
-from dynreg.sim.check import check_robot
+from dynreg.sim.inspection import check_robot
 from dynreg.sim.robot import load_robot, packaged_robots
 
 HEAVY = '<mujocoinclude><option gravity="0 0 -3"/></mujocoinclude>'
@@ -224,7 +224,7 @@ def test_a_model_on_which_mujoco_ends_is_one_line(write_robot: Callable[..., Pat
         '<worldbody><frame><attach model="m" body="upper" prefix="p"/></frame></worldbody>'
     )
     (line,) = check_robot(write_robot(xml=with_parts(itself)))
-    assert line.startswith("MuJoCo ends on the robot's model (SIG")
+    assert line.startswith("robot.toml, line 2: MuJoCo ends on the robot's model (SIG")
 
 
 @pytest.mark.parametrize(

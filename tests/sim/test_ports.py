@@ -1,8 +1,11 @@
-"""Where the drives' law changes during an episode."""
+"""The drives' law: what their limits damp, and where it changes during an episode."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from dynreg.sim.ports import law_changes, nominal_ports
+from dynreg.sim.ports import law_changes, nominal_ports, servo_law
 from dynreg.sim.robot import load_robot
 
 
@@ -16,3 +19,15 @@ def test_the_law_changes_where_an_input_of_any_simulation_does():
     inputs[0, 3:, heard] = 0.0
     inputs[1, 6, heard] = 0.0
     assert law_changes(ports, inputs) == {3, 6, 7}
+
+
+@pytest.mark.parametrize("missing", [("torque_limit",), ("speed_limit",), ("torque_limit", "speed_limit")])
+def test_a_limit_that_is_not_stated_damps_nothing(missing: tuple[str, ...]):
+    leg = load_robot("leg")
+    stated = nominal_ports(leg, 1)
+    inputs = np.ones((1, len(leg.inputs)))
+    assert np.array_equal(servo_law(stated, inputs).damping, np.full((1, len(leg.actions)), 4.1 / 12.0))
+    plain = {k: v for k, v in leg.file.drives[0].model_dump(exclude_unset=True).items() if k not in missing}
+    drive = type(leg.file.drives[0])(**plain)
+    bare = replace(leg, file=leg.file.model_copy(update={"drives": [drive]}))
+    assert not servo_law(nominal_ports(bare, 1), inputs).damping.any()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict
 
 from dynreg.errors import RobotError
-from dynreg.tomlfile import line_of, read_toml
+from dynreg.tomlfile import line_of, literal, read_toml
 
 TEXT = '''# a comment with name = 1
 [robot]
@@ -118,3 +118,16 @@ def test_dots_in_prose_and_lists_are_no_keys(tmp_path: Path):
 def test_a_path_with_a_nul_is_no_file():
     with pytest.raises(RobotError, match="cannot be read"):
         read_toml(Path("a\0b"), _Any, RobotError)
+
+
+@given(
+    st.text(st.characters(exclude_categories=["Cs"]))
+    | st.lists(st.text(st.characters(exclude_categories=["Cs"])))
+    | st.floats(allow_nan=False)
+    | st.integers(-(2**63), 2**63 - 1)
+    | st.booleans()
+)
+def test_a_value_is_read_as_it_was_written(value):
+    """Newlines, quotes, control characters and those beyond 16 bits included."""
+    read = tomllib.loads(f"x = {literal(value)}")["x"]
+    assert read == value and type(read) is type(value)

@@ -41,7 +41,7 @@ def test_simulators_are_found_by_their_ids_and_by_results_that_recommend_one(
     refs = [identity, identity[:10], told_by, "diagnosed", "nominal", "nominal"]
     found = registry.compare("monday", models=["kinematic"], simulators=refs)
     extended, nominal, model = found.contenders
-    assert found.names == (f"extended {identity[:8]}", "nominal", "kinematic")
+    assert found.commands.names == (f"extended {identity[:8]}", "nominal", "kinematic")
     assert (extended.simulator, extended.kind) == (identity, "extended simulator")
     assert (extended.parameters, extended.effects) == (truth.values, DELAYED)
     assert (nominal.simulator, nominal.kind) == (None, "nominal simulator")

@@ -7,9 +7,10 @@ import pytest
 
 from dynreg import session
 from dynreg.errors import NoMatchError, OldWord, UsageError
+from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.simulators import NAMES, OLD, own, simulator
+from dynreg.verbs.simulators import NAMES, OLD, own, simulator, told_last
 
 EFFECT = {"coulomb_friction[arm]": {"torque": 0.02}}
 
@@ -153,3 +154,12 @@ def test_a_simulator_made_from_the_recording_without_saying_from_what_is_not_inn
     )
     assert simulator(registry, identity, robot, recording).fitted_to is None
     assert simulator(registry, identity, robot, None).fitted_to == frozenset()
+
+
+def test_a_word_without_a_recording_stands_for_what_the_newest_result_tells(asked):
+    registry, _, found, _ = asked
+    assert told_last(registry, "@answer") == found.answer
+    assert told_last(registry, "@last") == "@last"
+    with pytest.raises(NoMatchError, match="no 'diagnosed' simulator: no diagnosis is stored"):
+        told_last(registry, "diagnosed")
+    assert Session(registry).show("@answer").id == found.answer

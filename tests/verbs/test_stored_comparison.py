@@ -17,6 +17,7 @@ from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.compare import CompareSettings
 
 QUICK = {"starts": 1, "generations": 4, "threads": 1}
+CLOCK = {"commands": {"paces"}, "cost": True}  # what differs from run to run
 LAGS = {"speed_lag": 0.15, "yaw_lag": 0.18, "yaw_drag": 1.04}  # of the hidden robot
 
 
@@ -48,23 +49,26 @@ def found(registry: Session) -> Comparison:
 def test_the_model_that_the_robot_is_wins_on_every_axis(found: Comparison) -> None:
     """Two of six parameters are far from nominal: neither the closed form nor the nominal simulator knows them."""
     assert (
-        found.names == ("nominal", "kinematic", "dynamic", "table", "network", "mlp")
-        and found.best == "dynamic"
+        found.commands.names == ("nominal", "kinematic", "dynamic", "table", "network", "mlp")
+        and found.commands.best == "dynamic"
     )
-    assert found.parts == {"fit": 164, "validation": 38, "test": 38} and found.errors.commands == 38
-    for axis in found.axes:
+    assert (
+        found.commands.parts == {"fit": 164, "validation": 38, "test": 38}
+        and found.commands.errors.commands == 38
+    )
+    for axis in found.commands.axes:
         (pair,) = (
             p
-            for p in found.errors.pairs
+            for p in found.commands.errors.pairs
             if {p.first, p.second} == {"kinematic", "dynamic"} and p.axis == axis
         )
         assert pair.first == "kinematic" and pair.difference > 0 and pair.tukey < 0.05 and pair.paired < 0.05
-        mean = {name: found.errors.models[name][axis].mean for name in found.names}
+        mean = {name: found.commands.errors.models[name][axis].mean for name in found.commands.names}
         assert mean["dynamic"] < mean["nominal"] < mean["kinematic"] and mean["mlp"] < mean["kinematic"]
-    ends = found.paths.models
-    assert found.paths.runs == 3 and ends["dynamic"].mean < 0.5 * ends["kinematic"].mean
-    assert "kinematic" not in found.alike() and str(found).startswith(
-        "On the last 38 commands of monday, dynamic"
+    ends = found.commands.paths.models
+    assert found.commands.paths.runs == 3 and ends["dynamic"].mean < 0.5 * ends["kinematic"].mean
+    assert "kinematic" not in found.commands.alike() and str(found).startswith(
+        "monday: On the last 38 commands, dynamic"
     )
 
 
@@ -83,17 +87,21 @@ def test_the_same_seed_gives_the_same_numbers_on_any_threads(registry: Session, 
         registry.compare("monday", models=known, simulators=["nominal"], **QUICK | {"threads": threads})
         for threads in (1, 2)
     )
-    first, second = (_leaves(result.model_dump(exclude={"paces", "cost"})) for result in (one, two))
+    first, second = (
+        _leaves(result.model_dump(exclude={"commands": {"paces"}, "cost": True})) for result in (one, two)
+    )
     assert first == second
     again = registry.compare("monday", simulators=["nominal"], **QUICK | {"threads": 2})
-    first, second = (_leaves(result.model_dump(exclude={"paces", "cost"})) for result in (found, again))
+    first, second = (
+        _leaves(result.model_dump(exclude={"commands": {"paces"}, "cost": True})) for result in (found, again)
+    )
     assert first.keys() == second.keys()
     for place, value in first.items():
         same = pytest.approx(value, rel=1e-3, abs=1e-6) if isinstance(value, float) else value
         assert second[place] == same, place
     other = registry.compare("monday", models=["kinematic", "network"], seed=1, starts=1)
-    assert other.errors.models["network"] != found.errors.models["network"]
-    assert other.errors.models["kinematic"] == found.errors.models["kinematic"]
+    assert other.commands.errors.models["network"] != found.commands.errors.models["network"]
+    assert other.commands.errors.models["kinematic"] == found.commands.errors.models["kinematic"]
 
 
 def test_a_comparison_is_stored_and_comes_back(registry: Session, robot: Robot, tmp_path: Path) -> None:
@@ -109,7 +117,7 @@ def test_a_comparison_is_stored_and_comes_back(registry: Session, robot: Robot, 
 
 
 def test_predictions_take_time_and_the_closed_form_is_the_measure(found: Comparison) -> None:
-    paces = {pace.model: pace for pace in found.paces}
+    paces = {pace.model: pace for pace in found.commands.paces}
     assert paces["nominal"].one_by_one is None and paces["nominal"].at_once > 0
     assert paces["dynamic"].one_by_one_ratio > 5 and paces["dynamic"].fit > 0
     assert paces["kinematic"].at_once < paces["kinematic"].one_by_one
@@ -138,7 +146,7 @@ def test_a_simulator_is_told_of_where_it_may_have_seen_commands_to_test(
     assert "fitted" not in notes("nominal")
     made = config(robot, {"yaw_lag": 0.17}).as_dict() | {"lineage": lineage}
     simulator = store.put_simulator(made)
-    assert "was fitted to this recording, and nothing says to which part" in notes(simulator)
+    assert "was fitted to this recording, and it is not known to which part" in notes(simulator)
     other = store.put_simulator(
         config(robot, {"yaw_lag": 0.16}).as_dict() | {"lineage": lineage | {"recording": "ab" * 32}}
     )
@@ -148,19 +156,20 @@ def test_a_simulator_is_told_of_where_it_may_have_seen_commands_to_test(
     assert "fitted" not in notes("diagnosed") and "fitted" not in notes(simulator)
     store.put_result("diagnosis", identity, document | {"parts": parts | {"select": ["run_1[2]"]}})
     for ref in ("diagnosed", simulator):
-        assert "episodes of this recording that hold 38 of the 38 commands to test" in notes(ref)
+        assert "was fitted to episodes that hold 38 of the 38 test commands" in notes(ref)
 
 
 def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log: Recording) -> None:
     for asked, says in (
         ({"models": ["magic"]}, "models 'magic'"),
-        ({"models": ["kinematic", "kinematic"]}, "1 to compare"),
-        ({"models": []}, "0 to compare"),
         ({"longest": 0.0}, "longest 0; expected a number above 0"),
         ({"starts": 0}, "starts 0"),
     ):
         with pytest.raises(UsageError, match=says):
             CompareSettings(**asked)
+    for asked in ({"models": ["kinematic"] * 2, "simulators": []}, {"models": [], "simulators": ["nominal"]}):
+        with pytest.raises(UsageError, match="1 to compare; expected two simulators"):
+            registry.compare("monday", **asked)
     with pytest.raises(NoMatchError, match="is called 'nowhere'"):
         registry.compare("monday", simulators=["nowhere"])
     short = Recording(log.channels, log.episodes[1:])
@@ -182,11 +191,11 @@ def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log
     registry.ingest(logged(robot, config(robot), straight), "diffdrive", name="straight")
     with pytest.raises(LogError, match="no two of the 68 commands to fit differ in dx") as told:
         registry.compare("straight", models=["kinematic", "dynamic"])
-    assert str(told.value).endswith("--models kinematic --with nominal")
+    assert str(told.value).endswith("--models kinematic")
     assert len(registry.registry.ids("result")) == before
 
 
-def test_robots_without_wheels_and_logs_without_a_pose_are_refused(registry: Session, log: Recording) -> None:
+def test_models_without_wheels_and_logs_without_a_pose_are_refused(registry: Session, log: Recording) -> None:
     columns = [i for i, name in enumerate(log.names) if not name.startswith("base/")]
     blind = Recording(
         tuple(log.channels[i] for i in columns),
@@ -197,8 +206,8 @@ def test_robots_without_wheels_and_logs_without_a_pose_are_refused(registry: Ses
         registry.compare("blind")
     bench = load_robot("servo_pendulum")
     registry.ingest(logged(bench, config(bench), [commands(bench, 5, 1)]), "servo_pendulum", name="bench")
-    with pytest.raises(RobotError, match="'servo_pendulum' has no wheels"):
-        registry.compare("bench")
+    with pytest.raises(RobotError, match="models kinematic of robot 'servo_pendulum', which has no wheels"):
+        registry.compare("bench", models=["kinematic"])
 
 
 def test_commands_that_are_short_or_have_no_pose_are_told_of(registry: Session, robot: Robot) -> None:
@@ -210,6 +219,9 @@ def test_commands_that_are_short_or_have_no_pose_are_told_of(registry: Session, 
     registry.ingest(holed, "diffdrive", name="quick")
     found = registry.compare("quick", models=["kinematic"], simulators=["nominal"])
     text = " ".join(found.notes)
-    assert "half of the commands last 0.04 s or less" in text and "no pose was measured: " in text
-    assert found.paths is None and not found.driven and "no ten commands in a row" in text
-    assert sum(found.parts.values()) < 120
+    assert (
+        "half of the commands last 0.04 s or less" in text
+        and "no pose was measured at their begin or end: " in text
+    )
+    assert found.commands.paths is None and not found.commands.driven and "no ten commands in a row" in text
+    assert sum(found.commands.parts.values()) < 120

@@ -134,9 +134,7 @@ def test_over_a_population_the_mean_counts_and_simulators_that_only_fall_are_tol
     ids = [opened.registry.put_simulator(c.as_dict()) for c in (fine, weak)]
     found = opened.gait("log", on=",".join(ids), rollouts=44, threads=1)
     assert found.accept == "min" and found.value == 0.0
-    assert found.notes == (
-        "in 1 of 2 simulators every gait that was tried fell, which counts as 0 in the min",
-    )
+    assert found.notes == ("every tried gait fell in 1 of 2 simulators: a fall counts as 0 in the min",)
     drawn = opened.gait("log", on="population", k=2, rollouts=44, threads=1)
     assert drawn.accept == "mean" and drawn.value == drawn.fitness.mean
     least = opened.gait("log", on="population", k=2, accept="min", rollouts=44, threads=1)
@@ -326,7 +324,7 @@ def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, 
         with pytest.raises(UsageError, match=says):
             opened.export_gait(path, tmp_path / "wild.csv")
     path.write_text('{"schema": "dynreg/gait/1"}')
-    with pytest.raises(UsageError, match="is no gait"):
+    with pytest.raises(UsageError, match="is not a gait"):
         opened.export_gait(path, tmp_path / "wild.csv")
     assert not (tmp_path / "wild.csv").exists()
 

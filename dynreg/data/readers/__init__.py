@@ -44,6 +44,7 @@ _PACKAGED = (
     LogFormat("csv", f"{__name__}.tables", (), (".csv", ".tsv"), streams=True),
     LogFormat("parquet", f"{__name__}.parquet", (b"PAR1",), (".parquet",), streams=True),
     LogFormat("matlab", f"{__name__}.matlab", (b"MATLAB 5.0", b"MATLAB 7.3", _HDF), (".mat",), streams=True),
+    LogFormat("npz", f"{__name__}.npz", (b"PK\x03\x04",), (".npz",), streams=True),
     LogFormat("bam", f"{__name__}.bam", (), (".json",), streams=True),
     LogFormat("lerobot", f"{__name__}.lerobot", folder=("meta/info.json", "LeRobot")),
 )
@@ -66,7 +67,7 @@ def _made(plugin: Any) -> LogFormat | None:
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What the map says about reading: the column or stamp that is the clock, and its unit.
+    """The map's options for reading: the column or stamp that is the clock, and its unit.
 
     `time` is a table's time column, or "log" for messages whose header stamps are not to be used;
     None takes the usual names and header stamps. `time_unit` is s, ms, us or ns. `sources` are the names that
@@ -79,7 +80,7 @@ class ReadOptions:
 
     def wants(self, topic: str) -> bool:
         """Whether any source asked for is of this topic."""
-        return self.sources is None or any(s.startswith(f"{topic}.") for s in self.sources)
+        return self.sources is None or any(s.startswith((f"{topic}.", f"{topic}[")) for s in self.sources)
 
     def wants_signal(self, name: str) -> bool:
         """Whether this signal is asked for, or an item of this column's lists."""

@@ -1,4 +1,4 @@
-"""What one log has asked for so far, held against the limits."""
+"""The resources that one log has used so far, compared with the limits."""
 
 from collections import Counter
 

@@ -11,11 +11,12 @@ from dynreg.data.series import Finding
 class Channel:
     """Decodes the messages of one topic.
 
-    topic : its name. make : gives the decoder, None where its encoding is not read; called for the first message.
+    topic : its name. kind : the type of its messages, "" where the log does not tell. make : gives the decoder, None
+    where its encoding is not read; called for the first message.
     """
 
-    def __init__(self, topic: str, make: Callable[[], Decode | None]):
-        self.topic = topic
+    def __init__(self, topic: str, make: Callable[[], Decode | None], kind: str = ""):
+        self.topic, self.kind = topic, kind
         self._make = make
         self._failed = 0
         self._problem = ""
@@ -37,7 +38,7 @@ class Channel:
         self._problem = problem
 
     def findings(self, name: str) -> list[Finding]:
-        """What was left out, of the log called `name`."""
+        """Findings about the data of the log `name` that were left out."""
         if not self._failed:
             return []
         text = f"{self._failed} messages left out: {' '.join(self._problem.split())}"

@@ -1,4 +1,4 @@
-"""From named columns (CSV, Parquet, MATLAB, JSON) to series on the table's own clock."""
+"""Named columns (CSV, Parquet, MATLAB, JSON) become series on the table's own clock."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -13,8 +13,13 @@ from dynreg.data.series import Finding, RawLog, Series
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
-TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T")
+TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T", "timestamps", "times")
+MAX_ITEMS = 64  # columns of one array; one of more is no signal
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Names that tell the unit; a map that names the column tells the unit itself.
+UNIT_NAMES = {
+    f"{name}_{unit}": unit for unit in ("ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
+}
 
 
 def from_columns(
@@ -38,7 +43,8 @@ def from_columns(
     stamps = columns[name]
     if len(stamps) * len(columns) > limits().numbers:
         refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
-    scale = TIME_UNITS[options.time_unit]
+    unit = options.time_unit if options.time else UNIT_NAMES.get(name, options.time_unit)
+    scale = TIME_UNITS[unit]
     time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
     if math.isnan(start):
         raise LogError(
@@ -54,7 +60,7 @@ def from_columns(
     return RawLog(
         path,
         sources,
-        {**(metadata or {}), "start": start},
+        {**(metadata or {}), "start": start, "time_column": name, "time_unit": unit},
         labels or {},
         findings,
         tuple(names) or tuple(columns),
@@ -63,7 +69,7 @@ def from_columns(
 
 def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
     """Name of the column that is the clock: the map's, else the first of the usual names."""
-    wanted = (options.time,) if options.time else TIME_NAMES
+    wanted = (options.time,) if options.time else (*TIME_NAMES, *UNIT_NAMES)
     for name in wanted:
         if name in columns:
             return name
@@ -83,3 +89,26 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
         expected=f"one of its columns {[*(names or columns)][:30]}",
         do='name it in the map: time = "..." under [map]',
     )
+
+
+def spread(
+    name: str, arrays: Mapping[str, np.ndarray], rows: int
+) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
+    """Arrays of a log `name` as columns of so many rows, and findings about the arrays that are left out.
+
+    An array (rows, n), or (n, rows), is n columns "array[0]", ...; scalars are no columns, and are not told.
+    """
+    columns: dict[str, np.ndarray] = {}
+    findings = []
+    for key, array in arrays.items():
+        if array.ndim == 2 and array.shape[0] != rows:
+            array = array.T
+        fits = array.ndim in (1, 2) and len(array) == rows
+        if fits and array.ndim == 1:
+            columns[key] = array
+        elif fits and array.shape[1] <= MAX_ITEMS:
+            columns |= {f"{key}[{i}]": array[:, i] for i in range(array.shape[1])}
+        elif array.ndim > 0:
+            shape = f"{len(array)} values" if array.ndim == 1 else f"shape {array.shape}"
+            findings.append(Finding("info", "left_out", f"{name}, {key}", f"{shape} for {rows} time stamps"))
+    return columns, tuple(findings)

@@ -13,8 +13,8 @@ from pathlib import Path
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.channel import Channel
-from dynreg.data.readers.messages import Topic, gather
 from dynreg.data.readers.ros_types import Decode, ros_decoder
+from dynreg.data.readers.topics import Topics
 from dynreg.data.series import RawLog
 
 Unpack = Callable[[bytes], bytes]
@@ -23,7 +23,7 @@ Unpack = Callable[[bytes], bytes]
 def read(path: Path, options: ReadOptions, unpack: Unpack = bytes) -> RawLog:
     """Read a .db3 file, whose messages `unpack` unpacks. Raises sqlite3.Error and ValueError where it is damaged."""
     budget = Budget(path.name)
-    topics: dict[str, Topic] = {}
+    topics = Topics(options, budget)
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(budget.allowed("chunk_bytes"), 10**9))
         database.execute("PRAGMA trusted_schema = OFF")
@@ -38,8 +38,8 @@ def read(path: Path, options: ReadOptions, unpack: Unpack = bytes) -> RawLog:
                 continue
             message = channel.decode(unpack(data))
             if message is not None:
-                topics.setdefault(channel.topic, Topic(channel.topic, options, budget)).add(message, stamp)
-    log = gather(path, topics, options.time != "log")
+                topics.add(channel.topic, message, stamp, channel.kind)
+    log = topics.log(path, options.time != "log")
     names = sorted({channel.topic for channel in channels.values()})
     metadata = {**log.metadata, "messages_read": count, "messages_lost": 0, "topics": names}
     findings = [finding for channel in channels.values() for finding in channel.findings(path.name)]
@@ -62,7 +62,10 @@ def _channels(database: sqlite3.Connection, budget: Budget) -> Iterator[tuple[in
     ):
         # older files carry no definitions: their types are the standard ones of Humble
         encoding, text = told.get(kind, ("ros2msg", None))
-        yield number, Channel(str(topic), partial(_decoder, str(kind), text, encoding, form, budget))
+        yield (
+            number,
+            Channel(str(topic), partial(_decoder, str(kind), text, encoding, form, budget), str(kind)),
+        )
 
 
 def _decoder(kind: str, text: str | None, encoding: str, form: str, budget: Budget) -> Decode | None:

@@ -18,11 +18,13 @@ from dynreg.data.readers.parquet import gather
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError
 
+EPISODES = "episode_index"
+
 
 def read(path: Path, options: ReadOptions) -> RawLog:
     """Read all frames: "observation.state[0]" and, where the names are known, "observation.state[elbow.pos]".
 
-    Episodes are in the column `episode_index`. Raises LogError where the folder is not a dataset.
+    Episodes are told apart by the column `episode_index`. Raises LogError where the folder is not a dataset.
     """
     budget = Budget(path.name)
     try:
@@ -44,6 +46,8 @@ def read(path: Path, options: ReadOptions) -> RawLog:
     sources = dict(log.sources)
     for feature, items in names.items():
         sources.update(_by_name(feature, items, log.sources))
+    if EPISODES in log.sources:
+        log = replace(log, metadata={**log.metadata, "episode_column": EPISODES})
     metadata = {**log.metadata, **{k: info[k] for k in ("fps", "robot_type") if k in info}}
     return replace(
         log, sources=sources, metadata=metadata, names=tuple(dict.fromkeys((*log.names, *sources)))
@@ -93,7 +97,7 @@ def _by_column(options: ReadOptions, names: Mapping[str, list[str]]) -> ReadOpti
     """Options that ask for the columns of the items that are asked for by name."""
     if options.sources is None:
         return options
-    columns = tuple(f"{feature}[0]" for feature in names if options.wants_signal(feature))
+    columns = (EPISODES, *(f"{feature}[0]" for feature in names if options.wants_signal(feature)))
     return replace(options, sources=(*options.sources, *columns))
 
 

@@ -1,4 +1,4 @@
-"""MATLAB .mat files of version 5: vectors become signals, scalars settings.
+"""MATLAB .mat files of version 5: vectors and the columns of matrices become signals, scalars settings.
 
 The numeric matrices are parsed here, as scipy's reader ends the process on some damaged files.
 Format: MathWorks, "MAT-File Format", level 5.
@@ -13,8 +13,8 @@ import numpy as np
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.columns import from_columns, time_column
-from dynreg.data.series import Finding, RawLog
+from dynreg.data.readers.columns import from_columns, spread, time_column
+from dynreg.data.series import RawLog
 from dynreg.errors import LogError
 
 _HEADER = 128  # bytes: 116 of text, subsystem offset, version, endian indicator
@@ -47,13 +47,14 @@ def read(file: LogFile, options: ReadOptions) -> RawLog:
         ) from error
     metadata = {name: float(value) for name, value in numeric.items() if value.ndim == 0}
     vectors = {name: value for name, value in numeric.items() if value.ndim == 1}
+    if not vectors:
+        raise LogError(
+            f"{file.name!r} holds no vector of numbers: structs, cells, timetables and text are not read",
+            expected="a vector a signal, one of them the time",
+            do="save the fields of a struct by save(file, '-struct', 'name', '-v7')",
+        )
     rows = len(vectors[time_column(file.path, vectors, options)])
-    columns = {name: value for name, value in vectors.items() if len(value) == rows}
-    findings = tuple(
-        Finding("info", "left_out", f"{file.name}, {name}", f"{len(value)} values for {rows} time stamps")
-        for name, value in vectors.items()
-        if len(value) != rows
-    )
+    columns, findings = spread(file.name, {n: v for n, v in numeric.items() if v.ndim <= 2}, rows)
     return from_columns(file.path, columns, options, metadata=metadata, findings=findings)
 
 

@@ -14,9 +14,9 @@ from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.channel import Channel
 from dynreg.data.readers.mcap_summary import Summary, summary_of
 from dynreg.data.readers.mcap_walk import Tally, walk
-from dynreg.data.readers.messages import Topic, gather
 from dynreg.data.readers.numbers import parse_json
 from dynreg.data.readers.ros_types import Decode, ros_decoder
+from dynreg.data.readers.topics import Topics
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
 
@@ -32,7 +32,7 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
     tally = Tally()
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    topics: dict[str, Topic] = {}
+    topics = Topics(options, budget)
     decoder = _Decoders(budget).of
     summary = summary_of(file, budget)
     for item in walk(file, tally, summary, options.wants, budget):
@@ -40,13 +40,13 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
             schemas.setdefault(item.id, item)
         elif isinstance(item, Record):
             make = partial(decoder, item.message_encoding, schemas.get(item.schema_id))
-            channels.setdefault(item.id, Channel(item.topic, make))
+            kind = schemas[item.schema_id].name if item.schema_id in schemas else ""
+            channels.setdefault(item.id, Channel(item.topic, make, kind))
         elif item.channel_id in channels:
             channel = channels[item.channel_id]
             message = channel.decode(item.data)
             if message is not None:
-                topic = topics.setdefault(channel.topic, Topic(channel.topic, options, budget))
-                topic.add(message, item.log_time)
+                topics.add(channel.topic, message, item.log_time, channel.kind)
     findings = [f for channel in channels.values() for f in channel.findings(file.name)]
     lost, damage = _losses(file.name, tally, expected if expected is not None else _stated(file, summary))
     causes = iter((*tally.problems, *(finding.message for finding in findings)))
@@ -56,7 +56,7 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
             expected="ROS 2, ROS 1, JSON or protobuf messages",
             do="record it again, or convert it with `mcap recover`",
         )
-    log = gather(file.path, topics, options.time != "log")
+    log = topics.log(file.path, options.time != "log")
     told = {
         "messages_read": tally.read,
         "messages_lost": lost,

@@ -1,4 +1,4 @@
-"""What the end of an MCAP file says of the rest: its chunks, its channels, how many messages it has.
+"""The summary at the end of an MCAP file: its chunks, its channels, and the number of messages.
 
 Read record by record, without the library's own reader, which unpacks whatever lies where the file says.
 """
@@ -37,7 +37,7 @@ class Summary:
     messages: int | None = None
 
     def passed_over(self, wants: Callable[[str], bool]) -> frozenset[int]:
-        """Where the chunks begin that hold messages, and none of a topic that `wants` says is asked for."""
+        """The offsets of chunks that hold messages, but none of a topic for which `wants` is true."""
         topics = {channel.id: channel.topic for channel in self.channels}
         unwanted = {number for number, topic in topics.items() if not wants(topic)}
         return frozenset(

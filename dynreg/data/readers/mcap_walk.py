@@ -33,7 +33,7 @@ Wants = Callable[[str], bool]
 
 @dataclass
 class Tally:
-    """What a walk met, filled while it runs.
+    """Counts of a walk through a file, filled while it runs.
 
     `lost` counts messages known to be gone (from message indexes); `guessed` those reckoned from the size of
     what is missing; `stopped` is the byte where nothing more could be read, None where the data was read to

@@ -1,5 +1,6 @@
 """Several logs on one clock: parts of a split recording, or files that make one episode."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -24,6 +25,9 @@ def join(path: Path, logs: Sequence[RawLog]) -> RawLog:
     for count in ("messages_read", "messages_lost"):
         parts = [log.metadata.get(count) for log in logs]
         metadata[count] = None if None in parts else sum(parts)
+    counts = [Counter(log.metadata.get("messages") or {}) for log in logs]
+    metadata["messages"] = dict(sum(counts, Counter()))
+    metadata["types"] = {k: v for log in reversed(logs) for k, v in (log.metadata.get("types") or {}).items()}
     names = tuple(dict.fromkeys(name for log in logs for name in log.names))
     return RawLog(
         path, sources, metadata, findings=tuple(f for log in logs for f in log.findings), names=names

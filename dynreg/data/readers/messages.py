@@ -1,4 +1,4 @@
-"""From decoded messages of any encoding to one series a numeric leaf."""
+"""Decoded messages of any encoding become series, one for each numeric leaf."""
 
 import math
 from array import array
@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +15,12 @@ from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.numbers import number, since
 from dynreg.data.readers.signals import Arrays, Signal
-from dynreg.data.series import Finding, RawLog, Series
+from dynreg.data.series import Finding, Series
 
 MAX_ITEMS = 64  # longer arrays are images, scans and point clouds, not signals
 MAX_DEPTH = 16
-MAX_LEAVES = 4096  # of one topic
-MAX_PARTS = 16 * MAX_LEAVES  # of one message: numbers and what they lie in
+MAX_LEAVES = 4096  # most signals of one topic
+MAX_PARTS = 16 * MAX_LEAVES  # most numbers and containers of one message
 JOINT_STATE = ("position", "velocity", "effort")
 FOREIGN_CLOCK = 60.0  # [s] header stamps further than this from the log's own are of another clock
 
@@ -57,7 +56,7 @@ def _gather_leaves(path: str, value: Any, depth: int, out: list[tuple[str, Leaf]
 
 
 def _parts(value: Any) -> list[tuple[str, Any]]:
-    """What a message, a mapping or a short list holds, by name."""
+    """The parts of a message, a mapping or a short list, by name."""
     if is_dataclass(value):
         return [(suffix, getter(value)) for suffix, getter in _fields(type(value))]
     if isinstance(value, Mapping):
@@ -227,16 +226,3 @@ class Topic:
             return header, []
         text = f"header stamps are {lag:.0f} s from the log's clock; shifted by their median difference"
         return header - lag, [Finding("warning", "clock", self.name, text)]
-
-
-def gather(path: Path, topics: Mapping[str, Topic], use_header: bool) -> RawLog:
-    """All topics of a log on one clock that starts with its first message."""
-    start = min((min(t.log_stamps) for t in topics.values() if t.log_stamps), default=0)
-    sources: dict[str, Series] = {}
-    findings: list[Finding] = []
-    for topic in topics.values():
-        series, found = topic.log(start, use_header)
-        sources.update(series)
-        findings += found
-    names = tuple(name for topic in topics.values() for name in topic.names)
-    return RawLog(path, sources, {"start": start * 1e-9}, findings=tuple(findings), names=names)

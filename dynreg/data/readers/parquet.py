@@ -15,7 +15,7 @@ from dynreg.data.readers.numbers import column, doubles
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
 
-_CELLS = 1 << 22  # of one batch
+_CELLS = 1 << 22  # numbers of one batch
 _ROWS = 1 << 16
 
 

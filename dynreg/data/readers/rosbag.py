@@ -20,8 +20,8 @@ from dynreg.data.readers.db3 import read as read_db3
 from dynreg.data.readers.mcap_log import read as read_mcap
 from dynreg.data.readers.mcap_walk import inflate
 from dynreg.data.readers.merge import join
-from dynreg.data.readers.messages import Topic, gather
 from dynreg.data.readers.ros_types import ros_decoder
+from dynreg.data.readers.topics import Topics
 from dynreg.data.series import RawLog
 from dynreg.errors import DynregError, LogError
 
@@ -55,12 +55,14 @@ def _read_bag(path: Path, options: ReadOptions) -> RawLog:
     from rosbags.rosbag1 import Reader
 
     budget = Budget(path.name)
-    topics: dict[str, Topic] = {}
+    topics = Topics(options, budget)
     with Reader(_Path(path)) as bag:
         for place, chunk in bag.chunks.items():
             bag.chunks[place] = chunk._replace(decompressor=partial(_bounded, chunk.decompressor, budget))
         channels = {
-            c.id: Channel(c.topic, partial(ros_decoder, c.msgtype, c.msgdef.data, "ros1msg", "ros1", budget))
+            c.id: Channel(
+                c.topic, partial(ros_decoder, c.msgtype, c.msgdef.data, "ros1msg", "ros1", budget), c.msgtype
+            )
             for c in bag.connections
         }
         wanted = [c for c in bag.connections if options.wants(c.topic)]
@@ -68,9 +70,9 @@ def _read_bag(path: Path, options: ReadOptions) -> RawLog:
             channel = channels[connection.id]
             message = channel.decode(data)
             if message is not None:
-                topics.setdefault(channel.topic, Topic(channel.topic, options, budget)).add(message, stamp)
+                topics.add(channel.topic, message, stamp, channel.kind)
         count = bag.message_count
-    log = gather(path, topics, options.time != "log")
+    log = topics.log(path, options.time != "log")
     names = sorted({channel.topic for channel in channels.values()})
     metadata = {**log.metadata, "messages_read": count, "messages_lost": 0, "topics": names}
     findings = [finding for channel in channels.values() for finding in channel.findings(path.name)]

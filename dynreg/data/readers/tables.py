@@ -1,5 +1,6 @@
 """CSV files: one row a sample, one column a signal, read block by block."""
 
+import codecs
 import csv as text_csv
 import re
 from collections.abc import Iterator
@@ -16,11 +17,12 @@ from dynreg.data.series import RawLog
 from dynreg.errors import LogError
 
 BLOCK = 32 << 20  # bytes that are parsed at once
+_COMMENT = re.compile(rb"#[^\r\n]*[\r\n]+(?=[^-+.\d\r\n])")
 _EMPTY = ["", "nan", "NaN", "NA", "null", "None"]
 
 
 def read(file: LogFile, options: ReadOptions) -> RawLog:
-    """Read a CSV file: comma, semicolon or tab; a header line.
+    """Read a CSV file: comma, semicolon (then perhaps with decimal commas) or tab; a header line, comments above it.
 
     Text columns are kept as labels. Raises LogError for a file that is none or is damaged.
     """
@@ -45,11 +47,12 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
     """Add all rows to the table; `texts` are columns that are text though they begin with numbers."""
     from pyarrow import csv
 
-    delimiter = ","
+    delimiter, point = ",", "."
     for number, block in enumerate(_blocks(stream, table.budget)):
         if number == 0:
             header, block = _header(block)
             delimiter = _delimiter(header)
+            point = "," if delimiter == ";" and _has_decimal_commas(block) else "."
             table.named(next(text_csv.reader([header], delimiter=delimiter), []))
         if not block.strip(b"\r\n"):
             continue
@@ -62,6 +65,7 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
             parse_options=csv.ParseOptions(delimiter=delimiter),
             convert_options=csv.ConvertOptions(
                 null_values=_EMPTY,
+                decimal_point=point,
                 include_columns=list(table.wanted),
                 column_types={name: pa.string() for name in texts},
             ),
@@ -69,8 +73,19 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
         table.add(rows)
 
 
+def _has_decimal_commas(block: bytes) -> bool:
+    """Whether numbers are written "0,5" in cells, and none "0.5"."""
+    numbers = re.findall(rb"(?:^|;)[ \"]*[-+]?\d*([.,])\d", block, re.MULTILINE)
+    return bool(numbers) and set(numbers) == {b","}
+
+
 def _blocks(stream: BinaryIO, budget: Budget) -> Iterator[bytes]:
-    """The file in whole lines."""
+    """The file in whole lines, of UTF-16 as UTF-8."""
+    if stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        stream.seek(0)
+        stream = codecs.EncodedFile(stream, "utf-8", "utf-16")
+    else:
+        stream.seek(0)
     while block := stream.read(BLOCK):
         if not block.endswith(b"\n"):
             rest = stream.readline(budget.allowed("chunk_bytes"))
@@ -83,6 +98,10 @@ def _blocks(stream: BinaryIO, budget: Budget) -> Iterator[bytes]:
 def _header(block: bytes) -> tuple[str, bytes]:
     """The first line that is not empty, and what follows; a header that is not UTF-8 is Latin-1, as old tools write."""
     block = block.removeprefix(b"\xef\xbb\xbf").lstrip(b"\r\n")
+    while _COMMENT.match(
+        block
+    ):  # "# time,q" right above the numbers is a header, other such lines are comments
+        block = block[_COMMENT.match(block).end() :].lstrip(b"\r\n")
     end = found.start() if (found := re.search(rb"[\r\n]", block)) else len(block)
     try:
         return block[:end].decode("utf-8"), block[end:]

@@ -13,6 +13,10 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.sim.effects import Term
 
+# What is simulated: iterations of a calibration, steps that each tries beside derivatives, simulators for each term,
+# and iterations of what is fitted to the end.
+CALIBRATED, STEPS, PROBED, REFITTED = 12, 7, 4, 4
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -57,6 +61,22 @@ class Plan(ABC):
 
     draws: int = 0
     hopeless: float = 60.0
+
+    @property
+    def fitted(self) -> int:
+        """How many points are fitted to the end; of many terms it does not count."""
+        return 0
+
+    def expected(self, parameters: int, terms: int, runs: int) -> int:
+        """About how many simulators a search asks for that is run once on the log and `runs` times for its threshold.
+
+        A search of one round took 1833 with 7 parameters and 31 terms (`Short`), 654 with 6 and 111 (`Long`); on the
+        log itself, with a last fit and intervals, about twice as many. It is good to a factor of two.
+        """
+        calibration = CALIBRATED * (1 + self.draws / 2) * (parameters + STEPS)
+        return round(
+            (runs + 2) * (calibration + PROBED * terms + REFITTED * self.fitted * (parameters + STEPS))
+        )
 
     @abstractmethod
     def name(

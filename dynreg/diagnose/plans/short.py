@@ -26,6 +26,10 @@ class Short(Smooth):
     draws: int = 4
     finalists: int = 16
 
+    @property
+    def fitted(self) -> int:
+        return self.finalists
+
     def refitted(
         self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
     ) -> Search[tuple[Model, list[Point]]]:

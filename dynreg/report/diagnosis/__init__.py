@@ -2,5 +2,6 @@
 
 from dynreg.report.diagnosis.drawn import page
 from dynreg.report.diagnosis.text import tables
+from dynreg.report.diagnosis.words import hint
 
-__all__ = ["page", "tables"]
+__all__ = ["hint", "page", "tables"]

@@ -7,19 +7,21 @@ from dynreg.report.diagnosis.words import (
     PART,
     VERDICTS,
     diagnosis_steps,
+    errors_by_importance,
     gain_cell,
     noise_words,
-    rest_words,
+    residual_words,
     size_word,
+    stable_word,
     standing,
     threshold_words,
     told_by,
     unsaid,
 )
 from dynreg.report.drawing import estimate_track, ruler, traces
-from dynreg.report.words import number
+from dynreg.report.words import held_out_words, interval_text, interval_words, number
 from dynreg.results.diagnosis import Cause, Diagnosis, Ranked, RolloutError, Where
-from dynreg.results.sentence import times
+from dynreg.results.sentence import diagnosis_details, over_start_sentence, times
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 10
@@ -33,23 +35,29 @@ def page(result: Diagnosis) -> dict[str, Any]:
         "result": result,
         "title": f"{result.recording_name or result.recording[:12]} · {result.robot} · diagnosis",
         "verdict": VERDICTS[result.verdict],
+        "details": diagnosis_details(result),
         "tiles": _tiles(result),
         "steps": diagnosis_steps(result),
         "causes": [_cause(cause) for cause in result.causes],
         "part": PART[result.error.part],
+        "alarm": over_start_sentence(result) if result.worse else "",
+        "held_out": held_out_words(result.parts),
         # the dotted and the dashed line on top, so that lines which run together still show
         "charts": traces(result.traces, ("measured", "extended", "calibrated", "nominal")),
         "drawn": [s for s in SIMULATORS if any(getattr(t, s) is not None for t in result.traces)],
         "rankings": _rankings(result),
         "threshold": threshold_words(result),
         "maps": _maps(result.where),
-        "errors": [_error_bars(e) for e in (result.errors or (result.error,))[:SHOWN_CHANNELS]],
+        "errors": [_error_bars(e) for e in errors_by_importance(result)[:SHOWN_CHANNELS]],
         "more_errors": max(0, len(result.errors) - SHOWN_CHANNELS),
         "compared": [s for s in SIMULATORS if getattr(result.error, s) is not None],
         "tracks": {name: estimate_track(e) for name, e in result.parameters.items()},
+        "interval_name": interval_words(not result.unexplained),
         "noise": noise_words(result.noise),
         "rests": _rests(result),
         "unsaid": unsaid(result),
+        "stable": [(one, stable_word(one)) for one in result.stable],
+        "interval_text": interval_text,
     }
 
 
@@ -83,7 +91,7 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
     if result.noise is not None and result.noise.ratio is not None:
         floor = {"repeatability": "repeated runs' difference", "stated_noise": "stated sensor noise"}
         tiles.append(
-            (f"{times(result.noise.ratio)} x", f"what is left, over the {floor[result.noise.basis]}")
+            (f"{times(result.noise.ratio)} x", f"unexplained error, over the {floor[result.noise.basis]}")
         )
     return tiles
 
@@ -93,8 +101,8 @@ def _beside(error: RolloutError) -> str:
 
 
 def _rests(result: Diagnosis) -> list[dict[str, Any]]:
-    """Of each joint the sentence and the shares [%] of what is left that its signals tell."""
-    pairs = zip(result.rest or (), rest_words(result), strict=False)  # not every joint is told of
+    """Of each joint the sentence and the shares [%] of its residual that its signals predict."""
+    pairs = zip(result.rest or (), residual_words(result), strict=False)  # not every joint is told of
     return [{"said": said, "bars": told_by(result, rest.joint)} for rest, said in pairs]
 
 

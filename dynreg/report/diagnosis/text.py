@@ -5,38 +5,51 @@ from rich.text import Text
 
 from dynreg.report.diagnosis.words import (
     PART,
+    as_given,
     diagnosis_steps,
+    errors_by_importance,
     gain_cell,
     noise_words,
-    rest_words,
+    parameter_text,
+    residual_words,
     size_word,
+    stable_word,
     standing,
     threshold_words,
     unsaid,
 )
 from dynreg.report.grid import table
-from dynreg.report.words import interval, number
+from dynreg.report.words import held_out_words, interval, interval_text, interval_words, number
 from dynreg.results.diagnosis import Diagnosis
+from dynreg.results.sentence import diagnosis_details, over_start_sentence
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8
 
 
 def tables(result: Diagnosis) -> Group:
-    """Verdict, causes, ranking, parameters, error, what is left, and what to do next."""
+    """Verdict, causes, ranking, parameters, error, residual, and what to do next."""
     parts: list[RenderableType] = [Text(result.sentence, style="bold")]
+    alarm = over_start_sentence(result) if result.worse else ""
+    parts += [Text(line, style="bold red" if line == alarm else "") for line in diagnosis_details(result)]
     if result.causes:
         parts.append(_causes(result))
     parts += [_ranking(result, found) for found in sorted({r.round for r in result.ranking})]
     parts.append(Text(threshold_words(result)))
     parts.append(_parameters(result))
+    if result.stable:
+        parts.append(_stable(result))
     if result.moved:
         rows = [(m.name, m.before, m.after, m.unit) for m in result.moved]
-        parts.append(table(("parameter", "before", "after", "unit"), rows, "what moved with the cause"))
-    parts += [_errors(result), Text(f"\n{result.finding}") if result.finding else Text("")]
-    parts += [Text(line) for line in (noise_words(result.noise), *rest_words(result)) if line]
+        parts.append(
+            table(("parameter", "before", "after", "unit"), rows, "parameters that changed with the cause")
+        )
+    parts.append(_errors(result))
+    held_out = held_out_words(result.parts)
+    parts += [Text(f"\n{line}") for line in (held_out, result.finding) if line] or [Text("")]
+    parts += [Text(line) for line in (noise_words(result.noise), *residual_words(result)) if line]
     said = unsaid(result)
-    parts += [Text("\nwhat the log cannot tell", style="bold")] if said else []
+    parts += [Text("\nlimits of this log", style="bold")] if said else []
     parts += [Text(f"- {line}") for line in said]
     parts += [Text(f"input: {line}") for line in result.inputs] + [Text(f"note: {n}") for n in result.notes]
     cost = result.cost
@@ -60,7 +73,20 @@ def _causes(result: Diagnosis) -> RenderableType:
         "unit",
         "size",
     )
-    return table(columns, rows, "causes (gain: of the error on the test part)")
+    return table(columns, rows, "causes (gain: how much less the error is on the test part)")
+
+
+def _stable(result: Diagnosis) -> RenderableType:
+    rows = [
+        (
+            one.name,
+            *(interval_text(one.values[name]) for name in result.recordings),
+            one.unit,
+            stable_word(one),
+        )
+        for one in result.stable
+    ]
+    return table(("", *result.recordings, "unit", ""), rows, "fitted to each recording")
 
 
 def _ranking(result: Diagnosis, number_of_round: int) -> RenderableType:
@@ -80,19 +106,22 @@ def _parameters(result: Diagnosis) -> RenderableType:
         (
             name,
             e.nominal,
-            interval(e),
+            parameter_text(e),
             e.unit,
             "-" if e.pulled_sigma is None else f"{e.pulled_sigma:+.1f} sigma",
         )
         for name, e in result.parameters.items()
-        if e.pulled_sigma is not None or not e.low == e.high == e.nominal  # others stayed where they were put
+        if name not in as_given(result)
     ]
-    columns = ("parameter", "nominal", "value [90 % interval]", "unit", "pull")
-    return table(columns, rows, "parameters (pull: from the nameplate, in its standard deviations)")
+    columns = ("parameter", "nominal", f"value [{interval_words(not result.unexplained)}]", "unit", "pull")
+    title = "parameters (pull: from the nameplate, in its standard deviations)"
+    given = ", ".join(as_given(result))
+    said = [result.reliance if rows else "", f"Not fitted, as in robot.toml: {given}." if given else ""]
+    return Group(*([table(columns, rows, title)] if rows else []), *(Text(line) for line in said if line))
 
 
 def _errors(result: Diagnosis) -> RenderableType:
-    shown = result.errors or (result.error,)
+    shown = errors_by_importance(result)
     rows = [
         (e.channel, e.nominal, e.calibrated, e.extended, e.repeatability, e.unit)
         for e in shown[:SHOWN_CHANNELS]

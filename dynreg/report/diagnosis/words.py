@@ -1,16 +1,33 @@
-"""What a diagnosis says, does not say and asks for, in sentences."""
+"""A diagnosis in sentences: what it found, what it cannot tell, and what to do next."""
 
-from dynreg.report.words import count, number
-from dynreg.results.diagnosis import Cause, Diagnosis, EffectEstimate, Inseparable, Noise, Ranked
+import math
+
+from dynreg.errors import command
+from dynreg.report.words import count, interval, number
+from dynreg.results.diagnosis import (
+    Cause,
+    Diagnosis,
+    EffectEstimate,
+    Inseparable,
+    Noise,
+    Pulled,
+    Ranked,
+    RolloutError,
+)
+from dynreg.results.refit import Refit
 from dynreg.results.result import Gain
 from dynreg.results.sentence import times
+from dynreg.verbs.diagnosis_words import excite_command
+from dynreg.verbs.simulators import NOMINAL, WORDS
 
 FLOORS = {
-    "repeatability": "what repeated runs differ by",
-    "stated_noise": "what the sensor's stated noise makes",
+    "repeatability": "the difference of repeated runs",
+    "stated_noise": "the error from the sensor's stated noise",
 }
 PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
 SHOWN_JOINTS = 6
+ROUNDING = 1e-6  # a value passes through the coordinates of a fit and back
+NOT_BETTER = "Do not use the {left} simulator: {began} predicts the held-out part better."
 VERDICTS = {
     "named": "named",
     "ambiguous": "ambiguous",
@@ -21,7 +38,7 @@ VERDICTS = {
 
 
 def standing(result: Diagnosis, ranked: Ranked) -> str:
-    """What became of a ranked hypothesis: the verdict of a cause, a tie with one, or why it lost."""
+    """The standing of a ranked hypothesis: the verdict of a cause, a tie with one, or why it lost."""
     cause = result.causes[ranked.round - 1] if ranked.round <= len(result.causes) else None
     if cause is not None and cause.key == ranked.key:
         return VERDICTS[cause.verdict]
@@ -58,6 +75,33 @@ def size_word(e: EffectEstimate) -> str:
     return next((name for name, size in names if larger(size)), "below weak")
 
 
+def parameter_text(e: Pulled) -> str:
+    """The value of a parameter with its interval; what was not fitted has none."""
+    return interval(e) if e.fitted else f"{number(e.value)}, not fitted"
+
+
+def as_given(result: Diagnosis) -> tuple[str, ...]:
+    """The parameters that were not fitted and are as in robot.toml."""
+    return tuple(
+        name
+        for name, e in result.parameters.items()
+        if not e.fitted and math.isclose(e.value, e.nominal, rel_tol=ROUNDING, abs_tol=ROUNDING)
+    )
+
+
+def errors_by_importance(result: Diagnosis) -> tuple[RolloutError, ...]:
+    """The error of every channel, those of the base first: a table that is cut still says whether the robot moved as
+    the simulator does, which no joint of a legged robot tells."""
+    return tuple(sorted(result.errors or (result.error,), key=lambda e: not e.channel.startswith("base/")))
+
+
+def stable_word(one: Refit) -> str:
+    """Whether a value is the same in all recordings."""
+    if one.same:
+        return "same in all"
+    return f"only in {' and '.join(one.there)}" if one.there and one.absent else "differs"
+
+
 def gain_cell(gain: Gain | None) -> str:
     """A gain with its interval in percent."""
     if gain is None:
@@ -68,34 +112,31 @@ def gain_cell(gain: Gain | None) -> str:
 
 
 def noise_words(noise: Noise | None) -> str:
-    """What is left, against what no simulator can explain."""
+    """The unexplained error, beside what no simulator can explain."""
     if noise is None:
-        return "There is nothing to hold what is left against: no run was repeated and no noise is stated."
-    left = f"{number(noise.left)} {noise.unit} is left of {noise.channel}"
+        return "The unexplained error cannot be judged: no run was repeated and no noise is stated."
+    left = f"The unexplained error of {noise.channel} is {number(noise.left)} {noise.unit}"
     if noise.ratio is None:
-        return f"{left}; {FLOORS[noise.basis]} is not known."
-    white = {True: "; it looks like white noise", False: "; it is not white noise", None: ""}[noise.white]
-    return f"{left}, {times(noise.ratio)} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}){white}."
+        return f"{left}. {FLOORS[noise.basis].capitalize()} is not known."
+    white = {True: " It looks like white noise.", False: " It is not white noise.", None: ""}[noise.white]
+    return f"{left}: {times(noise.ratio)} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}).{white}"
 
 
-def rest_words(result: Diagnosis) -> tuple[str, ...]:
-    """Of each joint how much of what is left can be told, and by which signals; () where that was not asked."""
+def residual_words(result: Diagnosis) -> tuple[str, ...]:
+    """How well the signals of each joint predict its unexplained acceleration; () where that was not asked."""
     out = []
     for rest in (result.rest or ())[:SHOWN_JOINTS]:
-        of = f"{number(rest.left)} {rest.unit} (1 sigma) of {rest.joint}'s acceleration"
-        told = told_by(result, rest.joint)
-        if told:
+        of = f"The unexplained acceleration of {rest.joint} is {number(rest.left)} {rest.unit} (1 sigma)."
+        if told := told_by(result, rest.joint):
             parts = ", ".join(f"{signal} {percent:.0f} %" for signal, percent in told)
-            out.append(
-                f"{of} is left; on unseen data its signals tell {100 * rest.told:.0f} % of that: {parts}."
-            )
+            out.append(f"{of} Its signals predict {100 * rest.told:.0f} % of it on unseen data: {parts}.")
         else:
-            out.append(f"{of} is left, none of which its signals tell.")
+            out.append(f"{of} Its signals predict none of it.")
     return tuple(out)
 
 
 def told_by(result: Diagnosis, joint: str) -> list[tuple[str, float]]:
-    """(signal, share [%]) of what is left of a joint, for the signals that tell some of it, the largest first."""
+    """(signal, share [%]) of a joint's residual, for the signals that predict some of it, the largest first."""
     told = [r for r in result.residual or () if r.joint == joint and r.share > 0]
     return [(r.signal.replace("_", " "), 100 * r.share) for r in sorted(told, key=lambda r: -r.share)]
 
@@ -116,34 +157,48 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
     if result.noise is None or result.noise.basis == "stated_noise":
         said.append("No run was repeated, so the robot's own scatter is not known.")
     if not result.parts.get("test"):
-        said.append("Nothing was held out: the errors are those of data that the choice was made by.")
+        said.append("Nothing was held out: the errors are of the data that chose the causes.")
     if not result.threshold.runs:
-        said.append("The threshold is the usual one, not one found by simulating this robot.")
+        said.append(
+            "The threshold is the usual one. Without --threshold-runs 0, simulations of this robot set it."
+        )
     return tuple(said)
 
 
 def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
     """What to do next, the first thing first."""
-    steps = list(result.experiments)
+    steps = [NOT_BETTER.format(left=result.left, began=result.began)] if result.worse else []
+    steps += result.experiments
     for cause in result.causes:
         for other in [key for key in cause.equivalent if key not in cause.inseparable][:1]:
-            pair = f"'{cause.key},{other}'" if "[" in cause.key + other else f"{cause.key},{other}"
-            steps.append(
-                f"Commands that tell them apart: dynreg excite {result.robot} --for {pair} -o next.csv"
-            )
+            steps.append(f"Commands that separate them: {excite_command(result.robot, cause.key, other)}")
     for pair in result.inseparable:
-        step = f"Commands that tell {pair.between[0]} from {pair.between[1]}: {pair.experiment}"
+        step = f"Commands that separate {pair.between[0]} from {pair.between[1]}: {pair.experiment}"
         if not any(pair.experiment in other for other in steps):
             steps.append(step)
     if result.verdict == "unknown":
-        steps.append(f"Check the log first: dynreg doctor LOG --robot {result.robot}")
+        steps.append(f"Check the log first: {command('doctor', 'LOG', '--robot', result.robot)}")
     if not result.parts.get("test"):
         steps.append("Record more episodes, or name some with --hold-out.")
-    if result.extended_simulator:
-        steps.append(
-            f"Take the extended simulator along: dynreg export {result.extended_simulator[:12]} --to FOLDER"
-        )
+    if result.extended_simulator and not result.worse:
+        export = command("export", result.extended_simulator[:12], "--as", "robot", "--to", "FOLDER")
+        steps.append(f"Export the extended simulator as a robot folder: {export}")
     return tuple(steps)
+
+
+def hint(result: Diagnosis) -> str | None:
+    """The command to type next where it is another than to see the page: where the simulator at the start is better."""
+    if not result.worse:
+        return None
+    start = result.start if result.start in (*WORDS, NOMINAL) else result.start[:12]
+    return (
+        f"{command('compare', result.recording_name, '--with', f'{start},diagnosed')}  # {_warning(result)}"
+    )
+
+
+def _warning(result: Diagnosis) -> str:
+    said = NOT_BETTER.format(left=result.left, began=result.began)
+    return f"{said[0].lower()}{said[1:].removesuffix('.')}"
 
 
 def _valley(pair: Inseparable) -> str:
@@ -155,11 +210,11 @@ def _valley(pair: Inseparable) -> str:
         )
         for of in (pair.cause, pair.rival)
     )
-    return f"How much is {pair.between[0]} and how much {pair.between[1]}: {cause} goes with {rival}."
+    return f"The shares of {pair.between[0]} and {pair.between[1]}: {cause} goes with {rival}."
 
 
 def _tie(cause: Cause) -> str:
-    how = "" if cause.separate_by else " What would tell them apart is not known."
+    how = "" if cause.separate_by else " No experiment is known that separates them."
     others = " and ".join(cause.equivalent)
     explain = "explains" if len(cause.equivalent) == 1 else "explain"
     return f"{others} {explain} it as well as {cause.key}.{how}"

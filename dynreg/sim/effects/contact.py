@@ -9,13 +9,15 @@ from dynreg.sim.robot import Robot
 
 
 class _OnGround(Effect):
-    """Needs geoms that can touch."""
+    """Needs a ground: a geom of the world, and one of the robot that can touch it."""
 
     acts_on = "contact"
     scope = "robot"
 
     def why_not(self, robot: Robot) -> str | None:
-        return None if len(touching_geoms(robot)) > 1 else "nothing in the model can touch anything"
+        if len(touching_geoms(robot)) < 2:
+            return "nothing in the model can touch anything"
+        return None if has_ground(robot) else "the model has no ground: no geom of the world can be touched"
 
 
 class GroundFriction(_OnGround):
@@ -79,6 +81,15 @@ def grounds(robot: Robot) -> np.ndarray:
     """Touching geoms that belong to the world."""
     touching = touching_geoms(robot)
     return touching[robot.model.geom_bodyid[touching] == 0]
+
+
+def has_ground(robot: Robot) -> bool:
+    """Whether a geom of the world can touch one of the robot."""
+    model, ground = robot.model, grounds(robot)
+    others = np.setdiff1d(touching_geoms(robot), ground)
+    meets = model.geom_contype[ground][:, None] & model.geom_conaffinity[others]
+    met = model.geom_contype[others] & model.geom_conaffinity[ground][:, None]
+    return bool((meets | met).any())
 
 
 def left_feet(robot: Robot) -> np.ndarray:

@@ -147,7 +147,7 @@ class Simulations:
             self._drives.apply(servo_law(self._ports, self._inputs[:, 0]))
         self._used = True
         q = batch.bind("qpos")[:, self.layout.action_qpos]
-        commands = told(self.layout, compiled(self.robot)[0], batch, self._ports, run, q)
+        commands = told(self.layout, self._ports, run, q)
         clock = Clock(commands, self._period, self._h, self._begin, run.draws)
         if not len(self._busy):
             return Steps(batch, self.layout, self._drives, clock, self._busy)

@@ -41,7 +41,7 @@ _signature = types.void(
 """
 _TAIL = """
 sine, exponential = _plain(sine), _plain(exponential)
-obey, listen, advance = _plain(obey), _plain(listen), _plain(advance)
+obey, listen, press, advance = _plain(obey), _plain(listen), _plain(press), _plain(advance)
 run = njit(_signature, nogil=True, cache={cache}, error_model="numpy", boundscheck=False)(run)
 """
 

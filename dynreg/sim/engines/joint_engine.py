@@ -12,6 +12,7 @@ from dynreg.errors import SimulationError
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines.acting import acting, clock_of, configure_terms, observed, true_states
 from dynreg.sim.engines.joint_blocks import Joints, integrate
+from dynreg.sim.engines.joint_stops import stop_rows
 from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, told
 from dynreg.sim.layout import Layout, observe, place
 from dynreg.sim.ports import TYPES, Ports
@@ -36,9 +37,10 @@ def simulate(
     period, begin = clock_of(ports, run)
     # each simulator divides its own period, whatever others are in the batch
     substeps = robot.substeps(period)
-    commands = told(layout, model, batch, ports, run, q)
+    stops = stop_rows(batch, model, layout, period / substeps)
+    commands = told(layout, ports, run, q)
     drives = np.array(robot.drives_of(run.joints), dtype=int)
-    rows = _of_drives(ports) | plant | {"AT": q, "V": v}
+    rows = _of_drives(ports) | plant | stops | {"AT": q, "V": v}
     rows = {name: values[:, drives] for name, values in rows.items()}
     rows |= {"H": (period / substeps)[:, None], "PERIOD": period[:, None], "BEGIN": begin[:, None]}
     heard = np.stack([ports.supply_input, ports.enable_input])[:, drives]

@@ -12,16 +12,17 @@ WIDTH = 16
 
 # Where rows begin. The engine gives those of the drive and its encoder, of what it moves, of time, and its state.
 (GAIN, RATE_GAIN, TORQUE_LIMIT, SPEED_LIMIT, DUTY_GAIN, KT, RESISTANCE) = range(0, 7 * WIDTH, WIDTH)
-(GAIN_FACTOR, LIMIT_FACTOR, IS_POSITION, IS_TORQUE, IS_DUTY_SERVO, IS_DCMOTOR) = range(
-    7 * WIDTH, 13 * WIDTH, WIDTH
+(GAIN_FACTOR, LIMIT_FACTOR, IS_POSITION, IS_TORQUE, IS_DUTY_SERVO, IS_DCMOTOR, IS_SPEED) = range(
+    7 * WIDTH, 14 * WIDTH, WIDTH
 )
-(SCALE, OFFSET, SUPPLY, INERTIA, VISCOUS, COULOMB, AMPLITUDE) = range(13 * WIDTH, 20 * WIDTH, WIDTH)
-(PHASE, CONSTANT, H, PERIOD, BEGIN, AT, V) = range(20 * WIDTH, 27 * WIDTH, WIDTH)
-GIVEN = 27
+(SCALE, OFFSET, SUPPLY, INERTIA, VISCOUS, COULOMB, AMPLITUDE) = range(14 * WIDTH, 21 * WIDTH, WIDTH)
+(PHASE, CONSTANT, H, PERIOD, BEGIN, AT, V) = range(21 * WIDTH, 28 * WIDTH, WIDTH)
+(LOW, HIGH, SPRING, DAMPER, FIRMEST, SOFTEST, DEPTH, MIDDLE, POWER) = range(28 * WIDTH, 37 * WIDTH, WIDTH)
+GIVEN = 37
 # The others are computed: the law in force, what it makes of a time step, and what ports see.
-(PUSH, STIFFNESS, RATE, LIMIT, DAMPING, BIAS, DRAG, KEPT, ON, DRAW) = range(27 * WIDTH, 37 * WIDTH, WIDTH)
-(SENT, U, MEASURED, Q, TORQUE, NET, LOAD, FRICTION) = range(37 * WIDTH, 45 * WIDTH, WIDTH)
-ROWS = 45
+(PUSH, STIFFNESS, RATE, LIMIT, DAMPING, BIAS, DRAG, KEPT, ON, DRAW) = range(37 * WIDTH, 47 * WIDTH, WIDTH)
+(SENT, U, MEASURED, Q, TORQUE, NET, LOAD, FRICTION, AFTER) = range(47 * WIDTH, 56 * WIDTH, WIDTH)
+ROWS = 56
 
 
 _ROUND = 6755399441055744.0  # added and taken off, it leaves the nearest integer
@@ -110,6 +111,30 @@ def listen(x, n, inputs, heard, sims, drives, step):
     return changed
 
 
+def press(x, n):
+    """Let the stops push back joints that are beyond them, as MuJoCo's do: a spring, a damper and an impedance.
+
+    The joint's acceleration is that share of the stop's own; it is never pulled.
+    """
+    for k in range(n):
+        low = x[Q + k] < x[LOW + k]
+        if low or x[Q + k] > x[HIGH + k]:
+            inward = 1.0 if low else -1.0
+            depth = x[LOW + k] - x[Q + k] if low else x[Q + k] - x[HIGH + k]
+            y = min(depth / x[DEPTH + k], 1.0)
+            m, power = x[MIDDLE + k], x[POWER + k]
+            y = (
+                y**power / m ** (power - 1.0)
+                if y <= m
+                else 1.0 - (1.0 - y) ** power / (1.0 - m) ** (power - 1.0)
+            )
+            share = x[SOFTEST + k] + y * (x[FIRMEST + k] - x[SOFTEST + k])
+            back = share * x[SPRING + k] * depth - x[DAMPER + k] * inward * x[V + k]
+            pushed = (1.0 - share) * inward * x[AFTER + k]
+            pushed += share * (inward * x[V + k] + x[H + k] * back)
+            x[AFTER + k] = inward * max(inward * x[AFTER + k], pushed)
+
+
 def advance(x, n, kinds, places, first, commands, sims, drives, step, substep):
     """One time step by leapfrog: half a step of position, a step of velocity, half a step of position.
 
@@ -137,8 +162,15 @@ def advance(x, n, kinds, places, first, commands, sims, drives, step, substep):
         after = (x[KEPT + k] * x[V + k] + x[H + k] * (x[TORQUE + k] - x[LOAD + k])) / x[DRAG + k]
         stop = x[H + k] * x[FRICTION + k] / x[DRAG + k]
         after -= np.minimum(np.maximum(after, -stop), stop)  # what is left beyond what friction stops
-        x[V + k] = after
-        x[AT + k] = x[Q + k] + 0.5 * x[H + k] * after
+        x[AFTER + k] = after
+    beyond = 0
+    for k in range(n):
+        beyond += (x[Q + k] < x[LOW + k]) | (x[Q + k] > x[HIGH + k])
+    if beyond:
+        press(x, n)
+    for k in range(n):
+        x[V + k] = x[AFTER + k]
+        x[AT + k] = x[Q + k] + 0.5 * x[H + k] * x[AFTER + k]
 
 
 def run(blocks, order, terms, sizes, given, own, inputs, heard, commands, draws, positions, velocities):

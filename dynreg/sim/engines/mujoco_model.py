@@ -84,23 +84,14 @@ def joint_inertia(batch: Batch, model: mujoco.MjModel, layout: Layout) -> np.nda
     return matrix[:, diagonal[layout.action_dof]].copy()
 
 
-def told(
-    layout: Layout, model: mujoco.MjModel, batch: Batch, ports: Ports, run: Run, q: np.ndarray
-) -> np.ndarray:
-    """(n, T, A) what the drives are told, from joints at q (n, A) on.
+def told(layout: Layout, ports: Ports, run: Run, q: np.ndarray) -> np.ndarray:
+    """(n, T, A) what the drives are told, from joints at q (n, A) on: the commands within the actions' limits.
 
-    Within the actions' limits; the commands of position servos also stay inside the joints' own ranges.
+    Targets beyond a joint's stops stay: the drive presses the joint on its stop, as a real one does.
     """
-    n, positions = batch.nsim, takes_positions(ports)
-    low, high = (np.tile(layout.action_range[:, i], (n, 1)) for i in (0, 1))
-    joints = model.dof_jntid[layout.action_dof]
-    limited = positions & (model.jnt_limited[joints] > 0)
-    if limited.any():
-        ranges = batch.expanded("jnt_range")
-        ranges = np.tile(model.jnt_range, (n, 1, 1)) if ranges is None else ranges
-        low[:, limited] = np.maximum(low[:, limited], ranges[:, joints[limited], 0])
-        high[:, limited] = np.minimum(high[:, limited], ranges[:, joints[limited], 1])
-    return shaped_commands(run.actions, np.where(positions, q, 0.0), low, high, ports, run.noise)
+    low, high = (np.tile(layout.action_range[:, i], (len(q), 1)) for i in (0, 1))
+    start = np.where(takes_positions(ports), q, 0.0)
+    return shaped_commands(run.actions, start, low, high, ports, run.noise)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.sim.engines.acting import true_states
-from dynreg.sim.layout import Layout, place
+from dynreg.sim.layout import Layout, place, place_base
 from dynreg.sim.ports import Ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -28,7 +28,7 @@ def reset(
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
     pose = qpos[:, layout.action_qpos].copy()
     if layout.base_qpos >= 0:
-        qpos[:, layout.base_qpos + 2] -= _clearance(batch, model)
+        qpos[:, layout.base_qpos + 2] -= _clearance(batch, model, int(model.dof_bodyid[layout.base_dof]))
     if robot.file.reset.settle > 0:
         ctrl[:, layout.action_actuator] = np.where(takes_positions(ports), pose, 0.0)
         steps = np.ceil(robot.file.reset.settle / batch.expand("opt.timestep").reshape(-1)).astype(int)
@@ -40,10 +40,16 @@ def reset(
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
     if run.initial is not None:
-        place(layout, true_states(robot, run.initial, ports), qpos, qvel)
+        states = true_states(robot, run.initial, ports)
+        place(layout, states, qpos, qvel)
+        if robot.file.reset.base == "measured" and layout.base_qpos >= 0:
+            lower = place_base(layout, states, qpos, qvel)
+            low = _clearance(batch, model, int(model.dof_bodyid[layout.base_dof]))
+            qpos[lower, layout.base_qpos + 2] -= low[lower]
     rail = _rail(model, layout)
     if rail >= 0:
-        qpos[:, rail] += np.maximum(-_clearance(batch, model), 0.0)
+        carriage = int(model.jnt_bodyid[np.searchsorted(model.jnt_qposadr, rail)])
+        qpos[:, rail] += np.maximum(-_clearance(batch, model, carriage), 0.0)
 
 
 def _alike(told: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -73,11 +79,41 @@ def foot_spheres(model: mujoco.MjModel) -> np.ndarray:
     return np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (model.geom_contype > 0))
 
 
-def _clearance(batch: Batch, model: mujoco.MjModel) -> np.ndarray:
-    """(n,) height [m] of the lowest sphere or capsule end that can touch the ground, at the reset pose."""
-    centres = batch.bind("geom_xpos")  # outputs are filled by calls made after they are bound
+def _clearance(batch: Batch, model: mujoco.MjModel, root: int) -> np.ndarray:
+    """(n,) height [m] of the lowest point, at the reset pose, of what can touch the ground and moves with body `root`.
+
+    Of a mesh the lowest corner of its box.
+    """
+    centres, turned = (
+        batch.bind("geom_xpos"),
+        batch.bind("geom_xmat"),
+    )  # filled by calls made after they are bound
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-    spheres = foot_spheres(model)
-    if not len(spheres):
-        return np.zeros(batch.nsim)
-    return (centres[:, spheres, 2] - model.geom_size[spheres, 0]).min(axis=1)
+    heights = [lowest(model, int(g), centres[:, g], turned[:, g]) for g in touching(model, root)]
+    return np.min(heights, axis=0) if heights else np.zeros(batch.nsim)
+
+
+def touching(model: mujoco.MjModel, root: int) -> np.ndarray:
+    """Numbers of the geoms on body `root` and on what it carries that can touch others."""
+    carried = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
+    return np.flatnonzero(carried & ((model.geom_contype > 0) | (model.geom_conaffinity > 0)))
+
+
+def lowest(model: mujoco.MjModel, geom: int, centre: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """(n,) height of a geom's lowest point, from its centre (n, 3) and its rotation (n, 9)."""
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    down = turned.reshape(-1, 3, 3)[:, 2]  # how far up each axis of the geom points
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return centre[:, 2] - size[0]
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return centre[:, 2] - size[0] - np.abs(down[:, 2]) * size[1]
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return (
+            centre[:, 2]
+            - np.abs(down[:, 2]) * size[1]
+            - np.sqrt(np.maximum(1 - down[:, 2] ** 2, 0.0)) * size[0]
+        )
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        return centre[:, 2] - np.sqrt(((down * size) ** 2).sum(axis=1))
+    middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+    return centre[:, 2] + down @ middle - np.abs(down) @ half

@@ -5,7 +5,7 @@ import shutil
 import sqlite3
 import zipfile
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from registry_contents import (
 )
 
 import dynreg.registry.verifying as verifying
-from dynreg.registry import Registry, export, verify
+from dynreg.errors import NoMatchError
+from dynreg.registry import Registry, collect, export, remove, verify
 
 REGISTRY = "new/place/registry"  # parents are made along with it
 EXPORT = "exported"
@@ -100,6 +101,11 @@ def step(name: str, act: Callable[[Registry, Path], Any]) -> Step:
 def _claimed_shard(registry: Registry, aside: Path) -> None:
     with registry.claim("bench", 0):
         registry.put_shard("bench", 0, make_shard(0, 4))
+
+
+def _rm(registry: Registry, ref: str) -> None:
+    with suppress(NoMatchError):  # a step may be done twice
+        remove(registry, [ref])
 
 
 def _export(root: Path, aside: Path) -> None:
@@ -198,11 +204,17 @@ def _bad_shard_and_stray(place: Path) -> None:
     (place / "results" / "notes.txt").write_text("no result")
 
 
+REMOVALS = (
+    step("rm of a recording", lambda registry, aside: _rm(registry, "first run")),
+    step("rm of a population", lambda registry, aside: _rm(registry, "bench")),
+    step("gc", lambda registry, aside: collect(registry)),
+)
 REPAIR = (Step("repair", _repair, heals=True), Step("repair again", _repair))
 SCENARIOS = {
     s.name: s
     for s in (
         LIFE,
+        Scenario("removal", _damaged(lambda place: None), REMOVALS),
         Scenario("migration", _unpacked, (step("open", lambda registry, aside: None),)),
         Scenario("lost catalogue", _damaged(_no_catalogue), REPAIR),
         Scenario("torn catalogue", _damaged(_torn_catalogue), REPAIR),

@@ -1,0 +1,67 @@
+"""A map drafted from what a log holds: the sources that look like a robot's channels, to be read and corrected."""
+
+from dynreg.data.drafting.bases import of_base
+from dynreg.data.drafting.joints import by_index, by_words, joints_of, of_joint, owned
+from dynreg.data.drafting.offers import Offer, offers_of
+from dynreg.data.drafting.proposed import proposed
+from dynreg.data.drafting.source import Source
+from dynreg.data.drafting.units import cut_off, degrees, largest
+from dynreg.data.drafting.writing import Draft
+from dynreg.data.names import joint_of, quantity_of
+from dynreg.data.schema import RecordingSpec
+from dynreg.data.series import RawLog
+
+__all__ = ["Draft", "as_logged", "draft_map"]
+
+
+def draft_map(log: RawLog, spec: RecordingSpec | None = None) -> Draft:
+    """A map from what a log holds to a robot's channels; without a robot, to channels that it proposes.
+
+    Joints are found by name, commands in arrays by their order, angles of a base in quaternions. A velocity that the
+    log does not hold is the derivative of its position. `read_recording` takes the text as it is where nothing is
+    missing.
+    """
+    offers = offers_of(log)
+    known = spec or proposed(offers)
+    return Draft(log, known, _sources(offers, known))
+
+
+def as_logged(log: RawLog) -> Draft:
+    """The map to all that a log says of joints and bases, measured efforts too; nothing is derived."""
+    offers = offers_of(log)
+    known = proposed(offers, efforts=True)
+    sources = {name: source for name, source in _sources(offers, known).items() if "source" in source.keys}
+    return Draft(log, known, sources)
+
+
+def _sources(offers: tuple[Offer, ...], spec: RecordingSpec) -> dict[str, Source]:
+    """{channel: Source} of those that are found."""
+    mine, out = owned(offers, joints_of(spec)), {}
+    for channel in spec.channels:
+        source = (
+            of_base(offers, channel)
+            or of_joint(mine, channel)
+            or by_index(offers, channel, spec)
+            or by_words(offers, channel)
+        )
+        if source is not None:
+            out[channel.name] = source
+    signals = {o.source: o for o in offers}
+    chosen = {name: signals[s.keys["source"]] for name, s in out.items() if "unit" in s.keys}
+    units = {name: str(out[name].keys["unit"]) for name in chosen}
+    for name, unit in degrees(chosen, units, spec.channels).items():
+        note = f"reaches {largest(chosen[name].series):.4g}, far beyond the joint's limits in rad: taken for degrees"
+        out[name] = out[name].told(*([note] if unit == "deg" else []), unit=unit)
+    return {**out, **_rates(chosen, spec, out)}
+
+
+def _rates(chosen: dict[str, Offer], spec: RecordingSpec, found: dict[str, Source]) -> dict[str, Source]:
+    """Velocities of which the log holds no more than the positions."""
+    out = {}
+    for channel in spec.channels:
+        position = f"{joint_of(channel.name)}/position"
+        wanted = quantity_of(channel.name) == "velocity" and channel.kind == "state"
+        if wanted and channel.name not in found and position in found:
+            keys = {"derivative_of": position, "filter_hz": cut_off(chosen[position].series)}
+            out[channel.name] = Source(keys, ("the log holds no velocity of it: the rate of its position",))
+    return out

@@ -1,0 +1,129 @@
+"""Which signal of a log is which channel of a joint: by the joint's name, by place in a list, by what it measures."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+from dynreg.data.drafting.offers import Offer
+from dynreg.data.drafting.source import Source, best
+from dynreg.data.drafting.units import KINDS, unit_of
+from dynreg.data.names import joint_of, parts_of, quantity_of
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.words import core, quantity, strange, without, words
+
+Owned = Mapping[str, list[tuple[Offer, tuple[str, ...]]]]
+
+
+def joints_of(spec: RecordingSpec) -> tuple[str, ...]:
+    """The joints, and bases, of which a robot's channels are."""
+    return tuple(dict.fromkeys(joint_of(c.name) for c in spec.channels if quantity_of(c.name)))
+
+
+def owned(offers: Sequence[Offer], joints: Sequence[str]) -> Owned:
+    """{joint: offers that name it, and the words beside its name}; the longest joint that fits has the offer."""
+    out: dict[str, list[tuple[Offer, tuple[str, ...]]]] = {joint: [] for joint in joints}
+    left = []
+    for offer in offers:
+        fits = [(j, _named(offer, j)) for j in joints]
+        fits = [(j, rest) for j, rest in fits if rest is not None]
+        if fits:
+            most = max(len(core(j)) for j, _ in fits)
+            for joint, rest in fits:
+                if len(core(joint)) == most:
+                    out[joint].append((offer, rest))
+        elif offer.item and not offer.item.isdigit():
+            left.append(offer)
+    for offer in left:  # the log's name is the shorter: "elbow" of "left_elbow_joint", where no other fits
+        fits = [j for j in joints if without(core(j), core(offer.item)) is not None]
+        if len(fits) == 1 and not any(o.group == offer.group for o, _ in out[fits[0]]):
+            out[fits[0]].append((offer, words(offer.path)))
+    if len(joints) == 1 and not out[joints[0]]:  # one joint need not be named
+        out[joints[0]] = [(offer, offer.words) for offer in offers]
+    return out
+
+
+def _named(offer: Offer, joint: str) -> tuple[str, ...] | None:
+    """The words beside a joint's name in an offer that names it; the name may lie in the topic of a JSON message."""
+    if offer.item == joint:
+        return words(offer.path)
+    part = core(joint)
+    rest = without(core(offer.item), part) if offer.item and not offer.item.isdigit() else None
+    if rest is not None:
+        return (*words(offer.path), *rest)
+    rest = without(offer.words, part)
+    if rest is None and offer.topic and not offer.item:
+        inside = without(words(offer.topic), part)
+        rest = None if inside is None else (*offer.words, *inside)
+    return rest
+
+
+def of_joint(owned: Owned, channel: ChannelSpec) -> Source | None:
+    """The signal that names the channel's joint and measures, or commands, the same."""
+    joint, what = parts_of(channel.name)
+    wanted = quantity(words(what)) if channel.kind != "action" else None
+    wanted = wanted or KINDS.get(channel.unit)
+    rated = []
+    for offer, rest in owned.get(joint, ()):
+        told = quantity(rest, offer.topic)
+        measured_command = channel.kind == "action" and not offer.command
+        if offer.command and channel.kind in ("state", "input"):
+            continue
+        if measured_command and not (told == wanted and wanted in ("torque", "voltage", "current")):
+            continue
+        if told not in (None, wanted) or told is None and (channel.kind == "enable" or strange(rest)):
+            continue
+        cost = strange(rest) + 2 * measured_command + (told is None and channel.kind != "action")
+        rated.append((cost, offer))
+    if channel.kind == "enable":
+        rated = [(c, o) for c, o in rated if quantity(o.words, o.topic) == "enable"]
+    return best(rated, channel)
+
+
+def by_index(offers: Sequence[Offer], channel: ChannelSpec, spec: RecordingSpec) -> Source | None:
+    """An item of a list without names (Float64MultiArray) with as many as the robot has of the kind, in its order."""
+    what = quantity(words(quantity_of(channel.name))) or KINDS.get(channel.unit)
+    if channel.kind not in ("action", "state") or what is None:
+        return None
+    alike = [
+        c.name
+        for c in spec.channels
+        if c.kind == channel.kind
+        and (channel.kind == "action" or quantity_of(c.name) == quantity_of(channel.name))
+    ]
+    rated = []
+    for items in _lists(offers, channel.kind == "action").values():
+        told = quantity(words(items[0].path), items[0].topic)
+        if len(items) == len(alike) and (told == what or told is None and channel.kind == "action"):
+            cost = strange(words(items[0].path.rstrip("0123456789"))) + (told is None)
+            rated.append((cost, items[alike.index(channel.name)]))
+    return best(rated, channel, "by its place in the list: the log names no joints there; check the order")
+
+
+def _lists(offers: Sequence[Offer], commands: bool) -> dict[str, list[Offer]]:
+    """Items of one list in their order, and columns that differ in the number at their end, such as q1 and q2."""
+    lists: dict[str, list[Offer]] = {}
+    for offer in offers:
+        if offer.command == commands and offer.item.isdecimal():
+            lists.setdefault(offer.group, []).append(offer)
+        elif offer.command == commands and not offer.item and offer.path[-1:].isdigit():
+            lists.setdefault(offer.topic + offer.path.rstrip("0123456789"), []).append(offer)
+    return {name: sorted(items, key=_number) for name, items in lists.items()}
+
+
+def _number(offer: Offer) -> int:
+    return int(re.findall(r"\d+", offer.item or offer.path)[-1])
+
+
+def by_words(offers: Sequence[Offer], channel: ChannelSpec) -> Source | None:
+    """A signal that is named like the channel, or like an input without a joint such as "supply"."""
+    same = [(0, o) for o in offers if o.source == channel.name]
+    if not same and channel.kind in ("input", "enable"):
+        wanted = {*words(channel.name)} | ({"enable", "enabled"} if channel.kind == "enable" else set())
+        like = {"voltage"} if KINDS.get(channel.unit) == "voltage" else set()
+        same = [
+            (strange(o.words), o)
+            for o in offers
+            if not o.command
+            and (wanted & {*o.words, *words(o.topic)} or like and quantity(o.words) in like)
+            and unit_of(o, channel) is not None
+        ]
+    return best(same, channel)

@@ -1,0 +1,60 @@
+"""What the commands of a log are: positions to go to, or torques."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from dynreg.data.drafting import Draft, draft_map
+from dynreg.data.series import RawLog
+from dynreg.draft.drives import Drive, is_hinge
+from dynreg.draft.entry import DriveKind
+from dynreg.draft.heard import Heard, Named, heard, spec_of
+
+HALF = 0.5  # share of the joints for which a log must tell the same
+BEYOND = 0.1  # of the range between a joint's stops, by which targets may lie beyond them
+
+
+def commanded(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog) -> DriveKind | None:
+    """The kind of drive that the log's commands are for, where that is not the kind of most drives; else None."""
+    own = {d.kind for d in drives}
+    joints = [d.joint for d in drives]
+    hinges = [is_hinge(model, model.joint(j).id) for j in joints]
+
+    def named(quantity: str, turn: str, slide: str) -> list[Named]:
+        return [(f"{j}/{quantity}", turn if h else slide) for j, h in zip(joints, hinges, strict=True)]
+
+    positions, targets = named("position", "rad", "m"), named("target", "rad", "m")
+    torques = named("torque", "N*m", "N")
+    if own == {"torque"}:
+        told = heard(draft_map(log, spec_of(model, positions, targets)))
+        follow = [told.follows(f"{j}/target", f"{j}/position") for j in joints]
+        if _only_measured(draft_map(log, spec_of(model, positions, torques)), torques) and all(
+            _within_stops(model, j, told) for j in joints
+        ):
+            return "position"
+        return "position" if sum(follow) > HALF * len(joints) else None
+    if own == {"position"} and all(d.said.startswith(("guessed", "the model")) for d in drives):
+        told = heard(draft_map(log, spec_of(model, positions, targets)))
+        if any(name in told.series for name, _ in targets):
+            return None
+        forces = heard(draft_map(log, spec_of(model, positions, torques)))
+        return "torque" if sum(name in forces.series for name, _ in torques) > HALF * len(joints) else None
+    return None
+
+
+def _only_measured(draft: Draft, torques: Sequence[Named]) -> bool:
+    """Whether the log has torques that were measured, and none that were commanded."""
+    sources = [draft.sources[name] for name, _ in torques if name in draft.sources]
+    return bool(sources) and all(source.measured for source in sources)
+
+
+def _within_stops(model: mujoco.MjModel, joint: str, told: Heard) -> bool:
+    """Whether the commands of a joint could be targets: within its stops, or up to 10 % of the range beyond."""
+    if f"{joint}/target" not in told.series:
+        return False
+    number = model.joint(joint).id
+    low, high = model.jnt_range[number] if model.jnt_limited[number] else (-2 * np.pi, 2 * np.pi)
+    values = told.series[f"{joint}/target"].values
+    beyond = BEYOND * (high - low)
+    return bool(np.nanmin(values) >= low - beyond and np.nanmax(values) <= high + beyond)

@@ -1,0 +1,151 @@
+"""The drives that a drafted robot gets: those of the model's actuators, as the user states them, or guessed."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from dynreg.draft.drives import (
+    JOINT,
+    QUICK,
+    Drive,
+    effective_inertia,
+    is_hinge,
+    joint_limit,
+    name_of,
+    scalar_joints,
+    understood,
+)
+from dynreg.draft.entry import DraftOptions, Notes, listed
+from dynreg.draft.opened import Opened
+from dynreg.errors import RobotError, UsageError
+
+NATURAL = 20.0  # rad/s: what a guessed servo answers with
+SAG = 0.02  # rad or m by which a guessed servo gives way to the joint's own weight
+DAMPED = 0.7  # share of the critical damping of a guessed servo
+TWICE = 2.0  # times what holds and quickens a joint: the largest command of a guessed torque drive
+_STIFF, _DAMPED = ("position",), ("position", "velocity")  # kinds of drives with a gain, and with a rate gain
+
+
+def drives_of(opened: Opened, options: DraftOptions, notes: Notes) -> tuple[Drive, ...]:
+    """The drives of a model, in the order of their first actuators, or of its joints where it has none.
+
+    Raises RobotError where no actuator is understood and no drive is stated.
+    """
+    model = opened.compiled()
+    found: dict[int, Drive] = {}
+    left_out: list[str] = []
+    for a in range(model.nu):
+        joint = int(model.actuator_trnid[a, 0])
+        known = model.actuator_trntype[a] in JOINT and joint in scalar_joints(model)
+        drive = understood(model, a, joint) if known else None
+        if drive is None:
+            left_out.append(model.actuator(a).name or f"number {a + 1}")
+        elif joint not in found:
+            found[joint] = drive
+        else:
+            found[joint] = _merged(found[joint], drive, notes)
+    if left_out:
+        notes.add(
+            f"{len(left_out)} actuators get no command ({listed(left_out)}): "
+            "a drive must be a fixed or affine actuator on a hinge or slide"
+        )
+    if not found and (options.drive or not left_out):
+        found = {j: _guessed(model, j, options) for j in scalar_joints(model) if not _follows(model, j)}
+        if found:
+            none = "no actuators" if not left_out else "no actuators that are understood"
+            notes.add(f"the model has {none}: all its hinges and slides are driven")
+    elif not found:
+        raise RobotError(
+            f"the model's actuators are not understood: {listed(left_out)}",
+            expected="fixed or affine actuators on hinges and slides",
+            do="state the drives with --drive position, --drive velocity or --drive torque",
+        )
+    else:
+        found = {j: _stated(model, j, drive, options) for j, drive in found.items()}
+    if options.torque_limit is not None:
+        found = {j: replace(d, limit=options.torque_limit) for j, d in found.items()}
+    unlimited = [d.joint for d in found.values() if d.limit is None and d.kind in ("position", "velocity")]
+    if unlimited:
+        notes.add(f"the torque limit of {listed(unlimited)} is not known: state it with --torque-limit")
+    return tuple(found.values())
+
+
+def check_gains(drives: tuple[Drive, ...], options: DraftOptions, notes: Notes) -> None:
+    """A note about stated gains that some drives do not have; UsageError where none has them."""
+    for flag, value, kinds in (("--kp", options.kp, _STIFF), ("--kd", options.kd, _DAMPED)):
+        without = [d for d in drives if d.kind not in kinds]
+        if value is None or not without:
+            continue
+        if len(without) == len(drives):
+            raise UsageError(
+                f"{flag} {value:g}: no {without[0].kind} drive has this gain",
+                expected=f"{flag} with {' or '.join(kinds)} drives",
+                do=f"add --drive position, or leave {flag} out",
+            )
+        notes.add(
+            f"{flag} is not for {listed([d.joint for d in without])}: they are {without[0].kind} drives"
+        )
+
+
+def _follows(model: mujoco.MjModel, joint: int) -> bool:
+    """Whether an equality (a URDF's mimic) makes the joint follow another."""
+    kind = int(mujoco.mjtEq.mjEQ_JOINT)
+    return any(
+        model.eq_type[e] == kind and model.eq_obj1id[e] == joint and model.eq_obj2id[e] >= 0
+        for e in range(model.neq)
+    )
+
+
+def _merged(first: Drive, second: Drive, notes: Notes) -> Drive:
+    """Two actuators of one joint: a velocity servo beside a position servo damps it; of others the first counts."""
+    kinds = {first.kind, second.kind}
+    if kinds == {"position", "velocity"}:
+        position = first if first.kind == "position" else second
+        other = second if position is first else first
+        return replace(position, rate_gain=position.rate_gain + other.rate_gain)
+    notes.add(f"joint {first.joint} has several actuators: the first takes its commands")
+    return first
+
+
+def _guessed(model: mujoco.MjModel, joint: int, options: DraftOptions) -> Drive:
+    """A drive for a joint that has no actuator, as stated, or from the joint's inertia and weight."""
+    ends = joint_limit(model, joint)
+    drive = Drive(
+        name_of(model, joint), "torque", limit=min(ends, default=None), said="the model has no actuator"
+    )
+    return _stated(model, joint, drive, replace(options, drive=options.drive or "position"))
+
+
+def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptions) -> Drive:
+    """The drive as the user states it; gains that are not stated are guessed where the model's drive has none."""
+    kind = options.drive or drive.kind
+    if kind == drive.kind and kind in _DAMPED:
+        gain = drive.gain if options.kp is None else options.kp
+        rate = drive.rate_gain if options.kd is None else options.kd
+        changed = (gain, rate) != (drive.gain, drive.rate_gain)
+        return replace(drive, gain=gain, rate_gain=rate, said="stated" if changed else drive.said)
+    if options.drive is None or (kind == drive.kind and drive.high is not None):
+        return drive
+    limit = drive.limit
+    if drive.kind == "torque" and drive.high is not None:
+        # of a motor: its largest command
+        most = abs(drive.gain) * max(abs(drive.low or 0.0), abs(drive.high))
+        limit = most if limit is None else min(limit, most)
+    inertia, load = effective_inertia(model, joint)
+    if kind == "torque":
+        gain = drive.gain if drive.kind == kind else 1.0
+        most = (limit or TWICE * (load + QUICK * inertia)) / abs(gain)
+        kept = drive if drive.kind == kind else Drive(drive.joint, kind, said=drive.said)
+        return replace(kept, limit=limit, low=-most, high=most, usual=True)
+    guessed = max(inertia * NATURAL**2, load / SAG)
+    kp = options.kp if options.kp is not None else guessed
+    kd = options.kd if options.kd is not None else 2.0 * DAMPED * float(np.sqrt(kp * inertia))
+    stated = options.kp if kind == "position" else options.kd
+    said = "stated" if stated is not None else "guessed from inertia and weight"
+    if kind == "position":
+        return Drive(drive.joint, "position", kp, kd, limit=limit, said=said)
+    speed = 2.0 * np.pi if is_hinge(model, joint) else 1.0
+    return Drive(
+        drive.joint, "velocity", rate_gain=kd, limit=limit, low=-speed, high=speed, usual=True, said=said
+    )

@@ -1,0 +1,141 @@
+"""What a log tells of a robot: which channels it holds, how often, how noisy, and what its commands are."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from dynreg.data.drafting import Draft
+from dynreg.data.episodes import raw_episodes
+from dynreg.data.names import parts_of
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Series
+from dynreg.draft.tables import Sensed
+
+Named = tuple[str, str]  # a channel or an action, and its unit
+QUIET = 0.25  # share of a log in which a signal moves least: its noise is that of these moments
+BLOCK = 20  # samples of one moment
+# Orders of the differences that take motion out of a signal, also out of that of a joint that is never still.
+ORDERS = (3, 4, 5, 6, 7, 8)
+FLAT = 0.8  # share to which the next order falls where noise is left alone: less, and it is motion still
+# Noise that is never undercut, by unit: numbers are rounded.
+LEAST = {"rad": 1e-5, "m": 1e-6, "rad/s": 1e-4, "m/s": 1e-5}
+STILL = 2.0  # times its noise that a signal varies, 1 sigma, below which its motion cannot be told from noise
+WHOLE = 0.02  # share of a quantum by which steps may miss a whole number of it
+FOLLOWS = 0.8  # correlation from which a command is one for the position
+FASTEST = 500.0  # Hz: a faster log is thinned by whole numbers
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What a log tells. series : of the channels and actions that it holds, in their units, of its longest episode."""
+
+    series: Mapping[str, Series]
+
+    def first(self, name: str) -> float | None:
+        """The first value of a channel; None where the log lacks it."""
+        values = self.series[name].values if name in self.series else np.zeros(0)
+        known = values[np.isfinite(values)]
+        return float(known[0]) if len(known) else None
+
+    def largest(self, name: str) -> float:
+        """The largest size of a channel; 0 where the log lacks it."""
+        return float(np.nanmax(np.abs(self.series[name].values), initial=0.0)) if name in self.series else 0.0
+
+    def rate(self, actions: Sequence[str]) -> float | None:
+        """How often commands come [Hz], else the signals: by their stamps, at most `FASTEST`."""
+        told = [self.series[a] for a in actions if a in self.series] or list(self.series.values())
+        steps = [np.median(np.diff(s.time)) for s in told if len(s) > 2]
+        steps = [step for step in steps if step > 0]
+        if not steps:
+            return None
+        rate = 1.0 / float(np.median(steps))
+        rate /= max(1.0, np.ceil(rate / FASTEST - 1e-3))
+        return (
+            float(round(rate)) if abs(rate - round(rate)) < 0.01 * rate and rate > 2 else float(f"{rate:.4g}")
+        )
+
+    def follows(self, command: str, position: str) -> bool:
+        """Whether a command is where the position goes."""
+        if command not in self.series or position not in self.series:
+            return False
+        told, went = self.series[command], self.series[position]
+        at = np.interp(went.time, told.time, told.values)
+        known = np.isfinite(at) & np.isfinite(went.values)
+        at, went_to = at[known], went.values[known]
+        if len(at) < BLOCK or np.std(at) == 0 or np.std(went_to) == 0:
+            return False
+        close = np.sqrt(np.mean((at - went_to) ** 2)) < 2.0 * np.std(went_to)
+        return bool(close and np.corrcoef(at, went_to)[0, 1] > FOLLOWS)
+
+
+def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[Named]) -> RecordingSpec:
+    """What a recording of the model with these channels and actions holds, where its log has it."""
+    every = [
+        (*named, kind) for kind, listed in (("state", channels), ("action", actions)) for named in listed
+    ]
+    specs = [ChannelSpec(name, unit, kind, optional=True) for name, unit, kind in every]
+    return within_stops(model, RecordingSpec("drafted", tuple(specs), (), None))
+
+
+def within_stops(model: mujoco.MjModel, spec: RecordingSpec) -> RecordingSpec:
+    """The spec in which angles of joints with stops have these as limits, and nothing else has any."""
+    stops = {
+        model.joint(j).name: model.jnt_range[j].tolist() for j in range(model.njnt) if model.jnt_limited[j]
+    }
+    return replace(spec, channels=tuple(_limited(c, stops) for c in spec.channels))
+
+
+def _limited(channel: ChannelSpec, stops: Mapping[str, list[float]]) -> ChannelSpec:
+    joint, quantity = parts_of(channel.name)
+    angle = channel.unit == "rad" and quantity in ("position", "target")
+    low, high = stops.get(joint, (None, None)) if angle else (None, None)
+    return replace(channel, low=low, high=high)
+
+
+def heard(draft: Draft) -> Heard:
+    """What a log tells of the channels and actions of its drafted map."""
+    if not draft.sources:
+        return Heard({})
+    episodes = raw_episodes(draft.log, draft.log_map, draft.spec)
+    longest = max(episodes, key=lambda e: max((len(s) for s in e.channels.values()), default=0))
+    return Heard({name: s for name, s in longest.channels.items() if np.isfinite(s.values).any()})
+
+
+def sensed(series: Series, unit: str) -> Sensed | None:
+    """Noise and quantum of a channel by the moments at which it moves least; None for too few samples."""
+    values = series.values[np.isfinite(series.values)]
+    if len(values) < 3 * BLOCK:
+        return None
+    quantum = _quantum(values)
+    sizes = [_unsteady(values, order) for order in ORDERS]
+    flat = (a for a, b in zip(sizes, sizes[1:], strict=False) if b > FLAT * a)  # motion falls, noise stays
+    noise = next(flat, sizes[-1])
+    noise = float(np.sqrt(max(noise**2 - quantum**2 / 12, 0.0)))
+    if quantum == 0 or noise > quantum:
+        noise = max(noise, LEAST.get(unit, 1e-6))
+    still = bool(np.std(values) < STILL * max(noise, quantum))
+    said = "in which it does not move" if still else "by differences, where it moves least"
+    return Sensed(float(f"{noise:.2g}"), float(f"{quantum:.4g}"), f"of the log, {said}", still)
+
+
+def _unsteady(values: np.ndarray, order: int) -> float:
+    """1 sigma of what no polynomial explains, by differences of an order, where a signal moves least."""
+    differences = np.diff(values, order) / np.sqrt(float(math.comb(2 * order, order)))
+    blocks = differences[: len(differences) // BLOCK * BLOCK].reshape(-1, BLOCK)
+    sizes = np.sort(np.sqrt((blocks**2).mean(axis=1)))
+    return float(np.median(sizes[: max(1, round(QUIET * len(sizes)))]))
+
+
+def _quantum(values: np.ndarray) -> float:
+    """The step that all differences are whole numbers of; 0 where there is none."""
+    steps = np.abs(np.diff(values))
+    largest = float(np.abs(values).max(initial=0.0))
+    steps = steps[steps > 1e-9 * max(largest, 1e-9)]
+    if len(steps) < BLOCK or len(np.unique(np.round(values, 12))) > len(values) / 2:
+        return 0.0
+    least = float(np.percentile(steps, 1))
+    near = steps[steps < 20 * least] / least
+    return least if len(near) and (np.abs(near - np.round(near)) < WHOLE).mean() > 0.95 else 0.0

@@ -1,0 +1,109 @@
+"""The law of the drives by a log: how torques follow targets or speeds, and how far commands go."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynreg.draft.drives import Drive
+from dynreg.draft.entry import Notes, listed
+from dynreg.draft.heard import Heard
+
+EFFORT = "torque"  # the quantity of a joint's measured torque
+LEAST = 200  # samples from which a law is fitted
+UNEXPLAINED = 0.02  # share of the torque's variance that a law may leave: sensors' noise leaves below 0.001
+SATURATED = 0.95  # of the largest torque from which on a drive may be at its limit, and follow no law
+PASSED = 1.001  # times a range at which a command is beyond it: logs round
+AGREES = 0.1  # by which a gain may differ from the log's and be the same: torques are measured no better
+
+
+def with_measured_gains(drives: Sequence[Drive], told: Heard | None, notes: Notes) -> tuple[Drive, ...]:
+    """The drives with gains marked as measured where the log's torques follow them, and guessed ones replaced by these.
+
+    A gain that the user or the model states stays where the log has another, which is noted.
+    """
+    if told is None:
+        return tuple(drives)
+    laws = {d.joint: law for d in drives if (law := law_of(told, d)) is not None}
+    other, out = [], []
+    for drive in drives:
+        law = laws.get(drive.joint)
+        if law is None:
+            out.append(drive)
+        elif _agrees(drive, law):
+            out.append(replace(drive, measured=True))
+        elif drive.said.startswith("guessed"):
+            gains = {k: float(f"{v:.3g}") for k, v in law.items()}
+            out.append(replace(drive, measured=True, said="of the log's torques", **gains))
+        else:
+            out.append(drive)
+            told_gains = ", ".join(f"{k} {v:.3g}" for k, v in law.items())
+            other.append(f"{drive.joint}: {told_gains}")
+    if same := [d.joint for d in out if d.measured]:
+        notes.add(
+            f"the log's torques follow the gains of {len(same)} joints: these are doubted by {AGREES:.0%} only, as far "
+            "as torques are measured"
+        )
+    if other:
+        notes.add(f"the log's torques follow other gains than those stated ({listed(other)})")
+    return tuple(out)
+
+
+def without_passed_ranges(drives: Sequence[Drive], told: Heard | None, notes: Notes) -> tuple[Drive, ...]:
+    """The drives of torques and speeds, where a range that the model states and the log's commands pass is no limit.
+
+    The robot took these commands: a simulator that cuts them would move otherwise. Targets are left alone, since a
+    controller may ask for more than a servo is given.
+    """
+    passed = {
+        d.joint: (most, max(abs(d.low), abs(d.high)))
+        for d in drives
+        if told is not None
+        and d.kind != "position"
+        and not d.usual
+        and d.low is not None
+        and d.high is not None
+        if (most := told.largest(d.action)) > PASSED * max(abs(d.low), abs(d.high))
+    }
+    if passed:
+        cases = listed([f"{joint}: {most:.3g}, {end:.3g}" for joint, (most, end) in passed.items()])
+        notes.add(
+            f"the log's commands go beyond the range that the model states ({cases}): the log's counts. If the log has "
+            "another unit, correct the map"
+        )
+    return tuple(replace(d, usual=True) if d.joint in passed else d for d in drives)
+
+
+def law_of(told: Heard, drive: Drive) -> dict[str, float] | None:
+    """{gain: value} by which a joint's measured torques follow its commands; None where they follow no such law.
+
+    Least squares over the samples in which the drive is not at its limit: torque = gain (target - position) - rate_gain
+    velocity of position drives, rate_gain (command - velocity) of velocity drives.
+    """
+    names = [f"{drive.joint}/{EFFORT}", drive.action, f"{drive.joint}/position", f"{drive.joint}/velocity"]
+    if drive.kind not in ("position", "velocity") or any(name not in told.series for name in names):
+        return None
+    torque, command, position, velocity = (told.series[name] for name in names)
+    time = torque.time
+    # a command holds until the next one
+    at = np.maximum(np.searchsorted(command.time, time, side="right") - 1, 0)
+    q, v = (np.interp(time, s.time, s.values) for s in (position, velocity))
+    wanted, rows = command.values[at], torque.values
+    if drive.kind == "position":
+        keys, columns = ("gain", "rate_gain"), np.stack([wanted - q, -v], axis=1)
+    else:
+        keys, columns = ("rate_gain",), (wanted - v)[:, None]
+    known = np.isfinite(columns).all(axis=1) & np.isfinite(rows)
+    known &= np.abs(rows) < SATURATED * np.nanmax(np.abs(rows), initial=0.0)
+    if known.sum() < LEAST:
+        return None
+    columns, rows = columns[known], rows[known]
+    values = np.linalg.lstsq(columns, rows, rcond=None)[0]
+    missed = np.mean((rows - columns @ values) ** 2)
+    if missed > UNEXPLAINED * np.var(rows) or values[0] <= 0 or values[-1] < 0:
+        return None
+    return dict(zip(keys, map(float, values), strict=True))
+
+
+def _agrees(drive: Drive, law: dict[str, float]) -> bool:
+    return all(abs(value - getattr(drive, key)) <= AGREES * getattr(drive, key) for key, value in law.items())

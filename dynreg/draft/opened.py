@@ -1,0 +1,230 @@
+"""A stranger's model as one plain MJCF: includes flattened, files beside it, names for what has none."""
+
+import posixpath
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+import mujoco
+
+from dynreg.draft.entry import DraftOptions, Notes
+from dynreg.draft.held import placed
+from dynreg.draft.source import Source
+from dynreg.draft.urdf import is_urdf
+from dynreg.errors import RobotError, UsageError
+from dynreg.sim.mjcf import ROOT
+
+BASE = "base"  # the name of a free joint that has none
+_ODD = re.compile(r"[,\[\]*?/\s]+")  # letters that `sets` entries and channel names cannot hold
+_NAMED_BY = {  # attributes that hold the name of a joint, a body or a geom
+    "joint": ("joint", "joint1", "joint2", "jointinparent"),
+    "body": ("body", "body1", "body2", "target"),
+    "geom": ("geom", "geom1", "geom2"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A model in memory: `spec` as MuJoCo's, `assets` the files that it names, by their path beside it."""
+
+    spec: mujoco.MjSpec
+    assets: dict[str, bytes]
+
+    def compiled(self) -> mujoco.MjModel:
+        """The compiled model; RobotError where MuJoCo refuses it."""
+        return compiled(self.spec)
+
+    def xml(self) -> str:
+        """The whole as MJCF."""
+        return self.spec.to_xml()
+
+
+def open_model(source: Source, options: DraftOptions, notes: Notes) -> Opened:
+    """The model of a source, an MJCF or a URDF.
+
+    Raises RobotError where MuJoCo does not read or compile it; UsageError for an MJCF with an option for its base.
+    """
+    spec = _spec(source)
+    assets = _gather(spec, source)
+    spec.assets = dict(assets)
+    compiled(spec)
+    if options.free_base is not None:
+        _set_base(
+            spec,
+            source.name,
+            options.free_base,
+            is_urdf(source.files[source.model].decode("utf-8", errors="replace")),
+        )
+    if not options.visuals:
+        dropped = spec.discard_visual()
+        if dropped:
+            notes.add(
+                f"{dropped} visual {'part' if dropped == 1 else 'parts'} left out; --visuals keeps them"
+            )
+    for sensor in list(spec.sensors):
+        spec.delete(sensor)
+    assets = {path: assets[path] for path in _named(spec)}
+    spec.assets = dict(assets)
+    return Opened(_read(_with_names(spec.to_xml()), assets, source.name), assets)
+
+
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The compiled model of a spec; RobotError where MuJoCo refuses it."""
+    try:
+        return spec.compile()
+    except (ValueError, RuntimeError, mujoco.FatalError) as problem:
+        raise _refused("the model", problem) from None
+
+
+def _spec(source: Source) -> mujoco.MjSpec:
+    try:
+        with mujoco.MjVfs() as given:
+            for name, data in source.files.items():
+                given[f"{ROOT}/{name}"] = data
+            return mujoco.MjSpec.from_file(f"{ROOT}/{source.model}", vfs=given)
+    except (ValueError, RuntimeError, mujoco.FatalError) as problem:
+        raise _refused(source.name, problem) from None
+
+
+def _refused(name: str, problem: Exception) -> RobotError:
+    told = " ".join(str(problem).replace(f"{ROOT}/", "").split())
+    return RobotError(
+        f"MuJoCo does not read {name}: {told}",
+        expected="a model that MuJoCo compiles",
+        do="mend it, or give the file of the whole scene",
+    )
+
+
+def _set_base(spec: mujoco.MjSpec, name: str, free: bool, urdf: bool) -> None:
+    if not urdf:
+        flag = "--free-base" if free else "--fixed-base"
+        do = "write <freejoint/> into" if free else "leave <freejoint/> out of"
+        raise UsageError(
+            f"{flag} for {name}, an MJCF",
+            expected="a URDF, which cannot say that its base moves freely",
+            do=f"{do} the first body, or leave {flag} out",
+        )
+    if not free:
+        return
+    first = spec.worldbody.first_body()
+    if first is None:
+        raise RobotError(
+            f"{name} has no body that could move freely", expected="a link", do="leave --free-base out"
+        )
+    first.add_freejoint(name=BASE)
+
+
+def _files_of(spec: mujoco.MjSpec) -> Iterator[tuple[Any, str, str]]:
+    """(element, attribute, folder) of all that may name a file; of a texture also the list of six for a cube."""
+    for element in (*spec.meshes, *spec.skins, *spec.hfields):
+        yield element, "file", element.compiler.meshdir
+    for texture in spec.textures:
+        yield texture, "file", texture.compiler.texturedir
+        yield texture, "cubefiles", texture.compiler.texturedir
+
+
+def _named(spec: mujoco.MjSpec) -> list[str]:
+    """The files that the model names."""
+    found = [getattr(element, key) for element, key, _ in _files_of(spec)]
+    return [name for told in found for name in ([told] if isinstance(told, str) else told) if name]
+
+
+def _gather(spec: mujoco.MjSpec, source: Source) -> dict[str, bytes]:
+    """The files that the model names, each renamed in the model to its path in the new folder."""
+    assets: dict[str, bytes] = {}
+    for element, key, folder in _files_of(spec):
+        told = getattr(element, key)
+        if isinstance(told, str):
+            if told:
+                setattr(element, key, _moved(assets, source, folder, told))
+            continue
+        for i, name in enumerate(told):
+            if name:
+                told[i] = _moved(assets, source, folder, name)
+    spec.meshdir = spec.texturedir = ""
+    spec.strippath = False
+    return assets
+
+
+def _moved(assets: dict[str, bytes], source: Source, folder: str, name: str) -> str:
+    """The path in the new folder of a file that the model names by `name`, in the folder that it says."""
+    home, name = posixpath.dirname(source.model), name.replace("\\", "/")
+    plain = posixpath.basename(name)
+    for place in ((home, folder, name), (home, name), (home, folder, plain), (home, plain)):
+        path = posixpath.normpath(posixpath.join(*place))
+        if path in source.files:
+            return placed(assets, plain, source.files[path])
+    for path, data in source.files.items():  # beside an include, in a folder of its own
+        if posixpath.basename(path) == plain:
+            return placed(assets, plain, data)
+    raise RobotError(
+        f"{source.name} names {name!r}, which is not there",
+        expected=f"a file such as {posixpath.join(folder, name)!r}",
+        do="put it there, or take it out of the model",
+    )
+
+
+def _with_names(text: str) -> str:
+    """The MJCF with a name for each joint and body and each geom that touches, fit for channels and `sets`."""
+    root = ET.fromstring(text)
+    for kind, tags in (("body", ("body",)), ("joint", ("joint", "freejoint")), ("geom", ("geom",))):
+        taken = {e.get("name") for e in _elements(root, tags) if e.get("name")}
+        for parent, element in _with_parents(root, tags):
+            old = element.get("name")
+            if old and not _ODD.search(old):
+                continue
+            wanted = _ODD.sub("_", old).strip("_") if old else _wanted(kind, parent, element)
+            new = next(n for n in _numbered(wanted or kind) if n not in taken)
+            taken.add(new)
+            element.set("name", new)
+            if old:
+                _rename(root, kind, old, new)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _wanted(kind: str, parent: ET.Element, element: ET.Element) -> str:
+    if kind == "joint" and (element.tag == "freejoint" or element.get("type") == "free"):
+        return BASE
+    if kind == "geom" and parent.tag == "worldbody":
+        return "ground" if element.get("type") == "plane" else "scene"
+    return (parent.get("name") or "world") + {"joint": "", "geom": "_geom", "body": "_part"}[kind]
+
+
+def _rename(root: ET.Element, kind: str, old: str, new: str) -> None:
+    for element in root.iter():
+        for key in _NAMED_BY[kind]:
+            if element.get(key) == old:
+                element.set(key, new)
+        if element.get("objtype") == kind and element.get("objname") == old:
+            element.set("objname", new)
+
+
+def _elements(root: ET.Element, tags: tuple[str, ...]) -> Iterator[ET.Element]:
+    return (element for _, element in _with_parents(root, tags))
+
+
+def _with_parents(root: ET.Element, tags: tuple[str, ...]) -> list[tuple[ET.Element, ET.Element]]:
+    """(parent, element) of all that stand in the tree of bodies, with these tags."""
+    world = root.find("worldbody")
+    return [] if world is None else [(p, e) for p in world.iter() for e in p if e.tag in tags]
+
+
+def _numbered(name: str) -> Iterator[str]:
+    yield name
+    yield from (f"{name}_{number}" for number in count(2))
+
+
+def free_name(wanted: str, elements: Iterable[Any]) -> str:
+    """A name that none of the elements has: the one that is wanted, or that with a number behind it."""
+    taken = {element.name for element in elements}
+    return next(name for name in _numbered(wanted) if name not in taken)
+
+
+def _read(text: str, assets: dict[str, bytes], name: str) -> mujoco.MjSpec:
+    try:
+        return mujoco.MjSpec.from_string(text, assets=dict(assets))
+    except (ValueError, RuntimeError, mujoco.FatalError) as problem:
+        raise _refused(name, problem) from None

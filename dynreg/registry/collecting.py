@@ -1,0 +1,153 @@
+"""Files that a registry need not keep: unnamed files, unfinished work, and computed things."""
+
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import Connection, select
+
+import dynreg.registry.tables as tables
+from dynreg.errors import CorruptError, RegistryError
+from dynreg.registry.cache import is_sound
+from dynreg.registry.catalog import FILE
+from dynreg.registry.files import (
+    CACHE,
+    CONTENTS,
+    INDEX,
+    LEDGER,
+    ROBOTS,
+    abandoned,
+    is_temporary,
+    sweep,
+    try_lock,
+)
+from dynreg.registry.hashes import entries_hash
+from dynreg.registry.indexes import read_index
+from dynreg.registry.ledger import read_ledger
+from dynreg.registry.rebuild import manifest_of
+from dynreg.registry.registry import Registry
+from dynreg.registry.sweeping import remove_files, size_of
+
+DAYS = 7  # after which a copy of a read-only registry's catalogue is nobody's any more
+_NAMED_BY_NOTHING = "nothing names it"
+_AGAIN = "it can be computed again"
+_DAMAGED = "it is damaged"
+
+
+@dataclass(frozen=True)
+class Unneeded:
+    """A file or folder that need not be kept: its path in the registry (else from the root), why, and its bytes.
+
+    cut_short : the work of a writer that is gone, which a sweep removes where no other begins at that moment.
+    """
+
+    path: str
+    why: str
+    size: int
+    cut_short: bool = False
+
+
+def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) -> tuple[Unneeded, ...]:
+    """Remove what the registry need not keep; returns what it was.
+
+    That is files that no row names, such as those of a put or a removal that was cut short; indexes of entries that are
+    not there any more; damaged indexes and files of the cache; and copies of catalogues that read-only registries left
+    in the folder for temporary files. caches : all of the cache and all indexes, too. dry_run : say so,
+    and remove nothing.
+
+    Raises RegistryError where the registry may not be written, or its ledger is damaged: files that nothing names are
+    then what a repair needs.
+    """
+    registry.check_writable()
+    root = registry.path
+    with registry.directory.catalog.write() as writing:  # nobody registers anything meanwhile
+        _require_ledger(root, writing.connection)
+        found = [*_unnamed(root, writing.connection), *_stale(root, writing.connection, caches)]
+        found += [_cut_short(root, path) for path in abandoned(root)]
+        if not dry_run:
+            remove_files(root, [one.path for one in found if not one.cut_short])
+    left = list(_left_by_readers())
+    if not dry_run:
+        sweep(root)
+        remove_files(Path("/"), [one.path.lstrip("/") for one in left])
+    return (*found, *left)
+
+
+def _require_ledger(root: Path, connection: Connection) -> None:
+    ledger = read_ledger(root)
+    present = {page.number: sha256 for page, sha256 in ledger.pages}
+    begins = min(present, default=0)
+    rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256))
+    if ledger.bad or any(row.number >= begins and present.get(row.number) != row.sha256 for row in rows):
+        raise RegistryError(
+            f"pages of the ledger of {str(root)!r} are lost or damaged",
+            expected=f"every page in {LEDGER}/ as it was written: a repair may need files that nothing names",
+            do="run `dynreg verify --repair` first",
+        )
+
+
+def _unnamed(root: Path, connection: Connection) -> Iterator[Unneeded]:
+    """Files of contents that no row names; of a known robot only log maps."""
+    named = set(connection.execute(select(tables.files.c.path)).scalars())
+    robots = {row.hash: manifest_of(row._asdict()) for row in connection.execute(select(tables.robots))}
+    for folder in CONTENTS:
+        for path in sorted((root / folder).rglob("*")):
+            name = path.relative_to(root).as_posix()
+            if path.is_symlink() or path.is_dir() or is_temporary(path.name) or name in named:
+                continue
+            if folder == ROBOTS and name.split("/")[1] in robots:
+                continue  # a put sweeps its maps, and what else is there is a fault
+            yield Unneeded(name, _NAMED_BY_NOTHING, size_of(path))
+
+
+def _stale(root: Path, connection: Connection, caches: bool) -> Iterator[Unneeded]:
+    """Indexes and files of the cache that nobody can use; or all of them."""
+    populations = set(connection.execute(select(tables.populations.c.id)).scalars())
+    for path in sorted((root / INDEX).glob("*")):
+        if path.is_symlink() or is_temporary(path.name):
+            continue
+        try:
+            header = read_index(path)[0]
+            owner = header["population"]
+            fits = owner in populations and entries_hash(connection, owner) == header["entries"]
+            why = _AGAIN if fits else "its entries are not there any more"
+        except CorruptError:
+            fits, why = False, _DAMAGED
+        if caches or not fits:
+            yield Unneeded(path.relative_to(root).as_posix(), why, size_of(path))
+    for path in sorted((root / CACHE).rglob("*.json")):
+        sound = is_sound(path)
+        if not is_temporary(path.name) and (caches or not sound):
+            why = _AGAIN if sound else _DAMAGED
+            yield Unneeded(path.relative_to(root).as_posix(), why, size_of(path))
+
+
+def _cut_short(root: Path, path: Path) -> Unneeded:
+    return Unneeded(
+        path.relative_to(root).as_posix(), "its writer was cut short", size_of(path), cut_short=True
+    )
+
+
+def _left_by_readers() -> Iterator[Unneeded]:
+    """Copies of catalogues that were made for registries that may only be read, whose processes were killed."""
+    for folder in sorted(Path(tempfile.gettempdir()).glob("dynreg-*")):
+        catalog = folder / FILE
+        try:
+            old = time.time() - catalog.stat().st_mtime > DAYS * 86400
+            mine = folder.stat().st_uid == catalog.stat().st_uid == _user()
+        except OSError:
+            continue
+        if not (old and mine and (folder / LEDGER).is_dir()) or folder.is_symlink():
+            continue
+        with try_lock(folder, create=False) as nobodys:  # a reader that still runs holds it
+            if nobodys:
+                why = f"a read-only registry left it more than {DAYS} days ago"
+                yield Unneeded(folder.as_posix(), why, size_of(folder))
+
+
+def _user() -> int:
+    """The user of this process; 0, that of every file, on a system that knows none."""
+    return os.getuid() if hasattr(os, "getuid") else 0

@@ -1,0 +1,73 @@
+"""The parts of a recording that a simulator was fitted to or chosen by; windows where they can be cut again."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dynreg.compare.rollouts import LONGEST
+from dynreg.replay.cut import windows
+from dynreg.replay.holes import hit, holes
+from dynreg.replay.parts import names
+from dynreg.replay.rows import rows_of
+
+if TYPE_CHECKING:
+    from dynreg.replay.windows import Windows
+    from dynreg.verbs.simulators import Simulator
+    from dynreg.verbs.subjects import Recorded
+
+Seen = Callable[[str, float, float], bool]
+
+
+def seen(asked: "Recorded", one: "Simulator") -> Seen:
+    """Whether a simulator has seen rows of an episode (its name) between two times [s] on its clock.
+
+    An episode that was cut into windows and fitted to in part is seen whole, unless its result's windows can be cut
+    again. Where it was fitted to the recording and nothing says to which part, it has seen all of it.
+    """
+    if one.fitted_to is None:
+        return lambda episode, begin, end: True
+    if not one.fitted_to:
+        return lambda episode, begin, end: False
+    held_out = _spans(asked, one)
+
+    def known(episode: str, begin: float, end: float) -> bool:
+        return episode in one.fitted_to and not any(
+            name == episode and first <= begin and end <= last for name, first, last in held_out
+        )
+
+    return known
+
+
+def _spans(asked: "Recorded", one: "Simulator") -> list[tuple[str, float, float]]:
+    """(episode, begin, end) [s] of the windows that the simulator's result held out; windows in a row are one."""
+    told = {name for part in (one.parts or {}).values() for name in part}
+    for cut in _cuts(asked, one.asked.get("horizon")):
+        every = names(asked.recording, cut, np.ones(len(cut), dtype=bool))
+        # a diagnosis of at most so many windows names those alone; that it is this cut, its horizon says
+        if told == {*every} or (one.asked.get("windows") and told < {*every}):
+            return _joined(asked, cut.take(np.array([n in one.parts["test"] for n in every], dtype=bool)))
+    return []
+
+
+def _cuts(asked: "Recorded", horizon: float | None) -> "list[Windows]":
+    """The recording as a diagnosis cuts it that was told this horizon [s] or none, and as a query does."""
+    robot, recording = asked.robot, asked.recording
+    plain = windows(robot, recording)
+    longest = horizon or robot.file.replay.horizon or LONGEST
+    table = robot.file.replay.model_copy(update={"horizon": longest})
+    short = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
+    return [short.take(np.flatnonzero(~hit(short, holes(robot, recording)))), plain]
+
+
+def _joined(asked: "Recorded", cut: "Windows") -> list[tuple[str, float, float]]:
+    time, out = rows_of(asked.robot, asked.recording).time, []
+    for number, (first, stop) in sorted(zip(cut.episode.tolist(), cut.rows.tolist(), strict=True)):
+        name = asked.recording.episodes[number].name
+        begin, end = float(time[number][first]), float(time[number][stop - 1])
+        if out and out[-1][0] == name and out[-1][2] == begin:
+            out[-1] = (name, out[-1][1], end)
+        else:
+            out.append((name, begin, end))
+    return out

@@ -1,0 +1,46 @@
+"""An MCAP log for Foxglove: joints and base, measured and simulated, every channel and its residual."""
+
+import mujoco
+import numpy as np
+
+from dynreg.gait.runs import Motion, Topic, joint_states, mcap, topics
+from dynreg.watch.frames import Frames
+
+
+def log(frames: Frames) -> bytes:
+    """The bytes of an MCAP file of JSON messages; the same frames give the same bytes.
+
+    Topics: /measured/joint_states, /simulated/joint_states, with a free base /measured/pose and /simulated/pose; for
+    each channel /channels/NAME with its measured and simulated value and the residual.
+    """
+    parts = [topic for side, poses in frames.poses.items() for topic in _moved(frames, side, poses)]
+    residuals = frames.residuals()
+    for name, sides in frames.channels.items():
+        found = {**sides, **({"residual": residuals[name]} if name in residuals else {})}
+        parts.append(Topic(f"/channels/{name}", "dynreg.Channel", _messages(frames.times, found)))
+    return mcap(parts)
+
+
+def _moved(frames: Frames, side: str, poses: np.ndarray) -> list[Topic]:
+    model = frames.model
+    kinds = model.jnt_type
+    hinged = [
+        j for j in range(model.njnt) if kinds[j] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    ]
+    names = [model.joint(j).name for j in hinged]
+    angles = poses[:, model.jnt_qposadr[hinged]]
+    free = [j for j in range(model.njnt) if kinds[j] == mujoco.mjtJoint.mjJNT_FREE]
+    if not free:
+        return [joint_states(f"/{side}/joint_states", names, frames.times, angles)]
+    at = int(model.jnt_qposadr[free[0]])
+    attitude = np.roll(poses[:, at + 3 : at + 7], -1, axis=1)  # MuJoCo's begin with w
+    return topics(side, names, Motion(frames.times, angles, poses[:, at : at + 3], attitude))
+
+
+def _messages(times: np.ndarray, values: dict[str, np.ndarray]) -> list[tuple[float, dict[str, float]]]:
+    out = []
+    for t, row in zip(times.tolist(), np.stack([*values.values()], axis=1).tolist(), strict=True):
+        message = {name: value for name, value in zip(values, row, strict=True) if np.isfinite(value)}
+        if message:
+            out.append((t, message))
+    return out

@@ -1,0 +1,48 @@
+"""`dynreg robots init` and what follows it: where the folder goes, and which command comes next."""
+
+from pathlib import Path
+
+import pytest
+
+ARM = """<mujoco><worldbody><body name="arm"><joint name="turn" axis="0 1 0" damping="0.1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.1" size="0.01" mass="0.1"/></body></worldbody>
+  <actuator><position joint="turn" kp="8" kv="0.3" forcerange="-2 2"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_one_command_leads_to_the_next(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    rows = [f"{n / 100},{n % 7 / 100},{n % 5 / 100}" for n in range(300)]
+    (here / "run.csv").write_text("\n".join(["t_s,pos_turn,cmd_turn", *rows]))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    assert made.status == 0 and "next: dynreg robots check arm" in made.out, made
+    checked = dynreg(*"robots check arm".split())
+    assert checked.status == 0 and "next: dynreg ingest LOG --robot arm" in checked.out, checked
+    stored = dynreg(*"ingest run.csv --robot arm --name monday".split())
+    assert stored.status == 0 and "next: dynreg diagnose monday" in stored.out, stored
+
+
+@pytest.mark.parametrize("model, folder", [("arm/robot.xml", "arm_robot"), ("so101.xml", "so101_robot")])
+def test_a_folder_of_its_own_beside_the_models_and_under_no_name_that_is_taken(
+    model: str, folder: str, dynreg, here: Path
+) -> None:
+    (here / model).parent.mkdir(exist_ok=True)
+    (here / model).write_text(ARM)
+    made = dynreg("robots", "init", model)
+    assert made.status == 0 and (here / folder / "robot.toml").is_file(), made
+    assert ("so101" in model) == (f'name = "{folder}"' in (here / folder / "robot.toml").read_text())
+    again = dynreg("robots", "init", model)
+    assert again.status != 0 and folder in again.err
+
+
+def test_what_the_model_cannot_be_given_is_an_error_of_the_command(dynreg, here: Path) -> None:
+    """Found out in the process that reads the model, and told as one of the command line."""
+    (here / "arm.xml").write_text(ARM)
+    made = dynreg("robots", "init", "arm.xml", "--free-base")
+    assert made.status == 2 and "--free-base for arm.xml, an MJCF" in made.err, made
+    assert not (here / "arm").exists()

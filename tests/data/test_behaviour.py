@@ -1,0 +1,151 @@
+"""Logs of joints that are of no use say so, once for each cause; good ones say nothing."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynreg.data.behaviour.joint import grain
+from dynreg.data.ingest import doctor
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Finding
+
+JOINTS = ("hip", "knee", "ankle")
+TIME = np.arange(2000) / 100
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture
+def legs() -> Columns:
+    """Three joints that follow targets of their own 50 ms late, with noise, as a log in which columns name them."""
+    rng, out = np.random.default_rng(3), {"time": TIME}
+    for number, joint in enumerate(JOINTS):
+        steps = np.repeat(rng.uniform(-0.5, 0.5, 20), 100)
+        target = steps + 0.3 * np.sin((1.1 + 0.7 * number) * TIME)
+        place = np.zeros(len(TIME))
+        for k in range(1, len(TIME)):
+            place[k] = place[k - 1] + 0.2 * (target[k - 1] - place[k - 1])
+        out[f"cmd_{joint}"] = target
+        out[f"pos_{joint}"] = place + 2e-4 * rng.standard_normal(len(TIME))
+        out[f"vel_{joint}"] = np.gradient(place, TIME) + 2e-3 * rng.standard_normal(len(TIME))
+        out[f"effort_{joint}"] = 20 * (target - place) + 0.01 * rng.standard_normal(len(TIME))
+    return out
+
+
+@pytest.fixture
+def told(write_table: Callable) -> Callable[[Columns], list[Finding]]:
+    """What the doctor says of a table."""
+    return lambda columns: [*doctor(write_table(**columns))]
+
+
+def test_nothing_is_said_of_good_joints(legs: Columns, told: Callable):
+    assert told(legs) == []
+
+
+@pytest.mark.parametrize("quantum", [0.0015, 0.02])
+def test_coarse_sensors_noise_and_friction_are_no_finding(legs: Columns, told: Callable, quantum: float):
+    """Encoders that flicker, a velocity of steps, a soft drive that droops, and a joint that stands."""
+    rng = np.random.default_rng(5)
+    for joint in JOINTS:
+        place = 0.6 * legs[f"pos_{joint}"] - 0.05 + 0.3 * quantum * rng.standard_normal(len(TIME))
+        legs[f"pos_{joint}"] = np.round(place / quantum) * quantum
+        legs[f"vel_{joint}"] = np.round(legs[f"vel_{joint}"] / 0.077) * 0.077
+    legs["cmd_ankle"] = np.full(len(TIME), 0.3)
+    legs["pos_ankle"] = np.round((0.26 + 0.3 * quantum * rng.standard_normal(len(TIME))) / quantum) * quantum
+    legs["vel_ankle"] = 0.01 * rng.standard_normal(len(TIME))
+    assert told(legs) == []
+
+
+def test_a_joint_that_chatters(legs: Columns, told: Callable):
+    """Also where its effort stands at its limit, which comes of the chatter."""
+    swings = np.where(np.arange(len(TIME)) % 2, 1.0, -1.0)
+    legs["vel_knee"] += 2.0 * swings
+    legs["pos_knee"] += 0.006 * swings
+    legs["effort_knee"] = 8.0 * swings
+    (found,) = told(legs)
+    assert found.check == "chatter" and found.where == "log.csv, knee"
+    assert (
+        "at about half the sampling rate in 100 % of the log (at 50 Hz of 100 Hz, amplitude" in found.message
+    )
+    assert found.message.endswith("lower kd, or log faster")
+
+
+def test_joints_that_are_alike_are_one_finding(legs: Columns, told: Callable):
+    for joint in JOINTS:
+        legs[f"vel_{joint}"] += 2.0 * np.where(np.arange(len(TIME)) % 2, 1.0, -1.0)
+    (found,) = told(legs)
+    assert found.where == "log.csv, all 3 joints" and found.message.startswith("oscillate at about")
+
+
+def test_an_oscillation_of_which_each_row_shows_the_same_phase(legs: Columns, told: Callable):
+    legs["vel_knee"] = 3.0 * np.sign(np.sin(0.9 * TIME)) + 0.1 * legs["vel_knee"]
+    (found,) = told(legs)
+    assert (
+        found.check == "chatter"
+        and "the log is aliased" in found.message
+        and "has a velocity of 3" in found.message
+    )
+
+
+def test_a_drive_that_gives_all_it_can(legs: Columns, told: Callable):
+    legs["effort_hip"] = np.clip(legs["effort_hip"], -0.6, 0.6)
+    (found,) = told(legs)
+    assert found.check == "saturation" and found.where == "log.csv, hip"
+    assert "at the largest torque, 0.6 N*m, in" in found.message
+
+
+def test_a_commanded_effort_at_its_limit(legs: Columns, write_table: Callable):
+    channels = (
+        ChannelSpec("hip/position", "rad", "state"),
+        ChannelSpec("hip/torque", "N*m", "action", low=-1, high=1),
+    )
+    spec, bang = RecordingSpec("leg", channels, (), 100.0), np.sign(np.sin(3 * TIME))
+    columns = {"time": TIME, "hip__position": legs["pos_hip"], "hip__torque": bang}
+    (found,) = doctor(write_table(**columns), spec)
+    assert "at the largest commanded torque, 1 N*m, in 100 % of the moving samples" in found.message
+    wide = replace(channels[1], low=-2.0, high=2.0)
+    assert not doctor(write_table(**columns), replace(spec, channels=(channels[0], wide)))
+
+
+def test_a_joint_at_its_stop(legs: Columns, told: Callable):
+    legs["pos_knee"] = np.minimum(legs["pos_knee"], 0.1)
+    legs["vel_knee"] = np.gradient(legs["pos_knee"], TIME)
+    (found,) = told(legs)
+    assert (
+        found.check == "stop" and found.where == "log.csv, knee" and "stands at 0.1 rad in" in found.message
+    )
+
+
+def test_joints_whose_targets_are_swapped(legs: Columns, told: Callable):
+    legs["cmd_hip"], legs["cmd_ankle"] = legs["cmd_ankle"], legs["cmd_hip"]
+    (found,) = told(legs)
+    assert found.check == "target" and "(hip that of ankle, ankle that of hip)" in found.message
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "says"),
+    [
+        ("cmd_knee", lambda v: v * 180 / np.pi, "the target is in deg, the other in rad"),
+        ("pos_knee", lambda v: v * 180 / np.pi, "the position is in deg, the other in rad"),
+        ("cmd_knee", lambda v: -v, "moves against the target"),
+        ("pos_knee", lambda v: v + 0.5, "one of the two has a wrong zero"),
+        ("pos_knee", lambda v: 0.0 * v + 2.0, "stays at least 1."),
+    ],
+)
+def test_what_is_wrong_between_a_joint_and_its_target(
+    legs: Columns, told: Callable, name: str, change: Callable, says: str
+):
+    legs[name] = change(legs[name])
+    if name == "pos_knee":
+        legs["vel_knee"] = np.gradient(legs["pos_knee"], TIME)
+    (found,) = told(legs)
+    assert found.check == "target" and found.where == "log.csv, knee" and says in found.message
+
+
+def test_the_step_of_a_sensor():
+    rng = np.random.default_rng(0)
+    coarse = 0.077 * np.round(rng.standard_normal(500) / 0.077)
+    assert grain(coarse) == pytest.approx(0.077)
+    assert grain(np.where(np.arange(500) % 2, 1.0, -1.0) + 1e-4 * rng.standard_normal(500)) < 1e-3
+    assert grain(np.ones(10)) == 0.0

@@ -1,0 +1,182 @@
+"""A map drafted from a log is taken by `read_recording` as it is, and gives the numbers that were logged."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros_log import JOINTS, truth, write_robot
+
+from dynreg.data.drafting import draft_map
+from dynreg.data.ingest import read_recording
+from dynreg.data.maps import check_map, parse_map
+from dynreg.data.readers import read_log
+from dynreg.data.readers.columns import from_columns
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import RawLog
+
+BASE = [("roll", "rad"), ("pitch", "rad"), ("yaw", "rad"), ("x", "m"), ("y", "m"), ("z", "m")]
+BASE += [("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s"), ("wx", "rad/s"), ("wy", "rad/s"), ("wz", "rad/s")]
+
+
+def spec_of(*channels: tuple, rate: float | None = 100.0, settings=()) -> RecordingSpec:
+    return RecordingSpec("robot", tuple(ChannelSpec(*c) for c in channels), settings, rate)
+
+
+def table(tmp_path: Path, **columns: np.ndarray) -> RawLog:
+    rows = len(next(iter(columns.values())))
+    every = {"time": 0.01 * np.arange(rows)} | {k: np.asarray(v, float) for k, v in columns.items()}
+    from dynreg.data.readers import ReadOptions
+
+    return from_columns(tmp_path / "log.csv", every, ReadOptions())
+
+
+def test_a_ros_log_of_a_robot_with_a_base(tmp_path: Path):
+    """Joints that are named a little differently, a trajectory as the command, attitude from quaternions."""
+    write_robot(tmp_path / "run.mcap")
+    joints = ("left_shoulder", "left_elbow")
+    channels = [(f"{j}/position", "rad", "state") for j in joints]
+    channels += [(f"{j}/velocity", "rad/s", "state") for j in joints]
+    channels += [(f"torso/{what}", unit, "state") for what, unit in BASE]
+    channels += [(f"{j}/target", "rad", "action") for j in joints]
+    spec = spec_of(*channels)
+    draft = draft_map(read_log(tmp_path / "run.mcap"), spec)
+    assert draft.missing == ()
+    recording = read_recording(tmp_path / "run.mcap", spec, parse_map(draft.text))
+    (episode,) = recording.episodes
+    told, rows = truth(), len(episode.time)
+    wanted = np.concatenate(
+        [told[n] for n in ("position", "velocity", "rpy", "place", "linear", "rate", "command")], axis=1
+    )
+    np.testing.assert_allclose(episode.values, wanted[:rows], atol=1e-6)
+    assert rows == len(told["time"])
+
+
+def test_without_a_robot_channels_are_proposed(tmp_path: Path):
+    write_robot(tmp_path / "run.mcap")
+    draft = draft_map(read_log(tmp_path / "run.mcap"))
+    drafted = parse_map(draft.text)
+    proposed = {f"{j}/{what}" for j in JOINTS for what in ("position", "velocity", "target")}
+    assert set(drafted.channels) == proposed | {f"base/{what}" for what, _ in BASE}
+    assert drafted.channels["base/yaw"].source == "/odom.pose.pose.orientation"
+
+
+COLUMNS = {
+    "pos_FL_hip": ("FL_hip_joint/position", "state"),
+    "q_FL_hip": ("FL_hip/position", "state"),
+    "FL_hip_pos": ("fl_hip/position", "state"),
+    "FL_hip.position": ("fl_hip/position", "state"),
+    "fl_hip/position": ("fl_hip/position", "state"),
+    "vel_FL_hip": ("FL_hip/velocity", "state"),
+    "dq_FL_hip": ("FL_hip/velocity", "state"),
+    "cmd_FL_hip": ("FL_hip/target", "action"),
+    "action[FL_hip.pos]": ("FL_hip/target", "action"),
+    "tau_cmd_FL_hip": ("FL_hip/torque", "action"),
+    "observation.state[FL_hip.pos]": ("FL_hip/position", "state"),
+}
+UNITS = {"position": "rad", "velocity": "rad/s", "target": "rad", "torque": "N*m"}
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_columns_that_name_a_joint(column: str, tmp_path: Path):
+    """Beside the same of another joint, and a column whose name is a part of the joint's."""
+    name, kind = COLUMNS[column]
+    other = column.replace("FL_hip", "FR_hip").replace("fl_hip", "fr_hip")
+    log = table(tmp_path, **{other: np.arange(5), "hip": np.zeros(5), column: np.arange(5)})
+    draft = draft_map(log, spec_of((name, UNITS[name.split("/")[1]], kind)))
+    assert draft.sources[name].keys["source"] == column and not draft.sources[name].ambiguous
+    assert parse_map(draft.text).channels[name].source == column
+
+
+def test_the_longest_joint_that_fits_has_the_column(tmp_path: Path):
+    log = table(tmp_path, pos_Wrist_Pitch=np.arange(5), pos_Pitch=np.arange(5))
+    spec = spec_of(("pitch/position", "rad", "state"), ("wrist_pitch/position", "rad", "state"))
+    sources = draft_map(log, spec).sources
+    assert [sources[c.name].keys["source"] for c in spec.channels] == ["pos_Pitch", "pos_Wrist_Pitch"]
+
+
+def test_lists_without_names_go_by_their_order(tmp_path: Path):
+    columns = {f"/effort_controller/commands.data[{i}]": np.arange(5) + i for i in range(3)}
+    log = table(tmp_path, **columns)
+    log = RawLog(log.path, log.sources, {"topics": ["/effort_controller/commands"]})
+    actions = [(f"{joint}/torque", "N*m", "action") for joint in ("c", "a", "b")]
+    draft = draft_map(log, spec_of(*actions))
+    assert [draft.sources[a[0]].keys["source"][-3:] for a in actions] == ["[0]", "[1]", "[2]"]
+    assert "check the order" in draft.text
+    assert draft_map(log, spec_of(*actions[:2])).missing == ("c/torque", "a/torque")
+
+
+def test_what_is_missing_ambiguous_or_derived_is_a_comment(tmp_path: Path):
+    t = 0.01 * np.arange(300)
+    log = table(tmp_path, pos_arm_1=np.sin(t), arm_pos_2=np.sin(t), gain=np.full(300, 3.0))
+    channels = (("arm/position", "rad", "state"), ("arm/velocity", "rad/s", "state"))
+    draft = draft_map(log, spec_of(*channels, ("arm/target", "rad", "action"), settings=("gain", "mass")))
+    assert draft.missing == ("arm/target",) and draft.settings == ("mass",)
+    assert '# [channels."arm/target"]' in draft.text and "MISSING" in draft.text
+    assert "# ambiguous:" in draft.text and '# [settings."mass"]' in draft.text
+    drafted = parse_map(draft.text)
+    assert drafted.channels["arm/velocity"].derivative_of == "arm/position"
+    assert drafted.channels["arm/velocity"].filter_hz == 20.0
+    assert drafted.settings["gain"].metadata == "gain"
+
+
+def units_of(log: RawLog, spec: RecordingSpec) -> dict[str, str]:
+    draft = draft_map(log, spec)
+    check_map(parse_map(draft.text), spec)
+    return {name: source.keys["unit"] for name, source in draft.sources.items()}
+
+
+def test_degrees_are_told_by_a_name_or_by_going_far_beyond_the_joints_limits(tmp_path: Path):
+    """The command's limits are the joint's too."""
+    t = 0.01 * np.arange(400)
+    columns = {"arm_pos": 90 * np.sin(t), "arm_vel": 90 * np.cos(t), "cmd_arm": 90 * np.sin(t + 0.1)}
+    log = table(tmp_path, **columns, leg_pos_deg=np.sin(t), leg_vel=np.cos(t))
+    spec = spec_of(
+        ("arm/position", "rad", "state"),
+        ("arm/velocity", "rad/s", "state"),
+        ("arm/target", "rad", "action", False, -2.0, 2.0),
+        ("leg/position", "rad", "state"),
+        ("leg/velocity", "rad/s", "state"),
+    )
+    told = units_of(log, spec)
+    assert told == {
+        "arm/position": "deg",
+        "arm/velocity": "deg/s",
+        "arm/target": "deg",
+        "leg/position": "deg",
+        "leg/velocity": "deg/s",
+    }
+    assert "beyond the joint's limits in rad: taken for degrees" in draft_map(log, spec).text
+
+
+def test_a_wheel_and_a_heading_turn_for_ever_and_are_no_degrees(tmp_path: Path):
+    t = 0.01 * np.arange(4000)
+    log = table(tmp_path, wheel_pos=10 * t, wheel_vel=10 + 0 * t, base_yaw=t)
+    spec = spec_of(
+        ("wheel/position", "rad", "state"),
+        ("wheel/velocity", "rad/s", "state"),
+        ("base/yaw", "rad", "state", False, -np.pi, np.pi),
+    )
+    assert units_of(log, spec) == {"wheel/position": "rad", "wheel/velocity": "rad/s", "base/yaw": "rad"}
+
+
+def test_ros_has_angles_in_rad_however_large(tmp_path: Path):
+    """REP 103; a winch that is wound up beyond its stops is no reason to doubt it."""
+    told = truth()
+    told["position"] = 100 * told["position"]
+    write_robot(tmp_path / "run.mcap", told)
+    spec = spec_of(*((f"{j}/position", "rad", "state", False, -2.0, 2.0) for j in JOINTS))
+    assert {*units_of(read_log(tmp_path / "run.mcap"), spec).values()} == {"rad"}
+
+
+def test_a_log_without_anything_of_the_robot_is_a_map_of_comments(tmp_path: Path):
+    draft = draft_map(table(tmp_path, other=np.arange(5)), spec_of(("arm/position", "rad", "state")))
+    assert draft.missing == ("arm/position",) and dict(parse_map(draft.text).channels) == {}
+
+
+def test_a_clock_that_tells_its_unit_is_read_in_it(tmp_path: Path):
+    (tmp_path / "log.csv").write_text("time_ms,pos_arm\n" + "".join(f"{10 * k},{k}\n" for k in range(50)))
+    log = read_log(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.sources["pos_arm"].time, 0.01 * np.arange(50))
+    spec = spec_of(("arm/position", "rad", "state"))
+    recording = read_recording(tmp_path / "log.csv", spec, parse_map(draft_map(log, spec).text))
+    assert recording.episodes[0].duration == pytest.approx(0.49)

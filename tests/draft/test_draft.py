@@ -1,0 +1,205 @@
+"""A robot folder drafted from a stranger's model can be checked and simulated as it is."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import strangers
+
+from dynreg.draft.entry import Drafted
+from dynreg.errors import RobotError
+from dynreg.sim.check import problems
+from dynreg.sim.engines import rollout
+from dynreg.sim.run import Run
+
+
+def drafted(folder: Path, text: str, **stated) -> Drafted:
+    path = folder / ("robot.urdf" if "<robot" in text else "robot.xml")
+    path.write_text(text)
+    return strangers.draft(path, "stranger", **stated)
+
+
+MODELS = {
+    "position": (strangers.ARM.format(actuators=strangers.POSITION), {}),
+    "motor": (strangers.ARM.format(actuators=strangers.MOTOR), {}),
+    "velocity": (strangers.ARM.format(actuators=strangers.VELOCITY), {}),
+    "general": (strangers.ARM.format(actuators=strangers.GENERAL), {}),
+    "dcmotor": (strangers.ARM.format(actuators=strangers.CURRENT), {}),
+    "no actuators": (strangers.ARM.format(actuators=""), {}),
+    "stated drives": (
+        strangers.ARM.format(actuators=strangers.MOTOR),
+        {"drive": "position", "kp": 20.0, "kd": 1.5},
+    ),
+    "quadruped": (strangers.quadruped(), {}),
+    "cart": (strangers.CART, {}),
+    "slider": (strangers.SLIDER, {}),
+    "urdf": (strangers.URDF, {}),
+}
+
+
+@pytest.mark.parametrize("text, stated", MODELS.values(), ids=MODELS)
+def test_a_draft_passes_the_check_as_it_is(text, stated, tmp_path):
+    made = drafted(tmp_path, text, **stated)
+    assert problems(made.robot) == []
+    assert len(made.robot.space) <= 18
+
+
+def drive(made: Drafted, joint: str):
+    tables = {d.joint: d for d in made.robot.file.drives}
+    return tables.get(joint) or tables["*"]
+
+
+def test_a_position_actuator_becomes_a_position_drive(tmp_path):
+    made = drafted(tmp_path, MODELS["position"][0])
+    assert made.robot.actions == ("shoulder/target", "elbow/target")
+    one, other = drive(made, "shoulder"), drive(made, "elbow")
+    assert (one.gain, one.rate_gain, one.torque_limit) == (40.0, 1.0, 8.0)
+    assert (other.gain, other.rate_gain) == (20.0, 0.5) and other.torque_limit > 20.0 * np.pi
+
+
+def test_a_motor_has_its_gear_and_range(tmp_path):
+    made = drafted(tmp_path, MODELS["motor"][0])
+    assert made.robot.actions == ("shoulder/command", "elbow/torque")
+    assert [a.unit for a in made.robot.file.actions] == ["1", "N*m"]
+    assert drive(made, "shoulder").gain == 5.0
+    np.testing.assert_allclose(made.robot.action_ranges, [[-1, 1], [-2, 2]])
+
+
+def test_a_general_actuator_is_a_servo_in_the_units_of_its_joint(tmp_path):
+    made = drafted(tmp_path, MODELS["general"][0])
+    one, other = drive(made, "shoulder"), drive(made, "elbow")
+    assert (one.type, one.gain, one.rate_gain) == ("position", 20.0, 1.0)
+    assert (other.type, other.gain, other.rate_gain) == ("position", 20.0, 2.0)
+    np.testing.assert_allclose(
+        made.robot.action_ranges, [[-1.0, 1.0], [-np.inf, np.inf]]
+    )  # 100 of 0.2 / 20 rad each
+
+
+def test_a_range_of_targets_is_the_models_own(tmp_path):
+    """MuJoCo cuts targets off at an actuator's ctrlrange, and nowhere else: not at its joint's stops."""
+    ranged = strangers.POSITION.replace('forcerange="-8 8"', 'forcerange="-8 8" ctrlrange="-2 2"')
+    made = drafted(tmp_path, strangers.ARM.format(actuators=ranged))
+    np.testing.assert_array_equal(made.robot.action_ranges, [[-2, 2], [-np.inf, np.inf]])
+    np.testing.assert_array_equal(made.robot.model.actuator_ctrllimited, [1, 0])
+    run = Run(np.full((1, 100, 2), 3.0))
+    cut = Run(run.actions.clip([-2, -np.inf], [2, np.inf]))
+    at_stop = Run(run.actions.clip(-np.pi / 2, np.pi / 2))
+    asked, same, other = (
+        rollout(made.robot, made.robot.space.nominal[None], r, engine="mujoco").states
+        for r in (run, cut, at_stop)
+    )
+    np.testing.assert_array_equal(asked, same)
+    assert np.abs(asked - other)[..., :2].max() > 0.01
+
+
+def test_stated_gains_replace_those_of_motors_within_their_torques(tmp_path):
+    made = drafted(tmp_path, *MODELS["stated drives"][:1], **MODELS["stated drives"][1])
+    one = drive(made, "shoulder")
+    assert (one.type, one.gain, one.rate_gain, one.torque_limit) == ("position", 20.0, 1.5, 5.0)
+
+
+@pytest.mark.parametrize("kind", ["position", "motor", "velocity", "general", "dcmotor"])
+def test_the_draft_moves_as_the_model_does_in_mujoco(kind, tmp_path):
+    text = MODELS[kind][0]
+    made = drafted(tmp_path, text)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    controls = {
+        "position": (0.4, -0.3),
+        "motor": (0.1, 0.2),
+        "velocity": (1.0, -1.0),
+        "general": (40.0, -0.3),
+        "dcmotor": (3.0, 2.0),
+    }[kind]
+    scale = {"general": (0.01, 0.5)}.get(kind, (1.0, 1.0))
+    steps = round(0.2 / model.opt.timestep)
+    data.ctrl[:] = controls
+    mujoco.mj_step(model, data, steps)
+    robot = made.robot
+    run = Run(np.tile(np.multiply(controls, scale), (1, round(0.2 * robot.rate), 1)))
+    states = rollout(robot, robot.space.nominal[None], run, engine="mujoco").states
+    np.testing.assert_allclose(states[0, 0, -1, :2], data.qpos, atol=2e-3)
+
+
+def test_a_quadruped_stands_and_has_the_channels_of_its_base(tmp_path):
+    made = drafted(tmp_path, MODELS["quadruped"][0])
+    assert made.base == "base"
+    assert {"base/roll", "base/pitch", "base/yaw", "base/z", "base/wx"} <= set(made.robot.channels)
+    assert made.robot.file.fall is not None
+    assert {"base_mass", "limb_mass", "ground_friction", "thigh_friction", "shank_gain"} <= set(
+        made.robot.space.names
+    )
+    assert any("ground" in note for note in made.notes)
+
+
+def test_a_payload_is_the_last_link_and_torques_have_no_gain_to_doubt(tmp_path):
+    made = drafted(tmp_path, MODELS["motor"][0])
+    by_name = {p.name: p for p in made.robot.space.parameters}
+    assert by_name["tip_mass"].sets == ("modifier.mass[fore] =",)
+    assert by_name["tip_mass"].nominal == 0.2
+    assert "link_mass" in by_name and "gain" not in by_name
+
+
+def test_an_arm_may_carry_what_its_drives_hold(tmp_path):
+    """A hand of 20 g on a shoulder of 5 and of 30 N*m: its own mass says nothing of a payload."""
+    light = strangers.ARM.replace('mass="0.2"', 'mass="0.02"').format(actuators=strangers.MOTOR)
+    most = {}
+    for strength in ("1", "6"):
+        strong = light.replace('gear="5" ctrlrange="-1 1"', f'gear="5" ctrlrange="-{strength} {strength}"')
+        strong = strong.replace('ctrlrange="-2 2"', f'ctrlrange="-{2 * int(strength)} {2 * int(strength)}"')
+        folder = tmp_path / strength
+        folder.mkdir()
+        (tip,) = [p for p in drafted(folder, strong).robot.space.parameters if p.name == "tip_mass"]
+        assert tip.nominal == pytest.approx(0.02)
+        most[strength] = tip.high
+    # stretched out level, the shoulder's 5 N*m hold 1.4 kg at 0.3 m beside the upper arm; its 30 N*m hold 9.9 kg
+    assert 1.4 < most["1"] < 3.0 and 9.9 < most["6"] < 20.0
+
+
+def test_meshes_that_are_missing_are_said_and_left_out(tmp_path):
+    made = drafted(tmp_path, strangers.URDF)
+    assert any("2 meshes were not found" in note for note in made.notes)
+    assert [d.torque_limit for d in made.robot.file.drives] == [20.0, 10.0]
+    assert list(made.files) == ["robot.toml", "model.xml"]
+
+
+def test_files_from_other_folders_come_along(tmp_path):
+    made = strangers.draft(strangers.in_folders(tmp_path), "scene", root=tmp_path)
+    assert set(made.files) == {"robot.toml", "model.xml", "assets/tip.obj"}
+    assert problems(made.robot) == []
+
+
+def test_the_same_model_gives_the_same_bytes(tmp_path):
+    assert drafted(tmp_path, strangers.SLIDER).files == drafted(tmp_path, strangers.SLIDER).files
+
+
+BAD = {
+    "no model": ("<html/>", "is no robot model"),
+    "no joints": ("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", "no joint that can be driven"),
+    "broken": ("<mujoco><worldbody><body></worldbody></mujoco>", "MuJoCo does not read"),
+    "a missing mesh": (
+        "<mujoco><asset><mesh name='a' file='a.stl'/></asset><worldbody><body><joint/><geom type='mesh' mesh='a'/>"
+        "</body></worldbody></mujoco>",
+        "a.stl",
+    ),
+}
+
+
+@pytest.mark.parametrize("text, said", BAD.values(), ids=BAD)
+def test_what_is_no_robot_is_refused_in_one_line(text, said, tmp_path):
+    with pytest.raises(RobotError) as refused:
+        drafted(tmp_path, text)
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_what_is_not_understood_is_said(tmp_path):
+    text = strangers.ARM.format(
+        actuators='<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed>'
+        '</tendon><actuator><position joint="elbow" kp="20" kv="0.5"/><motor name="pull" tendon="both"/></actuator>'
+    )
+    made = drafted(tmp_path, text)
+    assert made.robot.actions == ("elbow/target",)
+    assert any("pull" in note for note in made.notes) and any("tendon" in note for note in made.notes)
+    assert "pull" in made.files["robot.toml"].decode()
+    assert problems(made.robot) == []

@@ -1,0 +1,136 @@
+"""What a log adds to a draft: rate, noise, the kind of drives, a map with which it is read."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+import strangers
+
+from dynreg.data.ingest import read_log, read_recording
+from dynreg.data.maps import parse_map
+from dynreg.data.series import Series
+from dynreg.draft.heard import Heard, sensed
+from dynreg.draft.tables import channel_tables
+from dynreg.sim.engines import rollout
+from dynreg.sim.run import Run
+
+RATE, NOISE = 125.0, 0.002
+
+
+def logged(folder: Path, text: str, names: dict[str, str], control) -> Path:
+    """A log of the model as MuJoCo moves it: {column: "q", "v" or "u" and the number of the joint}."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    rows = []
+    for step in range(round(3 * RATE)):
+        data.ctrl[:] = control(step / RATE)
+        taken = {"q": data.qpos + NOISE * rng.standard_normal(model.nq), "v": data.qvel, "u": data.ctrl}
+        rows.append(
+            {name: taken[what[0]][int(what[1:])] for name, what in names.items()} | {"t_s": step / RATE}
+        )
+        mujoco.mj_step(model, data, round(1 / RATE / model.opt.timestep))
+    path = folder / "run.csv"
+    pd.DataFrame(rows).to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def servo(tmp_path_factory):
+    """An arm of position servos and its log."""
+    folder = tmp_path_factory.mktemp("servo")
+    text = strangers.ARM.format(actuators=strangers.POSITION)
+    (folder / "arm.xml").write_text(text)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "cmd_shoulder": "u0", "cmd_elbow": "u1"}
+    log = logged(folder, text, names, lambda t: (0.4 * np.sin(2 * t), 0.3 * np.sin(3 * t)))
+    return strangers.draft(folder / "arm.xml", "arm", log=read_log(log)), log
+
+
+def test_rate_and_noise_are_those_of_the_log(servo):
+    made, _ = servo
+    assert made.robot.rate == RATE
+    noise = {c.name: c.noise for c in made.robot.file.channels}
+    assert noise["shoulder/position"] == pytest.approx(NOISE, rel=0.3)
+
+
+def test_the_log_is_read_with_the_drafted_map(servo):
+    made, log = servo
+    assert made.missing == ()
+    recording = read_recording([log], made.robot.recording_spec, parse_map(made.files[made.map].decode()))
+    assert set(made.robot.channels) <= set(recording.names)
+
+
+def test_targets_beyond_the_stops_are_replayed_as_they_were_logged(tmp_path):
+    """At its true parameters the draft leaves nothing unexplained but the sensors' noise."""
+    text = strangers.ARM.format(actuators=strangers.POSITION)
+    (tmp_path / "arm.xml").write_text(text)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "cmd_shoulder": "u0", "cmd_elbow": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (3.0 * np.sin(4 * t), 0.3 + 2.2 * np.sin(5 * t)))
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    robot = made.robot
+    assert [(a.low, a.high) for a in robot.file.actions] == [(None, None)] * 2
+    assert not robot.model.actuator_ctrllimited.any()
+    recording = read_recording([log], robot.recording_spec, parse_map(made.files[made.map].decode()))
+    (episode,) = recording.episodes
+    told, went = (
+        episode.values[:, [recording.names.index(f"{j}/{what}") for j in ("shoulder", "elbow")]]
+        for what in ("target", "position")
+    )
+    assert np.abs(told).max() > 1.0 + np.abs(went).max() > 1.0 + np.pi / 2
+    start = np.zeros((1, len(robot.channels)))  # where the log's simulation began
+    run = Run(told[None, :-1], initial=start)
+    states = rollout(robot, robot.space.nominal[None], run, engine="mujoco").states[0, 0]
+    residual = went - states[:, [robot.channels.index(f"{j}/position") for j in ("shoulder", "elbow")]]
+    assert np.sqrt((residual**2).mean(axis=0)) == pytest.approx(NOISE, rel=0.15)
+
+
+def test_motors_told_positions_become_position_drives(tmp_path):
+    text = strangers.ARM.format(actuators=strangers.POSITION)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "cmd_shoulder": "u0", "cmd_elbow": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (0.4 * np.sin(2 * t), 0.3 * np.sin(3 * t)))
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.MOTOR))
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    assert made.robot.actions == ("shoulder/target", "elbow/target")
+    assert any("holds commands of position drives" in note for note in made.notes)
+    stated = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log), kp=12.0)
+    assert [d.gain for d in stated.robot.file.drives] == [12.0, 12.0]
+
+
+def test_the_control_of_a_general_actuator_is_scaled_in_the_map(tmp_path):
+    text = strangers.ARM.format(actuators=strangers.GENERAL)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "cmd_shoulder": "u0", "cmd_elbow": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (40 * np.sin(2 * t), 0.3 * np.sin(3 * t)))
+    (tmp_path / "arm.xml").write_text(text)
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    read = read_recording([log], made.robot.recording_spec, parse_map(made.files[made.map].decode()))
+    told = read.episodes[0].values[:, read.names.index("shoulder/target")]
+    assert np.abs(told).max() == pytest.approx(0.4, rel=0.01)
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.4, 0.5, 1.0, 50.0, 500.0])
+def test_the_rate_of_a_log_is_heard_however_slow_it_is(rate):
+    assert Heard({"x/position": Series(np.arange(20) / rate, np.arange(20.0))}).rate([]) == pytest.approx(
+        rate
+    )
+
+
+@pytest.mark.parametrize("noise, quantum", [(0.003, 0.0), (0.0, 0.005), (0.0, 0.0)])
+def test_noise_and_quantum_are_found_in_still_moments(noise, quantum):
+    rng, time = np.random.default_rng(1), np.arange(2000) / 200
+    values = np.where(time < 5, np.sin(3 * time), np.sin(15)) + noise * rng.standard_normal(2000)
+    values = np.round(values / quantum) * quantum if quantum else values
+    found = sensed(Series(time, values), "rad")
+    assert found.noise == pytest.approx(noise, rel=0.3, abs=2e-5)
+    assert found.quantum == pytest.approx(quantum, rel=1e-3)
+
+
+@pytest.mark.parametrize(("moves", "still"), [(0.0, True), (0.001, True), (0.1, False)])
+def test_a_channel_that_does_not_leave_its_noise_has_no_weight(moves: float, still: bool):
+    """The roll of a base on flat ground: its errors, in units of its motion, would drown those of what moves."""
+    time = np.arange(4000) / 100.0
+    noise = 0.001 * np.random.default_rng(0).standard_normal(len(time))
+    found = sensed(Series(time, moves * np.sin(time) + noise), "rad")
+    assert found.still is still
+    (table,) = channel_tables([("base/roll", "rad", 1.0)], {"base/roll": found})
+    assert table.values.get("weight", 1.0) == (0.0 if still else 1.0)

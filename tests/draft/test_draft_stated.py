@@ -1,0 +1,100 @@
+"""Drives that a user states in place of the model's, and actuators of the model that no drive can be."""
+
+from pathlib import Path
+
+import pytest
+import strangers
+
+from dynreg.draft.entry import Drafted
+from dynreg.errors import DynregError
+from dynreg.sim.check import problems
+
+GEARED = '<actuator><motor joint="shoulder" gear="100"/><motor joint="elbow" gear="100"/></actuator>'
+MUSCLES = (
+    '<actuator><muscle name="biceps" joint="elbow"/><muscle name="deltoid" joint="shoulder"/></actuator>'
+)
+MIXED = '<actuator><position joint="shoulder" kp="40" kv="1"/><motor joint="elbow" gear="5"/></actuator>'
+
+
+def drafted(folder: Path, actuators: str, **stated) -> Drafted:
+    path = folder / "arm.xml"
+    path.write_text(strangers.ARM.format(actuators=actuators))
+    return strangers.draft(path, "arm", **stated)
+
+
+@pytest.mark.parametrize(
+    "actuators, stated, said",
+    [
+        (GEARED, {"kd": 1.0}, "--kd 1"),
+        (GEARED, {"kp": 5.0}, "--kp 5"),
+        (GEARED, {"kp": 5.0, "drive": "torque"}, "--kp 5"),
+        (strangers.CURRENT, {"kp": 5.0, "kd": 1.0}, "--kp 5"),
+        (strangers.VELOCITY, {"kp": 5.0}, "--kp 5"),
+    ],
+    ids=[
+        "a motor's rate gain",
+        "a motor's gain",
+        "a stated motor's gain",
+        "a dcmotor's gain",
+        "a speed's gain",
+    ],
+)
+def test_a_gain_that_no_drive_has_is_refused(actuators, stated, said, tmp_path):
+    with pytest.raises(DynregError) as refused:
+        drafted(tmp_path, actuators, **stated)
+    assert said in str(refused.value) and "--drive position" in str(refused.value)
+
+
+def test_a_gain_that_some_drives_have_is_theirs_and_a_note_names_the_others(tmp_path):
+    made = drafted(tmp_path, MIXED, kp=15.0)
+    assert [(d.joint, d.type, d.gain) for d in made.robot.file.drives] == [
+        ("shoulder", "position", 15.0),
+        ("elbow", "torque", 5.0),
+    ]
+    assert any("--kp" in note and "elbow" in note for note in made.notes)
+
+
+def test_a_motor_that_is_stated_to_be_one_keeps_its_gear(tmp_path):
+    made = drafted(tmp_path, GEARED, drive="torque")
+    (one,) = made.robot.file.drives
+    assert one.gain == 100.0 and made.robot.actions == ("shoulder/command", "elbow/command")
+    guessed = drafted(tmp_path, "", drive="torque")
+    for mine, other in zip(made.robot.file.actions, guessed.robot.file.actions, strict=True):
+        assert 100.0 * mine.high == pytest.approx(other.high)
+
+
+def test_gains_of_the_model_stay_where_only_the_kind_is_stated(tmp_path):
+    made = drafted(tmp_path, strangers.POSITION, drive="position")
+    assert [d.gain for d in made.robot.file.drives] == [40.0, 20.0]
+    assert "stated" not in made.files["robot.toml"].decode().split("[[actions]]")[0]
+
+
+def test_drives_are_stated_for_a_model_whose_actuators_are_not_understood(tmp_path):
+    with pytest.raises(DynregError) as refused:
+        drafted(tmp_path, MUSCLES)
+    assert "biceps" in str(refused.value) and "--drive position" in str(refused.value)
+    made = drafted(tmp_path, MUSCLES, drive="position", kp=5.0)
+    assert made.robot.actions == ("shoulder/target", "elbow/target")
+    assert [d.gain for d in made.robot.file.drives] == [5.0, 5.0] and made.robot.model.nu == 2
+    assert any("biceps" in note for note in made.notes) and problems(made.robot) == []
+
+
+def test_names_that_the_model_has_given_elsewhere_are_no_obstacle(tmp_path):
+    """An actuator that stays and is called as a driven joint, and a ground that touches nothing."""
+    tendon = (
+        '<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>'
+        '<actuator><motor name="elbow" tendon="both"/><position name="x" joint="elbow" kp="20" kv="0.5"/></actuator>'
+    )
+    assert drafted(tmp_path, tendon).robot.actions == ("elbow/target",)
+    dog = tmp_path / "dog.xml"
+    ghost = '<worldbody><geom name="ground" type="plane" size="1 1 0.1" contype="0" conaffinity="0"/>'
+    dog.write_text(strangers.quadruped().replace("<worldbody>", ghost))
+    made = strangers.draft(dog, "dog", visuals=True)
+    assert any("ground_2" in note for note in made.notes) and problems(made.robot) == []
+
+
+def test_a_free_base_of_an_mjcf_is_refused(tmp_path):
+    with pytest.raises(DynregError, match=r"--free-base.*<freejoint/>"):
+        drafted(tmp_path, strangers.POSITION, free_base=True)
+    with pytest.raises(DynregError, match=r"--fixed-base.*leave <freejoint/> out"):
+        drafted(tmp_path, strangers.POSITION, free_base=False)

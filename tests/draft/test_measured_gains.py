@@ -1,0 +1,84 @@
+"""A log that measures torques beside targets tells the gains of the drives."""
+
+import numpy as np
+import pytest
+
+from dynreg.data.series import Series
+from dynreg.draft.drives import Drive
+from dynreg.draft.entry import Notes
+from dynreg.draft.heard import Heard
+from dynreg.draft.measured import law_of, with_measured_gains, without_passed_ranges
+
+KP, KD, LIMIT = 80.0, 4.0, 30.0
+TIME = np.arange(0.0, 20.0, 0.01)
+
+
+def log(*, kp: float = KP, kd: float = KD, unexplained: float = 0.0) -> Heard:
+    """What a log tells of a joint that follows steps, with torques at its limit in between."""
+    rng = np.random.default_rng(0)
+    target = np.repeat(rng.uniform(-0.5, 0.5, len(TIME) // 100), 100)
+    position, velocity = np.zeros((2, len(TIME)))
+    for i in range(1, len(TIME)):
+        torque = np.clip(kp * (target[i - 1] - position[i - 1]) - kd * velocity[i - 1], -LIMIT, LIMIT)
+        velocity[i] = velocity[i - 1] + 0.01 * (torque - 0.5 * np.sin(position[i - 1])) / 0.5
+        position[i] = position[i - 1] + 0.01 * velocity[i]
+    torque = np.clip(kp * (target - position) - kd * velocity, -LIMIT, LIMIT)
+    torque += unexplained * np.std(torque) * rng.standard_normal(len(TIME))
+    position = position + 5e-4 * rng.standard_normal(len(TIME))
+    named = {"target": target, "position": position, "velocity": velocity, "torque": torque}
+    return Heard({f"arm/{name}": Series(TIME, values) for name, values in named.items()})
+
+
+def test_the_gains_are_those_of_the_samples_below_the_limit():
+    law = law_of(log(), Drive("arm", "position", 1.0))
+    assert law["gain"] == pytest.approx(KP, rel=0.02) and law["rate_gain"] == pytest.approx(KD, rel=0.05)
+
+
+def test_torques_that_follow_something_else_tell_no_gains():
+    assert law_of(log(unexplained=0.3), Drive("arm", "position", 1.0)) is None
+
+
+def test_a_log_without_torques_tells_no_gains():
+    series = {name: one for name, one in log().series.items() if name != "arm/torque"}
+    assert law_of(Heard(series), Drive("arm", "position", 1.0)) is None
+
+
+def test_stated_gains_that_the_torques_follow_are_marked_and_kept():
+    notes = Notes()
+    (drive,) = with_measured_gains([Drive("arm", "position", KP, KD, said="stated")], log(), notes)
+    assert drive.measured and (drive.gain, drive.rate_gain) == (KP, KD)
+    assert "follow the gains of 1 joint" in notes.lines[0]
+
+
+def test_guessed_gains_become_those_of_the_log():
+    (drive,) = with_measured_gains([Drive("arm", "position", 9.0, 9.0, said="guessed")], log(), Notes())
+    assert (
+        drive.measured and drive.gain == pytest.approx(KP, rel=0.02) and drive.said == "of the log's torques"
+    )
+
+
+def test_stated_gains_that_the_torques_contradict_stay_and_are_noted():
+    notes, stated = Notes(), Drive("arm", "position", 2 * KP, KD, said="stated")
+    assert with_measured_gains([stated], log(), notes) == (stated,)
+    assert "arm: gain 80" in notes.lines[0] or "arm: gain 79" in notes.lines[0]
+
+
+def test_a_drive_of_speeds_has_one_gain():
+    series = dict(log().series)
+    velocity = series["arm/velocity"].values
+    command = velocity + np.repeat(np.random.default_rng(1).uniform(-2, 2, len(TIME) // 50), 50)
+    series["arm/velocity_command"] = Series(TIME, command)
+    series["arm/torque"] = Series(TIME, 3.0 * (command - velocity))
+    law = law_of(Heard(series), Drive("arm", "velocity", rate_gain=1.0))
+    assert law == {"rate_gain": pytest.approx(3.0, rel=0.01)}
+
+
+def test_commands_beyond_the_model_s_range_are_no_mistake_of_the_robot():
+    """A motor that the model gives 12 N*m, and a log that commands 30: the log's range counts, and it is said."""
+    motor, notes = Drive("arm", "torque", low=-12.0, high=12.0), Notes()
+    series = Heard({"arm/torque": Series(TIME, LIMIT * np.sin(TIME))})
+    (drive,) = without_passed_ranges([motor], series, notes)
+    assert drive.usual and "arm: 30, 12" in notes.lines[0]
+    quiet = Notes()
+    within = Heard({"arm/torque": Series(TIME, 12.0 * np.sin(TIME))})
+    assert without_passed_ranges([motor], within, quiet) == (motor,) and not quiet.lines

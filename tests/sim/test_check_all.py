@@ -1,0 +1,272 @@
+"""`robots check` tells everything at once: all errors with their lines, and warnings that do not stop anyone."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from arm_robot import ARM_TOML, ARM_XML, parameter
+
+from dynreg.folder import read_folder
+from dynreg.sim import check
+from dynreg.sim.check import findings
+from dynreg.sim.inspection import check_robot, inspect_robot
+from dynreg.sim.lint import doubts
+from dynreg.sim.robot import load_robot, packaged_robots
+
+# the small arm with noise, drives and ranges about which nobody could have a doubt
+GOOD = re.sub(r'(/position"\nunit = "rad")', r"\1\nnoise = 0.0005", ARM_TOML)
+GOOD = re.sub(r'(/velocity"\nunit = "rad/s")', r"\1\nnoise = 0.01", GOOD)
+WRONG = {  # what is said: (text that stands there, wrong text)
+    "Expected '=' after a key": ("cpisodes = 8\n", "cpisodes 8\n"),
+    "unknown key 'excitation.amplitud'": ("amplitude = 0.6", "amplitud = 0.6"),
+    "'drives.1.torque_limit' = -1.5": ("torque_limit = 1.5", "torque_limit = -1.5"),
+    "'gain': 'parameters.0.scale' = 'logarithmic'": ('scale = "log"', 'scale = "logarithmic"'),
+    "'shoulder/position' is named twice": ('name = "spare/position"', 'name = "shoulder/position"'),
+    "sets entry 'mj.body_mass[lower] ++'": ("mj.body_mass[lower] +=", "mj.body_mass[lower] ++"),
+    "channel 'elbow/speed' is not in the model": ('name = "elbow/velocity"', 'name = "elbow/speed"'),
+    "keyframe 'hme' is not in the model": ('keyframe = "home"', 'keyframe = "hme"'),
+    "unit 'deg/s' of 'shoulder/velocity' is not SI": ('unit = "rad/s"', 'unit = "deg/s"'),
+    "parameter 'bad_mass': sets entry 'mj.body_mass[uper] ='": ("mj.body_mass[upper]", "mj.body_mass[uper]"),
+    "parameter 'inertia' at -30 1 diverges": ("low = -30.5", "low = -30.0"),
+}
+
+
+def many_faults() -> str:
+    """A robot.toml that is wrong in all of these ways."""
+    text = GOOD.replace("[excitation]\n", "[excitation]\ncpisodes = 8\n")
+    text = text.replace(
+        "[[settings]]", '[[channels]]\nname = "spare/position"\nunit = "rad"\n\n[[settings]]', 1
+    )
+    text += parameter("bad_mass", "mj.body_mass[upper] =")
+    text += parameter("inertia", "mj.body_inertia[lower] *=", low=-30.5)
+    for old, new in WRONG.values():
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    return text
+
+
+def test_all_errors_of_a_folder_are_told_in_one_run_each_with_its_line(write_robot: Callable[..., Path]):
+    folder, text = write_robot(), many_faults()
+    (folder / "robot.toml").write_text(text, encoding="utf-8")
+    found = [finding for finding in inspect_robot(folder) if finding.severity == "error"]
+    lines = text.split("\n")
+    for said, (_, wrong) in WRONG.items():
+        (one,) = [finding for finding in found if said in finding.message] or [None]
+        assert one is not None, (said, [str(f) for f in found])
+        assert one.line is not None and wrong.strip() in lines[one.line - 1], (said, one.line)
+    assert len(found) == len(WRONG), [str(f) for f in found]
+    assert [finding.line for finding in found] == sorted(finding.line for finding in found)
+
+
+def test_a_misspelt_key_is_not_also_a_missing_one(write_robot: Callable[..., Path]):
+    (line,) = check_robot(write_robot(("timestep = 0.002", "time_step = 0.002")))
+    assert "line 6: unknown key 'robot.time_step'" in line
+
+
+def test_what_follows_from_an_error_is_no_error(write_robot: Callable[..., Path]):
+    """A drive, an action and a parameter that are wrong leave no others behind that lead nowhere."""
+    ranges = "\n[populations.slow]\nranges = { gain = [6.0, 7.0] }\n"
+    folder = write_robot(
+        ("gain = 0.5", 'gain = "half"'),
+        ("high = 40.0", "high = 4.0"),
+        ("[[settings]]", ranges + "\n[[settings]]"),
+    )
+    found = check_robot(folder)
+    assert (
+        len(found) == 2 and "'drives.1.gain' = 'half'" in found[0] and "low 5.0 is not below" in found[1]
+    ), found
+
+
+def test_errors_of_the_text_are_told_where_the_model_ends_mujoco(write_robot: Callable[..., Path]):
+    found = check_robot(
+        write_robot(("amplitude = 0.6", "amplitude = -1.0"), xml=ARM_XML.replace("<mujoco", "<mujoc"))
+    )
+    assert len(found) == 2 and "amplitude" in found[1] and "model.xml" in found[0], found
+
+
+def test_the_small_arm_is_clean_when_its_noise_is_stated(write_robot: Callable[..., Path]):
+    folder = write_robot()
+    (folder / "robot.toml").write_text(GOOD)
+    assert inspect_robot(folder) == []
+
+
+TWO = parameter("viscous", "port.friction.viscous[shoulder] =", low=0.01, nominal=0.1, high=1.0)
+NO_GROUND = ARM_XML.replace('<geom name="ground" type="plane" size="1 1 0.1"/>', "")
+WARNED = {
+    "tolerance": (
+        [("high = 40.0\n", "high = 40.0\ntolerance = 0.01\n")],
+        ARM_XML,
+        r"tolerance = 0.01@parameter 'gain': its range ends 139 tolerances from nominal",
+    ),
+    "overwritten": (
+        [
+            ("mj.body_mass[lower] +=", "port.drive.gain[shoulder] ="),
+            ("values = [0.0, 0.2, 0.4]", "values = [5.0, 20.0]"),
+        ],
+        ARM_XML,
+        r"sets@setting 'added_mass' overwrites parameter 'gain': both set 'port.drive.gain\[shoulder\]'",
+    ),
+    "damping twice": (
+        [("[[parameters]]", TWO + "\n[[parameters]]")],
+        ARM_XML,
+        r"sets@parameter 'viscous' comes on top of damping=0.02 that the model gives joint 'shoulder'",
+    ),
+    "friction by two parameters": (
+        [
+            (
+                "[[parameters]]",
+                parameter("a", "port.friction.coulomb[shoulder] =", low=0.01, nominal=0.1)
+                + parameter("b", "mj.dof_frictionloss[shoulder] =", low=0.01, nominal=0.1)
+                + "\n[[parameters]]",
+            )
+        ],
+        ARM_XML,
+        r"sets@parameter 'a' and 'b' both set the frictionloss of joint 'shoulder'",
+    ),
+    "no noise": (
+        [("noise = 0.01", "zero = 0.0")],
+        ARM_XML,
+        r"name@channel 'shoulder/velocity' has neither `noise`",
+    ),
+    "action range": (
+        [("low = -2.0\nhigh = 2.0", "low = -115.0\nhigh = 115.0")],
+        ARM_XML,
+        r"name@action 'shoulder/target' goes from -115 to 115 rad, its joint from -2.09.*press the joint on its stop",
+    ),
+    "gravity": (
+        [("torque_limit = 4.0", "torque_limit = 0.3")],
+        ARM_XML,
+        r"name@the drive of 'shoulder/target' cannot hold its start: with its largest torque, 0.3",
+    ),
+    "no ground": (
+        [],
+        NO_GROUND.replace('contype="0" conaffinity="0" ', ""),
+        r"[robot]@geoms of the model can touch each other, but none of the world",
+    ),
+    "a packaged robot's name": (
+        [('name = "arm"', 'name = "leg"')],
+        ARM_XML,
+        r"name@the name 'leg' is that of a robot",
+    ),
+    "coarse": (
+        [
+            ("timestep = 0.002", "timestep = 0.02"),
+            ("rate_gain = 0.3", "rate_gain = 0.0"),
+            ("torque_limit = 4.0\nspeed_limit = 8.0", "torque_limit = 40.0"),
+            ("nominal = 20.0\nlow = 5.0\nhigh = 40.0", "nominal = 200.0\nlow = 190.0\nhigh = 210.0"),
+        ],
+        ARM_XML,
+        r"timestep@\[robot\] timestep 0.02 s is too long: half of it changes .* of its motion; lower it to 0\.01$",
+    ),
+    "still": (
+        [
+            ('kinds = ["levels", "walk"]', 'kinds = ["levels", "walk"]'),
+            ("amplitude = 0.6", "amplitude = 0.6"),
+        ],
+        ARM_XML.replace(
+            '<body name="lower" pos="0.2 0 0">', '<body name="lower" pos="0.2 0 0" gravcomp="1">'
+        ).replace(
+            '<joint name="elbow" axis="0 1 0" armature="0.005"/>',
+            '<joint name="elbow" axis="0 1 0" armature="1e9"/>',
+        ),
+        r"name@the excitation never moves channel 'elbow/position'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WARNED)
+def test_each_doubt_is_a_warning_at_its_line(case: str, tmp_path: Path):
+    changes, xml, said = WARNED[case]
+    text = GOOD
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    (tmp_path / "robot.toml").write_text(text)
+    (tmp_path / "model.xml").write_text(xml)
+    found = findings(read_folder(tmp_path))
+    at, message = said.split("@", 1)
+    fitting = [f for f in found if f.severity == "warning" and re.search(message, f.message)]
+    assert fitting, [str(f) for f in found]
+    assert at in text.split("\n")[fitting[0].line - 1], fitting[0]
+
+
+def test_a_folder_and_a_packaged_robot_of_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    source = packaged_robots()["create"]
+    (tmp_path / "create").mkdir()
+    for name in ("robot.toml", "model.xml"):
+        (tmp_path / "create" / name).write_bytes((source / name).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    (hidden,) = inspect_robot("create")
+    assert hidden.severity == "warning" and "write './create' for the folder" in hidden.message
+    (hiding,) = inspect_robot("./create")
+    assert hiding.severity == "warning" and "'create' alone means the robot that comes with" in hiding.message
+
+
+def test_a_free_robot_without_ground_is_warned_of(tmp_path: Path):
+    source = packaged_robots()["quadruped"]
+    text, model = (source / "robot.toml").read_text(), (source / "model.xml").read_text()
+    ground = model[model.index('<geom name="ground"') :].split("/>")[0] + "/>"
+    (tmp_path / "model.xml").write_text(model.replace(ground, ""))
+    (tmp_path / "robot.toml").write_text(text.replace("[ground,", "["))
+    said = [message for _, message in doubts(load_robot(tmp_path))]
+    assert any("the model has no ground that it could touch: it falls for ever" in line for line in said), (
+        said
+    )
+
+
+def test_names_that_are_all_right_are_tried_in_one_step(
+    write_robot: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+):
+    """One by one they cost half of a check; they are gone through only where one of them is wrong."""
+    tried = []
+    kept = check.rollout
+    monkeypatch.setattr(check, "rollout", lambda *given, **named: tried.append(1) or kept(*given, **named))
+    good = write_robot()
+    (good / "robot.toml").write_text(GOOD)
+    engines = len(load_robot(good).engines)
+    assert findings(read_folder(good)) == [] and len(tried) == engines
+    (good / "robot.toml").write_text(GOOD.replace("mj.body_mass[lower]", "mj.body_mass[lwer]"))
+    (one,) = findings(read_folder(good))
+    assert "lwer" in one.message and len(tried) > 2 * engines
+
+
+def test_who_asks_for_a_check_loads_no_engine():
+    code = (
+        "import sys, dynreg.sim.inspection; print(*sorted({'mujoco', 'scipy', 'numba'} & set(sys.modules)))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == ""
+
+
+def test_a_check_does_without_scipy():
+    code = "import sys, dynreg.sim.check; print(*sorted({'scipy.spatial', 'scipy.stats'} & set(sys.modules)))"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("rate_gain, said", [("0.3", None), ("18.0", "timestep"), ("60.0", "diverges")])
+def test_a_drive_too_fast_for_the_time_step_is_named(
+    rate_gain: str, said: str | None, write_robot: Callable[..., Path]
+):
+    """With its numbers and what would do: as a wrist of 1e-4 kg*m^2 under the gains of a shoulder."""
+    step = 'timestep = 0.002\nintegrator = "euler"'
+    faster = ("rate_gain = 0.3", f"rate_gain = {rate_gain}"), ("torque_limit = 4.0", "torque_limit = 400.0")
+    found = [
+        line
+        for line in inspect_robot(write_robot(("timestep = 0.002", step), *faster))
+        if "too fast" in str(line)
+    ]
+    if said is None:
+        assert not found
+        return
+    (line,) = (" ".join(str(line).split()) for line in found)
+    assert (
+        said in line
+        and f"joint 'shoulder' is too fast: gain 20, rate gain {float(rate_gain):g}, inertia 0.0" in line
+    )
+    ratio = float(re.search(r"time step / inertia = (\S+) \(followed to 0.5, swings from 1 on", line)[1])
+    lower = float(re.search(r"lower the rate gain to (\S+),", line)[1])
+    assert ratio > 1.0 and lower == pytest.approx(0.5 * float(rate_gain) / ratio, rel=0.1)

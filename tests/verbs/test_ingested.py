@@ -1,0 +1,29 @@
+"""What `ingest` says of a recording."""
+
+from pathlib import Path
+
+import numpy as np
+
+import dynreg
+from dynreg.report.stored import channel_words
+
+
+def test_many_channels_are_told_as_groups_and_a_few_by_name():
+    joints = [f"{side}_{joint}" for side in ("fl", "fr", "rl", "rr") for joint in ("hip", "thigh", "calf")]
+    names = [f"{joint}/{what}" for what in ("position", "velocity", "target") for joint in joints]
+    base = ["base/roll", "base/pitch"]
+    assert channel_words((*names, *base, "supply", "load")) == (
+        "12 joints: position, velocity, target; base: roll, pitch; supply; load"
+    )
+    assert channel_words(("arm/position", "arm/target")) == "arm/position, arm/target"
+
+
+def test_a_log_without_commands_is_ingested_and_says_so(tmp_path: Path):
+    rows = "".join(f"{0.1 * k:.1f},{np.sin(0.1 * k):.4f},0,0\n" for k in range(60))
+    (tmp_path / "drive.csv").write_text("time,base/speed,base/yaw_rate,imu/yaw_rate\n" + rows)
+    with dynreg.open(tmp_path / "registry") as session:
+        told = session.ingest(tmp_path / "drive.csv", "husky", name="drive")
+    (said,) = told.notes
+    assert (
+        "no commands ('base/speed_command' is missing)" in said and "query and diagnose cannot use it" in said
+    )
