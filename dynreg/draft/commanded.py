@@ -34,7 +34,7 @@ def commanded(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog) -> Dr
         ):
             return "position"
         return "position" if sum(follow) > HALF * len(joints) else None
-    if own == {"position"} and all(d.said.startswith(("guessed", "the model")) for d in drives):
+    if own == {"position"} and all(d.guessed for d in drives):
         told = heard(draft_map(log, spec_of(model, positions, targets)))
         if any(name in told.series for name, _ in targets):
             return None

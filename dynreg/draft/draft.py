@@ -69,7 +69,7 @@ def draft_robot(
     base = base_joint(opened.compiled(), tuple(d.joint for d in drives))
     told = _heard(opened.compiled(), drives, base, log, notes)
     drives = without_passed_ranges(with_measured_gains(drives, told, notes), told, notes)
-    if any(d.said.startswith("guessed") for d in drives):
+    if any(d.guessed for d in drives):
         notes.add("gains are guessed from inertia and weight; --kp and --kd state them, with another --to")
     put_drives(opened, drives)
     add_ground(opened, base, notes)

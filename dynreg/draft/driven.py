@@ -24,6 +24,7 @@ NATURAL = 20.0  # rad/s: what a guessed servo answers with
 SAG = 0.02  # rad or m by which a guessed servo gives way to the joint's own weight
 DAMPED = 0.7  # share of the critical damping of a guessed servo
 TWICE = 2.0  # times what holds and quickens a joint: the largest command of a guessed torque drive
+STATED = "stated"
 _STIFF, _DAMPED = ("position",), ("position", "velocity")  # kinds of drives with a gain, and with a rate gain
 
 
@@ -124,7 +125,7 @@ def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptio
         gain = drive.gain if options.kp is None else options.kp
         rate = drive.rate_gain if options.kd is None else options.kd
         changed = (gain, rate) != (drive.gain, drive.rate_gain)
-        return replace(drive, gain=gain, rate_gain=rate, said="stated" if changed else drive.said)
+        return replace(drive, gain=gain, rate_gain=rate, said=STATED if changed else drive.said)
     if options.drive is None or (kind == drive.kind and drive.high is not None):
         return drive
     limit = drive.limit
@@ -141,11 +142,16 @@ def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptio
     guessed = max(inertia * NATURAL**2, load / SAG)
     kp = options.kp if options.kp is not None else guessed
     kd = options.kd if options.kd is not None else 2.0 * DAMPED * float(np.sqrt(kp * inertia))
-    stated = options.kp if kind == "position" else options.kd
-    said = "stated" if stated is not None else "guessed from inertia and weight"
-    if kind == "position":
-        return Drive(drive.joint, "position", kp, kd, limit=limit, said=said)
-    speed = 2.0 * np.pi if is_hinge(model, joint) else 1.0
-    return Drive(
-        drive.joint, "velocity", rate_gain=kd, limit=limit, low=-speed, high=speed, usual=True, said=said
+    is_guess = (options.kp if kind == "position" else options.kd) is None
+    of = Drive(
+        drive.joint,
+        kind,
+        rate_gain=kd,
+        limit=limit,
+        said="guessed from inertia and weight" if is_guess else STATED,
+        guessed=is_guess,
     )
+    if kind == "position":
+        return replace(of, gain=kp)
+    speed = 2.0 * np.pi if is_hinge(model, joint) else 1.0
+    return replace(of, low=-speed, high=speed, usual=True)

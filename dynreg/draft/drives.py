@@ -27,7 +27,8 @@ class Drive:
     velocity. kt, resistance : of a dcmotor. limit : None where there is none. low, high : of the command; None where
     nothing limits it: a joint's stops do not. usual : whether these are a guess at what is usual, no limits. lag : time
     constant [s] of the actuator's own filter. scale, offset : the command is scale * (the actuator's control) + offset.
-    said : where the numbers come from. measured : whether a log's torques follow its gains.
+    said : where the numbers come from. guessed : whether its gains are guesses. measured : the gains that a log's
+    torques follow.
     """
 
     joint: str
@@ -44,7 +45,8 @@ class Drive:
     scale: float = 1.0
     offset: float = 0.0
     said: str = OF_MODEL
-    measured: bool = False
+    guessed: bool = False
+    measured: frozenset[str] = frozenset()
 
     @property
     def plain(self) -> bool:

@@ -1,7 +1,7 @@
 """The law of the drives by a log: how torques follow targets or speeds, and how far commands go."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,28 @@ LEAST = 200  # samples from which a law is fitted
 UNEXPLAINED = 0.02  # share of the torque's variance that a law may leave: sensors' noise leaves below 0.001
 SATURATED = 0.95  # of the largest torque from which on a drive may be at its limit, and follow no law
 PASSED = 1.001  # times a range at which a command is beyond it: logs round
-AGREES = 0.1  # by which a gain may differ from the log's and be the same: torques are measured no better
+# By which a gain may differ from the log's and be the same, and share of the torque below which its part tells nothing:
+# torques are measured no better.
+AGREES = 0.1
+
+
+@dataclass(frozen=True)
+class Law:
+    """The gains that torques follow. gains : {gain: value}. parts : {gain: share of the torque that 1 of it makes}."""
+
+    gains: Mapping[str, float]
+    parts: Mapping[str, float]
+
+    def told(self, stated: Mapping[str, float] | None = None) -> frozenset[str]:
+        """The gains that make a part of the torque large enough to be known, here or as stated {gain: value}."""
+        large = {key: max(value, (stated or {}).get(key, 0.0)) for key, value in self.gains.items()}
+        return frozenset(key for key, value in large.items() if self.parts[key] * value >= AGREES)
+
+    def contradicted(self, stated: Mapping[str, float]) -> frozenset[str]:
+        """The gains that are known and differ from those stated {gain: value}."""
+        return frozenset(
+            key for key in self.told(stated) if abs(self.gains[key] - stated[key]) > AGREES * stated[key]
+        )
 
 
 def with_measured_gains(drives: Sequence[Drive], told: Heard | None, notes: Notes) -> tuple[Drive, ...]:
@@ -30,15 +51,20 @@ def with_measured_gains(drives: Sequence[Drive], told: Heard | None, notes: Note
         law = laws.get(drive.joint)
         if law is None:
             out.append(drive)
-        elif _agrees(drive, law):
-            out.append(replace(drive, measured=True))
-        elif drive.said.startswith("guessed"):
-            gains = {k: float(f"{v:.3g}") for k, v in law.items()}
-            out.append(replace(drive, measured=True, said="of the log's torques", **gains))
-        else:
+            continue
+        if drive.guessed:
+            gains = {key: float(f"{value:.3g}") for key, value in law.gains.items()}
+            of_log = {"guessed": False, "measured": law.told(), "said": "of the log's torques"}
+            out.append(replace(drive, **gains, **of_log))
+            continue
+        stated = {key: getattr(drive, key) for key in law.gains}
+        if differ := law.contradicted(stated):
             out.append(drive)
-            told_gains = ", ".join(f"{k} {v:.3g}" for k, v in law.items())
-            other.append(f"{drive.joint}: {told_gains}")
+            other.append(
+                f"{drive.joint}: " + ", ".join(f"{key} {law.gains[key]:.3g}" for key in sorted(differ))
+            )
+        else:
+            out.append(replace(drive, measured=law.told(stated)))
     if same := [d.joint for d in out if d.measured]:
         notes.add(
             f"the log's torques follow the gains of {len(same)} joints: these are doubted by {AGREES:.0%} only, as far "
@@ -74,8 +100,8 @@ def without_passed_ranges(drives: Sequence[Drive], told: Heard | None, notes: No
     return tuple(replace(d, usual=True) if d.joint in passed else d for d in drives)
 
 
-def law_of(told: Heard, drive: Drive) -> dict[str, float] | None:
-    """{gain: value} by which a joint's measured torques follow its commands; None where they follow no such law.
+def law_of(told: Heard, drive: Drive) -> Law | None:
+    """The gains by which a joint's measured torques follow its commands; None where they follow no such law.
 
     Least squares over the samples in which the drive is not at its limit: torque = gain (target - position) - rate_gain
     velocity of position drives, rate_gain (command - velocity) of velocity drives.
@@ -100,10 +126,8 @@ def law_of(told: Heard, drive: Drive) -> dict[str, float] | None:
     columns, rows = columns[known], rows[known]
     values = np.linalg.lstsq(columns, rows, rcond=None)[0]
     missed = np.mean((rows - columns @ values) ** 2)
-    if missed > UNEXPLAINED * np.var(rows) or values[0] <= 0 or values[-1] < 0:
+    parts = np.sqrt(np.mean(columns**2, axis=0) / np.mean(rows**2))
+    if missed > UNEXPLAINED * np.var(rows) or values[0] <= 0 or (parts * values).min() < -AGREES:
         return None
-    return dict(zip(keys, map(float, values), strict=True))
-
-
-def _agrees(drive: Drive, law: dict[str, float]) -> bool:
-    return all(abs(value - getattr(drive, key)) <= AGREES * getattr(drive, key) for key, value in law.items())
+    values = np.maximum(values, 0.0)  # below 0 by chance
+    return Law(*(dict(zip(keys, map(float, some), strict=True)) for some in (values, parts)))

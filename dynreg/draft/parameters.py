@@ -321,9 +321,9 @@ def _doubt(mine: Sequence[Drive], key: str) -> tuple[tuple[float, float], float]
     """((low, high) as factors on the nominal, tolerance) of a number of these drives."""
     if key == "torque_limit":
         return LIMITS, TOLERANCES[key]
-    if key in ("gain", "rate_gain") and all(d.measured for d in mine):
+    if all(key in d.measured for d in mine):
         return (1.0 - AGREES, 1.0 + AGREES), AGREES / 2
-    if mine[0].said.startswith("guessed"):
+    if mine[0].guessed:
         return GAINS, GUESSED
     return GAINS, TOLERANCES.get(key, TOLERANCES["gain"])
 

@@ -13,9 +13,9 @@ KP, KD, LIMIT = 80.0, 4.0, 30.0
 TIME = np.arange(0.0, 20.0, 0.01)
 
 
-def log(*, kp: float = KP, kd: float = KD, unexplained: float = 0.0) -> Heard:
+def log(*, kp: float = KP, kd: float = KD, unexplained: float = 0.0, seed: int = 0) -> Heard:
     """What a log tells of a joint that follows steps, with torques at its limit in between."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     target = np.repeat(rng.uniform(-0.5, 0.5, len(TIME) // 100), 100)
     position, velocity = np.zeros((2, len(TIME)))
     for i in range(1, len(TIME)):
@@ -31,7 +31,9 @@ def log(*, kp: float = KP, kd: float = KD, unexplained: float = 0.0) -> Heard:
 
 def test_the_gains_are_those_of_the_samples_below_the_limit():
     law = law_of(log(), Drive("arm", "position", 1.0))
-    assert law["gain"] == pytest.approx(KP, rel=0.02) and law["rate_gain"] == pytest.approx(KD, rel=0.05)
+    assert law.gains["gain"] == pytest.approx(KP, rel=0.02) and law.gains["rate_gain"] == pytest.approx(
+        KD, rel=0.05
+    )
 
 
 def test_torques_that_follow_something_else_tell_no_gains():
@@ -51,7 +53,7 @@ def test_stated_gains_that_the_torques_follow_are_marked_and_kept():
 
 
 def test_guessed_gains_become_those_of_the_log():
-    (drive,) = with_measured_gains([Drive("arm", "position", 9.0, 9.0, said="guessed")], log(), Notes())
+    (drive,) = with_measured_gains([Drive("arm", "position", 9.0, 9.0, guessed=True)], log(), Notes())
     assert (
         drive.measured and drive.gain == pytest.approx(KP, rel=0.02) and drive.said == "of the log's torques"
     )
@@ -70,7 +72,7 @@ def test_a_drive_of_speeds_has_one_gain():
     series["arm/velocity_command"] = Series(TIME, command)
     series["arm/torque"] = Series(TIME, 3.0 * (command - velocity))
     law = law_of(Heard(series), Drive("arm", "velocity", rate_gain=1.0))
-    assert law == {"rate_gain": pytest.approx(3.0, rel=0.01)}
+    assert law.gains == {"rate_gain": pytest.approx(3.0, rel=0.01)}
 
 
 def test_commands_beyond_the_model_s_range_are_no_mistake_of_the_robot():
@@ -82,3 +84,18 @@ def test_commands_beyond_the_model_s_range_are_no_mistake_of_the_robot():
     quiet = Notes()
     within = Heard({"arm/torque": Series(TIME, 12.0 * np.sin(TIME))})
     assert without_passed_ranges([motor], within, quiet) == (motor,) and not quiet.lines
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_part_too_small_to_be_known_is_neither_measured_nor_contradicted(seed: int):
+    told = log(kd=0.0, seed=seed)
+    law = law_of(told, Drive("arm", "position", KP))
+    assert law is not None and law.gains["rate_gain"] >= 0.0
+    notes = Notes()
+    (drive,) = with_measured_gains([Drive("arm", "position", KP, 0.0, said="stated")], told, notes)
+    assert drive.measured == {"gain"} and "other gains" not in " ".join(notes.lines)
+
+
+def test_a_stated_gain_that_should_make_a_large_part_is_contradicted_by_none():
+    law = law_of(log(kd=0.0), Drive("arm", "position", KP))
+    assert law.contradicted({"gain": KP, "rate_gain": 10 * KD}) == {"rate_gain"}
