@@ -169,9 +169,9 @@ def test_the_search_for_unsafe_code_finds_it(code):
 
 
 def test_nothing_runs_code_out_of_a_file():
-    every = [
-        p for folder in ("dynreg", "benchmarks", "examples", "tests") for p in (ROOT / folder).rglob("*.py")
-    ]
+    kept = ROOT / "benchmarks" / "registry"  # what benchmarks fetch: others wrote it, and nobody commits it
+    folders = ("dynreg", "benchmarks", "examples", "tests")
+    every = [p for f in folders for p in (ROOT / f).rglob("*.py") if not p.is_relative_to(kept)]
     assert len(every) > len(SOURCES) > 100
     found = [(path, node) for path in every for node in ast.walk(tree(path)) if unsafe(node)]
     assert not [f"{where(path, node)} {unsafe(node)}" for path, node in found]

@@ -30,7 +30,8 @@ POSES = 128  # of an arm that are looked at
 EASY = 0.9  # share of them in which its drives hold a payload
 FRAME = 1e-4  # of the mass that moves: what weighs less marks a place, and no multiple of it is a payload
 # Ranges, as factors on the nominal.
-MASSES = (0.5, 2.0)
+MASSES = (0.5, 2.0)  # of what may carry something
+LINKS = (0.7, 1.4)  # of all else: 3.5 times the tolerance of a mass, to each side
 GAINS = (0.4, 2.5)
 LIMITS = (0.5, 1.5)
 FLOORS = (0.3, 2.0)
@@ -48,11 +49,12 @@ TOLERANCES = {  # 1 sigma of what is stated, relative to it; of what is not, rel
 GUESSED = 0.7  # of a gain that is guessed here
 DOUBLED = 0.5  # of friction and damping that the model states: half of that is nothing unusual
 REASONS = (
-    f"Ranges: masses from {MASSES[0]:g} to {MASSES[1]:g} times the model's (what an arm carries to {PAYLOAD:g}, or to "
-    f"what its drives hold), gains from {GAINS[0]:g} to {GAINS[1]:g} ({AGREES:.0%} to each side where the log's "
-    f"torques follow them), torque limits from {LIMITS[0]:g} to {LIMITS[1]:g}. Friction and damping that the model "
-    f"states, from 1/{WIDE:g} to {WIDE:g} times, or to what it may be where the model states none, if that is more (at "
-    f"most {WIDE**2:g} times); that it does not, from 0 to {COULOMB:.0%} of the drive's torque, and to "
+    f"Ranges: masses of what may carry something from {MASSES[0]:g} to {MASSES[1]:g} times the model's (of an arm to "
+    f"{PAYLOAD:g}, or to what its drives hold), of all else from {LINKS[0]:g} to {LINKS[1]:g}; gains from "
+    f"{GAINS[0]:g} to {GAINS[1]:g} ({AGREES:.0%} to each side where the log's torques follow them), torque limits from "
+    f"{LIMITS[0]:g} to {LIMITS[1]:g}. Friction and damping that the model states, from 1/{WIDE:g} to {WIDE:g} times, "
+    f"or to what it may be where the model states none, if that is more (at most {WIDE**2:g} times); that it does not, "
+    f"from 0 to {COULOMB:.0%} of the drive's torque, and to "
     f"{VISCOUS:.0%} of it per rad/s; armature to {ROTOR:.0%} of the joint's inertia.",
     "tolerance is 1 sigma of what the lab knows, relative to nominal; to the width of the range where nominal is 0.",
 )
@@ -173,7 +175,7 @@ def _masses(doubted: Doubted) -> Iterator[Entry]:
         yield _mass(model, "base_mass", moved.pop(first), MASSES, "the base and what it carries")
         if moved:
             every = [b for bodies in moved.values() for b in bodies]
-            yield _mass(model, "limb_mass", every, MASSES, "all else that moves")
+            yield _mass(model, "limb_mass", every, LINKS, "all else that moves")
         return
     tip = _tip(model, doubted.drives, moved)
     if tip is None:
@@ -192,7 +194,7 @@ def _masses(doubted: Doubted) -> Iterator[Entry]:
     yield _mass(model, name, bodies, (MASSES[0], most), f"{said}: a payload shows here{held}")
     if moved:
         every = [b for bodies in moved.values() for b in bodies]
-        yield _mass(model, "link_mass", every, MASSES, "all links before that")
+        yield _mass(model, "link_mass", every, LINKS, "all links before that")
 
 
 def _limbs(doubted: Doubted, moved: Mapping[int, list[int]]) -> Iterator[Entry]:

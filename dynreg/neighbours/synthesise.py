@@ -19,6 +19,7 @@ from dynreg.sim.space import ParameterSpace
 DAMPING = (0.01, 0.1)  # of the bold and the careful step, in units of the mean curvature
 REACH = 0.15  # of the exploring step, in the unit cube; shrinks when a round gains little
 FEATURES = 2000  # residual samples kept for the linear model
+Residuals = Callable[[np.ndarray], np.ndarray]  # of unit parameters (n, P): (n, W', T, S')
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ def replays_of(
     return Replays(space, free, to_fit, unit, mine, error[:, to_fit].mean(axis=1), select)
 
 
-def refine(replays: Replays, replay: Callable[[np.ndarray], np.ndarray], budget: int, seed: int) -> Replays:
+def refine(replays: Replays, replay: Residuals, budget: int, seed: int) -> Replays:
     """The replays after rounds of proposals, `budget` more than before.
 
     replay : residuals (n, W', T, S') of unit parameters (n, P).

@@ -118,11 +118,21 @@ class Replayer:
 
         Channels without weight are left out; see `residual.scaled`.
         """
-        use = np.flatnonzero(self.windows.weight > 0)
-        states, measured = (
-            self.states(values, chosen)[..., 1:, use],
-            self.windows.measured[chosen][:, 1:, use],
+        return self._residuals(self.states(values, chosen), chosen)
+
+    def residuals_from(self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray) -> np.ndarray:
+        """(n, W, T, S') the same of one simulator (P,), from other start states (n, W, S) of the chosen windows."""
+        many, windows, channels = initial.shape
+        run = replace(
+            self.windows.run.take(np.tile(chosen, many)), initial=initial.reshape(many * windows, channels)
         )
+        self.rollouts += many
+        states = rollout(self.robot, values[None], run, threads=self.threads).states[0]
+        return self._residuals(states.reshape(many, windows, *states.shape[1:]), chosen)
+
+    def _residuals(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        use = np.flatnonzero(self.windows.weight > 0)
+        states, measured = states[..., 1:, use], self.windows.measured[chosen][:, 1:, use]
         return scaled(states, measured, self.windows.spread[use]) * (self.windows.weight[use] * len(use))
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from dynreg.neighbours.judge import TOO_FAR
-from dynreg.neighbours.query import Case, Choice, Spending
+from dynreg.neighbours.query import Case, Choice
 from dynreg.neighbours.retrieve import Retrieved
+from dynreg.neighbours.spending import Spending
 from dynreg.replay.judged import gain, traced
 from dynreg.results.neighbours import ChannelError, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
 from dynreg.results.result import Cost, Estimate
@@ -173,8 +174,8 @@ def _stages(subject: Subject, chosen: Choice, simulators: dict[int, str]) -> tup
     if subject.spending.replay:
         out.append(stage("replayed", [chosen.best], chosen.begun))
     if chosen.made is not None:
-        out.append(stage("synthesised", [chosen.made], len(replays.unit)))
-    return (*out, stage("answer", [chosen.answer], len(replays.unit)))
+        out.append(stage("synthesised", [chosen.made], chosen.spent))
+    return (*out, stage("answer", [chosen.answer], chosen.spent))
 
 
 def _channels(case: Case, chosen: Choice) -> tuple[ChannelError, ...]:

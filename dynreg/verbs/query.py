@@ -32,7 +32,7 @@ class QuerySettings(Settings):
     budget: int | None = option(
         None,
         "Most simulations of the query; those of --distance replay come on top.",
-        usual="43 and fourteen for each parameter",
+        usual="45, fourteen for each parameter and two for each channel",
         least=1,
         shared=True,
     )
@@ -65,8 +65,9 @@ def query(
     Raises UsageError where k or the budget cannot be met, LogError where the
     recording cannot be replayed.
     """
-    from dynreg.neighbours.query import Spending, case_of, choose, distance_query, usual_budget
+    from dynreg.neighbours.query import case_of, choose, distance_query
     from dynreg.neighbours.retrieve import retrieve
+    from dynreg.neighbours.spending import Spending, usual_budget
     from dynreg.verbs.neighbours import Subject, judged, unjudged
     from dynreg.verbs.populations import load_graph, ready
 
@@ -79,7 +80,7 @@ def query(
             expected=f"1 to {len(population)}, the simulators of the population",
             do="ask for fewer neighbours, or populate more simulators",
         )
-    budget = settings.budget or usual_budget(len(population.shared.robot.space), k)
+    budget = settings.budget or usual_budget(population.shared.robot, k)
     spending = Spending(k, budget, settings.replay, settings.synthesise)
     report = progress or (lambda *_: None)
     case = case_of(population, recording, hold_out=settings.hold_out, threads=settings.threads, report=report)

@@ -12,7 +12,7 @@ from secret_servo import ENTRIES, TRAINING
 from dynreg import session
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError, UsageError
-from dynreg.neighbours.query import usual_budget
+from dynreg.neighbours.spending import usual_budget
 from dynreg.replay.windows import Replayer
 from dynreg.results import Neighbours
 from dynreg.sim.robot import load_robot
@@ -37,7 +37,14 @@ def watched(monkeypatch):
         calls.append((len(values), tuple(int(w) for w in chosen)))
         return states(self, values, chosen)
 
+    residuals_from = Replayer.residuals_from
+
+    def watch_starts(self, values, chosen, initial):
+        calls.append((len(initial), tuple(int(w) for w in chosen)))
+        return residuals_from(self, values, chosen, initial)
+
     monkeypatch.setattr(Replayer, "states", watch)
+    monkeypatch.setattr(Replayer, "residuals_from", watch_starts)
     return calls
 
 
@@ -111,7 +118,7 @@ def test_the_test_part_is_replayed_once_and_last(servos, short, watched):
         assert set(used) in (test, chosen)
 
 
-@pytest.mark.parametrize("budget", [7, 8, 15, usual_budget(7, 5)])
+@pytest.mark.parametrize("budget", [7, 8, 15, usual_budget(load_robot("servo_pendulum"), 5)])
 @pytest.mark.parametrize("synthesise", [True, False])
 def test_the_budget_is_kept_and_counted(servos, short, watched, budget, synthesise):
     answer = servos.query(short, budget=budget, synthesise=synthesise, hold_out="0.3")
