@@ -64,11 +64,13 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
         steps.append(
             "No episode was held out. Record more episodes, or choose held-out episodes with --hold-out."
         )
+    diagnose = command("diagnose", result.recording_name)
     if result.unclear:
-        steps.append(f"Ask what all of them lack: {command('diagnose', result.recording_name)}")
+        steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.fits:
         export = command("export", result.answer[:12], "--as", "robot", "--to", "FOLDER")
         steps.append(f"Export the simulator as a robot folder: {export}")
+        steps.append(f"Ask what it lacks: {diagnose}")
     return tuple(steps)
 
 
