@@ -15,6 +15,7 @@ from dynreg.draft.actuators import put_drives
 from dynreg.draft.base import with_base
 from dynreg.draft.commanded import commanded
 from dynreg.draft.contacts import without_self_contacts
+from dynreg.draft.doubted import Doubted
 from dynreg.draft.driven import check_gains, drives_of
 from dynreg.draft.drives import Drive, name_of, scalar_joints
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
@@ -22,7 +23,7 @@ from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_heig
 from dynreg.draft.heard import Heard, heard, sensed, spec_of, within_stops
 from dynreg.draft.measured import EFFORT, with_measured_gains, without_passed_ranges
 from dynreg.draft.opened import Opened, open_model
-from dynreg.draft.parameters import Doubted, parameters, reasons
+from dynreg.draft.parameters import parameters, reasons
 from dynreg.draft.source import Source
 from dynreg.draft.start import add_start
 from dynreg.draft.tables import (

@@ -80,3 +80,27 @@ def listed(names: list[str], most: int = 6) -> str:
     """
     some = ", ".join(names[:most])
     return some if len(names) <= most else f"{some} and {len(names) - most} more"
+
+
+def ranged(
+    name: str, sets: str, nominal: float, unit: str, low: float, high: float, tolerance: float, said: str
+) -> Entry:
+    """A parameter with its range: on a logarithmic scale where that does not hold 0."""
+    return Entry(
+        {
+            "name": name,
+            "unit": unit,
+            "nominal": nominal,
+            "low": low,
+            "high": high,
+            "scale": "log" if low > 0 else "linear",
+            "tolerance": tolerance,
+            "sets": [sets],
+        },
+        said,
+    )
+
+
+def rounded(value: float) -> float:
+    """To two digits: what a draft says is no better known."""
+    return float(f"{value:.2g}")
