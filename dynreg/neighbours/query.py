@@ -10,7 +10,7 @@ from dynreg.distance.query import DistanceQuery
 from dynreg.index import Graph
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
 from dynreg.neighbours.judge import misfit
-from dynreg.neighbours.make import make
+from dynreg.neighbours.make import Replaying, make
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.sharpen import Made
 from dynreg.neighbours.spending import HALVED, Spending, Unknown
@@ -21,7 +21,7 @@ from dynreg.replay.jitter import CANDIDATES, jitter
 from dynreg.replay.judged import channel_errors
 from dynreg.replay.parts import seen
 from dynreg.replay.samples import samples_in_all
-from dynreg.replay.start_error import StartSlopes, believed, noisy_channels, start_slopes
+from dynreg.replay.start_error import noisy_channels
 from dynreg.replay.timed import on_grid
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.robot import Robot
@@ -78,9 +78,10 @@ class Choice:
 
     candidates : the nominal, what was found, and what was made of it, if anything was; replays : their parameters and
     errors. begun : how many of them before the synthesis. spent : simulators run to choose. nearest : the k nearest
-    entries. best : of the entries; made : of the synthesised, None where there is none; answer : of all. intervals : of
-    the parameters of `made`. tests : (W_test,) errors by simulator. judged : (W',) windows that judge, the test part
-    where there is one, in which nominal and answer have states (2, W', T+1, S) and errors by channel (2, S).
+    entries. best : of the entries; made : what was made, else the guess, None without either; answer : the best of
+    nominal, entries and `made`, whose search begins with the guess. intervals : of the parameters of `made`. tests :
+    (W_test,) errors by simulator. judged : (W',) windows that judge, the test part where there is one, in which nominal
+    and answer have states (2, W', T+1, S) and errors by channel (2, S).
     misfit : see `judge.misfit`. rollouts : those, and all that was run for the retrieval, the intervals and the motor
     noise.
     """
@@ -154,9 +155,11 @@ def _intervals(case: Case, replays: Replays, synthesis: Made | None, made: int) 
         evidence = Evidence(samples_in_all(source.residuals[int(source.score.argmin())]))
         return estimates(source, linearise(source), unit, evidence, values_of)
     finer = Replayer(case.robot.stepped(2), case.data.windows, case.replayer.threads)
-    halved = finer.residuals(values_of(synthesis.local.centre[None]), case.data.parts.chosen)
+    chosen, centre = case.data.parts.chosen, synthesis.local.centre[None]
+    halved = finer.residuals(values_of(centre), chosen, synthesis.initial)
     mine, halved = synthesis.replays.residuals[synthesis.best], synthesis.start.removed(halved)
-    evidence = Evidence(samples_in_all(mine), halved[:, replays.to_fit])
+    effective = samples_in_all(mine) - synthesis.start.fitted[replays.to_fit].sum()
+    evidence = Evidence(max(effective, 1.0), halved[:, replays.to_fit])
     return estimates(synthesis.replays, synthesis.local, unit, evidence, values_of)
 
 
@@ -176,28 +179,18 @@ def _replayed(
     units = case.data.with_known(np.array([*unit, *case.population.unit[entries]]))
     before = case.replayer.rollouts
 
-    def replay(some: np.ndarray) -> np.ndarray:
-        found = case.replayer.residuals(case.data.values_of(some), chosen)
+    def report() -> None:
         case.report("replay", case.replayer.rollouts - before, spending.budget)
-        return found
 
-    def slopes_at(unit: np.ndarray, residual: np.ndarray) -> StartSlopes:
-        if not spending.starts(unknown):
-            return believed(residual)
-        return start_slopes(case.replayer, case.data.values_of(unit[None])[0], chosen, residual)
-
-    case.report("replay", 0, spending.budget)
-    residuals = replay(units)
+    replaying = Replaying(
+        case.replayer, chosen, case.data.values_of, report, believed=not spending.starts(unknown)
+    )
+    report()
+    residuals = replaying.residuals(units)
     replays, made = replays_of(space, free, case.data.parts.fit[chosen], units, residuals), None
     if spending.synthesise and free.any() and len(first) > 3:
-        made = make(
-            replays,
-            residuals,
-            replay,
-            slopes_at,
-            spending.made(len(first), unknown),
-            case.population.shared.seed,
-        )
+        spend = spending.to_make(len(first), unknown)
+        made = make(replays, residuals, replaying, spend, case.population.shared.seed)
         replays = replays.grown(made.replays.unit[[made.best]], made.residual[None])
     case.report("replay", spending.budget, spending.budget)
     last = [] if made is None else [Candidate("synthesised")]

@@ -21,9 +21,10 @@ from dynreg.neighbours.synthesise import (
 )
 from dynreg.replay.start_error import StartErrors, StartSlopes
 
-# Of each range, to both sides: in the first round, and never less or more in a later one.
+# Of each range, to both sides: in the first round, and never less or more in a later one. With 0.02 at most, what
+# changes little (a wheel's rotor, mass against mass) stayed where it was.
 STEP, LEAST, FAR = 0.02, 0.001, 0.1
-# Six rounds left an arm of seven joints on its way (error 0.0028, its best 0.0027); nine did not.
+# Six rounds left an arm of seven joints on its way (error 0.0028, its best 0.0027); nine reached it.
 ROUNDS = 10
 # Of the steps that a round replays, from bold to careful, in units of each parameter's own curvature (Marquardt 1963):
 # in units of their mean, the stiffest parameter holds back all others.
@@ -44,14 +45,16 @@ def cost(free: int) -> int:
 class Made:
     """A simulator that was made: the best of some replays, judged without errors of their start states.
 
-    residual : (W', T, S') its own, with the measured start states. local : the linear model about it, None where no
-    slopes were simulated. start : the errors that are taken out of residuals.
+    residual : (W', T, S') its own, with the measured start states. local : the linear model about it; start : the
+    start errors that the last round took out. None without a round. initial : (W', S) start states of the replays,
+    None for the measured ones.
     """
 
     replays: Replays
     residual: np.ndarray
-    local: Local | None
-    start: StartErrors
+    local: Local | None = None
+    start: StartErrors | None = None
+    initial: np.ndarray | None = None
 
     @property
     def best(self) -> int:
@@ -69,7 +72,7 @@ def sharpen(
     last. The replays of that one are in what is made.
     """
     free = np.flatnonzero(begun.free)
-    made = Made(begun, residual, None, slopes.errors(residual))
+    made = Made(begun, residual)
     reach = np.full(len(free), STEP)
     for _ in range(min(ROUNDS, budget // cost(len(free)))):
         made = _round(made, replay, slopes, reach)

@@ -9,6 +9,7 @@ from dynreg.replay.start_error import noisy_channels
 from dynreg.sim.robot import Robot
 
 REPLAYED = 0.6  # share of the search that replays candidates; the rest synthesises
+AGAIN = 2  # rounds that sharpen the answer once more, from better start states
 HALVED = 1  # replay with half the time step, for the intervals
 
 
@@ -53,14 +54,17 @@ class Spending:
         return max(least, self.budget - _sharpening(unknown))
 
     def starts(self, unknown: Unknown) -> bool:
-        """Whether the budget suffices for errors of start states, with a round at least that sharpens the answer."""
-        least = of_starts(unknown.noisy) + cost(unknown.free) + HALVED
-        return self.budget >= self.search(unknown) + least
+        """Whether the budget suffices for errors of start states, with rounds that sharpen the answer."""
+        least = of_starts(unknown.noisy) + (1 + AGAIN) * cost(unknown.free) + HALVED
+        return unknown.noisy > 0 and self.budget >= self.search(unknown) + least
 
-    def made(self, taken: int, unknown: Unknown) -> Spend:
+    def to_make(self, taken: int, unknown: Unknown) -> Spend:
         """What is left to make a simulator of so many replays."""
-        search, starts = self.search(unknown), of_starts(unknown.noisy) * self.starts(unknown)
-        return Spend(search - taken, self.budget - search - HALVED - starts)
+        search, again = self.search(unknown), AGAIN * cost(unknown.free)
+        rest = self.budget - search - HALVED
+        if not self.starts(unknown):
+            return Spend(search - taken, rest, 0)
+        return Spend(search - taken, rest - again - of_starts(unknown.noisy), again)
 
 
 def usual_budget(robot: Robot, k: int) -> int:
@@ -76,4 +80,5 @@ def _usual_search(parameters: int, k: int) -> int:
 
 def _sharpening(unknown: Unknown) -> int:
     """Most replays that follow the search."""
-    return of_starts(unknown.noisy) + ROUNDS * cost(unknown.free) + HALVED
+    rounds = ROUNDS + (AGAIN if unknown.noisy else 0)
+    return of_starts(unknown.noisy) + rounds * cost(unknown.free) + HALVED

@@ -17,13 +17,13 @@ FADED, ROWS = (
 FADED_IN_ALL, ROWS_IN_ALL = 0.0, 4  # a query: the same, so that all of a correlation above none counts
 
 
-def correlation_time(series: np.ndarray, below: float = FADED) -> float:
+def correlation_time(series: np.ndarray, below: float = FADED, mean: float | None = None) -> float:
     """Integrated autocorrelation time [samples] of (T,) without gaps: 1 + 2 sum of the correlations, 1 for white noise.
 
     The sum ends with the first lag whose correlation is `below`, where noise takes over. Never below 1: a series that
-    alternates does not count as more samples than it has.
+    alternates does not count as more samples than it has. mean : about which it varies, None for its own.
     """
-    x = series - series.mean()
+    x = series - (series.mean() if mean is None else mean)
     power = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
     correlation = np.fft.irfft(power)[: len(x)] / max(x @ x, 1e-300)
     until = int(np.argmax(correlation < below)) or len(x)

@@ -108,17 +108,24 @@ class Replayer:
     threads: int = 0
     rollouts: int = field(default=0)
 
-    def states(self, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """(n, W, T+1, S) what simulators (n, P) do in the chosen windows, without motor noise."""
-        self.rollouts += len(values)
-        return rollout(self.robot, values, self.windows.run.take(chosen), threads=self.threads).states
+    def states(self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray | None = None) -> np.ndarray:
+        """(n, W, T+1, S) what simulators (n, P) do in the chosen windows, without motor noise.
 
-    def residuals(self, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        initial : (W, S) where they start, None for where it was measured.
+        """
+        self.rollouts += len(values)
+        run = self.windows.run.take(chosen)
+        run = run if initial is None else replace(run, initial=initial)
+        return rollout(self.robot, values, run, threads=self.threads).states
+
+    def residuals(
+        self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray | None = None
+    ) -> np.ndarray:
         """(n, W, T, S') normalised and weighted residuals: their mean size is the replay error.
 
-        Channels without weight are left out; see `residual.scaled`.
+        Channels without weight are left out; see `residual.scaled`. initial : as in `states`.
         """
-        return self._residuals(self.states(values, chosen), chosen)
+        return self._residuals(self.states(values, chosen, initial), chosen)
 
     def residuals_from(self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray) -> np.ndarray:
         """(n, W, T, S') the same of one simulator (P,), from other start states (n, W, S) of the chosen windows."""
@@ -130,10 +137,22 @@ class Replayer:
         states = rollout(self.robot, values[None], run, threads=self.threads).states[0]
         return self._residuals(states.reshape(many, windows, *states.shape[1:]), chosen)
 
-    def _residuals(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    @property
+    def residual_noise(self) -> np.ndarray:
+        """(S',) standard deviation of the residuals of a perfect simulator, by the noise that the robot states."""
+        use, scale = self._scored
+        return self.robot.sensor_noise[use] / self.windows.spread[use] * scale
+
+    @property
+    def _scored(self) -> tuple[np.ndarray, np.ndarray]:
+        """The channels (S',) that have a weight, and these, 1 on average."""
         use = np.flatnonzero(self.windows.weight > 0)
+        return use, self.windows.weight[use] * len(use)
+
+    def _residuals(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        use, scale = self._scored
         states, measured = states[..., 1:, use], self.windows.measured[chosen][:, 1:, use]
-        return scaled(states, measured, self.windows.spread[use]) * (self.windows.weight[use] * len(use))
+        return scaled(states, measured, self.windows.spread[use]) * scale
 
 
 def errors(residuals: np.ndarray) -> np.ndarray:

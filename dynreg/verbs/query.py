@@ -32,7 +32,7 @@ class QuerySettings(Settings):
     budget: int | None = option(
         None,
         "Most simulations of the query; those of --distance replay come on top.",
-        usual="45, fourteen for each parameter and two for each channel",
+        usual="69, 26 for each parameter and three for each channel with noise",
         least=1,
         shared=True,
     )

@@ -33,9 +33,9 @@ def watched(monkeypatch):
     calls = []
     states = Replayer.states
 
-    def watch(self, values, chosen):
+    def watch(self, values, chosen, initial=None):
         calls.append((len(values), tuple(int(w) for w in chosen)))
-        return states(self, values, chosen)
+        return states(self, values, chosen, initial)
 
     residuals_from = Replayer.residuals_from
 

@@ -161,12 +161,12 @@ class Noisy(Plant):
 
 def test_errors_of_start_states_are_fitted_along_with_the_parameters():
     """Each within its noise, 0.3 here: answers come nearer the truth, and intervals hold it as often as they say."""
-    wrong, held = {True: [], False: []}, 0
+    wrong, width, held = {True: [], False: []}, [], 0
     for seed in range(20):
         plant = Noisy(seed)
         begun = refine(started(SPACE, plant), plant.residuals, 15, seed=0)
         (residual,) = plant.residuals(begun.unit[[int(begun.score.argmin())]])
-        told = StartSlopes(0.3 * plant.start.reshape(WINDOWS, -1, 1))
+        told = StartSlopes(np.arange(1), 0.3 * plant.start.reshape(WINDOWS, -1, 1), np.array([0.02]))
         for fitted, slopes in ((True, told), (False, believed(residual))):
             made = sharpen(begun, residual, plant.residuals, slopes, ROUNDS * cost(4))
             unit = made.replays.unit[made.best]
@@ -174,8 +174,9 @@ def test_errors_of_start_states_are_fitted_along_with_the_parameters():
             if fitted:
                 evidence = Evidence(WINDOWS * ROWS, made.replays.residuals[[made.best]])
                 found = estimates(made.replays, made.local, unit, evidence, SPACE.from_unit)
+                width += [found[n].high - found[n].low for n in NAMES]
                 held += sum(
                     found[n].low <= 10 * t <= found[n].high for n, t in zip(NAMES, TRUTH, strict=True)
                 )
     assert np.mean(wrong[True]) < 0.5 * np.mean(wrong[False])
-    assert held >= 62
+    assert held >= 62 and np.median(width) < 0.2, "of a range of 10"

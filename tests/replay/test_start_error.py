@@ -7,7 +7,7 @@ import pytest
 import secret_servo
 
 from dynreg.replay.cut import windows
-from dynreg.replay.start_error import StartSlopes, believed, noisy_channels, start_slopes
+from dynreg.replay.start_error import believed, noisy_channels, start_slopes
 from dynreg.replay.windows import Replayer
 from dynreg.sim.robot import load_robot
 
@@ -27,6 +27,10 @@ def replayer() -> Replayer:
     return Replayer(robot, replace(cut, run=replace(cut.run, initial=initial), measured=measured))
 
 
+def rms(residual: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(residual**2)))
+
+
 def every(replayer: Replayer) -> np.ndarray:
     return np.arange(len(replayer.windows))
 
@@ -35,12 +39,9 @@ def test_noise_of_the_start_is_taken_out_of_the_residuals_of_the_robot_itself(re
     chosen = every(replayer)
     (residual,) = replayer.residuals(VALUES[None], chosen)
     start = start_slopes(replayer, VALUES, chosen, residual).errors(residual)
-    use = np.flatnonzero(replayer.windows.weight > 0)
-    scale = replayer.windows.weight[use] * len(use) / replayer.windows.spread[use]
-    noise = np.sqrt(np.mean((replayer.robot.sensor_noise[use] * scale) ** 2))
-    size = lambda r: np.sqrt(np.mean(r**2))  # noqa: E731
-    assert size(residual) > 1.5 * noise
-    assert size(start.removed(residual[None])) < 1.1 * noise
+    noise = rms(replayer.residual_noise)
+    assert rms(residual) > 1.5 * noise
+    assert rms(start.removed(residual[None])) < 1.1 * noise
 
 
 def test_what_another_parameter_does_stays_in_the_residuals(replayer):
@@ -88,4 +89,31 @@ def test_a_replay_a_channel_that_states_a_noise(replayer):
     slopes = start_slopes(replayer, VALUES, chosen, residual)
     channels = noisy_channels(replayer.robot)
     assert replayer.rollouts - before == len(channels) == slopes.slopes.shape[2] > 0
-    assert isinstance(slopes, StartSlopes) and slopes.slopes.shape[:2] == (len(chosen), residual[0].size)
+    assert slopes.slopes.shape[:2] == (len(chosen), residual[0].size)
+
+
+def test_a_robot_whose_channels_state_no_noise_is_believed(replayer):
+    file = replayer.robot.file
+    sure = [c.model_copy(update={"noise": 0.0, "quantum": 0.0}) for c in file.channels]
+    robot = replace(replayer.robot, file=file.model_copy(update={"channels": sure}))
+    exact = Replayer(robot, replayer.windows)
+    chosen = every(exact)
+    (residual,) = exact.residuals(VALUES[None], chosen)
+    start = start_slopes(exact, VALUES, chosen, residual).errors(residual)
+    np.testing.assert_array_equal(start.removed(residual[None])[0], residual)
+    assert exact.rollouts == 1 and (start.fitted == 0).all()
+
+
+def test_residuals_that_are_smaller_than_the_noise_do_not_free_the_start(replayer):
+    """Three rows, or an offset in all of them: the noise that the robot states holds the start back."""
+    chosen = every(replayer)
+    (residual,) = replayer.residuals(VALUES[None], chosen)
+    slopes = start_slopes(replayer, VALUES, chosen, residual)
+    few = np.full_like(residual, np.nan)
+    few[:, :2] = 100 * replayer.residual_noise
+    assert rms(slopes.errors(few).removed(few[None])) > 0.9 * rms(few)
+    offset = np.full_like(residual, 100 * replayer.residual_noise[0])
+    assert rms(slopes.errors(offset).removed(offset[None])) > 0.5 * rms(offset)
+    nothing = np.zeros_like(residual)
+    start = slopes.errors(nothing)
+    assert np.isfinite(start.covariance).all() and (start.removed(nothing[None]) == 0).all()
