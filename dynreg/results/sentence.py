@@ -148,10 +148,10 @@ def change(gain: float) -> str:
     """A relative gain as the change of an error.
 
     >>> change(0.31), change(-0.02), change(-0.001)
-    ('31 % lower', '2 % higher', '0 % lower')
+    ('31 % lower', '2 % higher', '0.1 % higher')
     """
-    percent = round(100 * gain)
-    return f"{abs(percent)} % {'higher' if percent < 0 else 'lower'}"
+    percent = round(100 * gain) or round(100 * gain, 1)  # on which side of 0 it is decides
+    return f"{abs(percent):g} % {'higher' if percent < 0 else 'lower'}"
 
 
 def change_interval(low: float, high: float) -> str:

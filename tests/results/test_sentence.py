@@ -133,7 +133,10 @@ def test_the_gain_of_a_cause_says_over_which_simulator() -> None:
             Gain(value=0.02, low=-0.1, high=0.1),
             "2 % lower (90 % interval: 10 % higher to 10 % lower): no clear difference.",
         ),
-        (Gain(value=-0.001, low=-0.2, high=0.001), "0 % lower (90 % interval: 20 % higher to 0 % lower)"),
+        (
+            Gain(value=-0.001, low=-0.2, high=0.001),
+            "0.1 % higher (90 % interval: 20 % higher to 0.1 % lower)",
+        ),
     ],
 )
 def test_a_loss_is_not_called_a_gain(gain: Gain, words: str) -> None:
