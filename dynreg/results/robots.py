@@ -23,7 +23,9 @@ class CarriedEffect(Result):
 class RobotFolder(Result):
     """A robot folder made of a stored simulator.
 
-    name : the new robot's. mjcf : the file for MuJoCo alone, null where there is none; note : why.
+    name : the new robot's. mjcf : the file for MuJoCo alone, null where there is none; note : why. model : the
+    uncorrected model, which robot.toml corrects. warning : the effects that robot.toml lacks, and what has them; empty
+    where it lacks none.
     """
 
     schema_: Literal["dynreg/robot_folder/1"] = Field(default="dynreg/robot_folder/1", alias="schema")
@@ -34,6 +36,8 @@ class RobotFolder(Result):
     effects: tuple[CarriedEffect, ...] = ()
     mjcf: str | None = None
     note: str = ""
+    model: str = ""
+    warning: str = ""
 
     def rows(self) -> list[dict[str, Any]]:
         return [effect.to_dict() for effect in self.effects]

@@ -38,11 +38,11 @@ def _verdict_sentence(of: Diagnosis) -> str:
         remaining = (
             "but no effect of the library explains the remaining error"
             if of.verdict == "unknown"
-            else "and shows no effect of the library"
+            else "and no effect of the library shows"
         )
         pulled = _pulled(of)[:1]
         fitted = " ".join(f"{one} {_nominal(e)}" for one, e in pulled) or "fitted parameters"
-        return f"{name} fits {fitted} far better, {remaining}."
+        return f"With {fitted}, the simulator predicts {name} far better, {remaining}."
     if of.verdict == "none":
         return f"{name} shows no effect of the library."
     if of.verdict == "unknown":

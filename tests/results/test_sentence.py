@@ -81,7 +81,7 @@ MOST = Gain(value=0.92, low=0.9, high=0.94)
 def test_what_calibration_alone_explains_is_said_before_what_no_effect_does() -> None:
     told = with_over_start("unknown", MOST)
     assert diagnosis_sentence(told) == (
-        "bench_monday fits tip_mass 1.64 (nominal 1) far better,"
+        "With tip_mass 1.64 (nominal 1), the simulator predicts bench_monday far better,"
         " but no effect of the library explains the remaining error."
     )
     assert diagnosis_details(told)[0] == (
@@ -90,7 +90,7 @@ def test_what_calibration_alone_explains_is_said_before_what_no_effect_does() ->
         " (90 % interval: 90 to 94 % lower)."
     )
     assert diagnosis_sentence(with_over_start("none", MOST)).endswith(
-        "far better, and shows no effect of the library."
+        "far better, and no effect of the library shows."
     )
 
 
