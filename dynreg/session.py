@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from dynreg.progress import Progress
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
-from dynreg.verbs.diagnose import FASTER, DiagnoseSettings, diagnose
+from dynreg.verbs.diagnose import DiagnoseSettings, diagnose, faster
 from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite
 from dynreg.verbs.gait import GaitSettings, gait
@@ -135,7 +135,7 @@ class Session:
 
     calibrate = about_recording(calibrate, CalibrateSettings)
 
-    diagnose = about_recording(diagnose, DiagnoseSettings, several=True, faster=FASTER)
+    diagnose = about_recording(diagnose, DiagnoseSettings, several=True, faster=faster)
 
     compare = about_recording(compare, CompareSettings)
 
@@ -205,7 +205,7 @@ class Session:
         from dynreg.verbs.show import summary
         from dynreg.verbs.simulators import told_last
 
-        return summary(self.registry, *self.registry.resolve(told_last(self.registry, ref)))
+        return summary(self.registry, *self.registry.resolve(told_last(self.registry, ref)), ref)
 
     def recording(self, ref: str) -> "Recording":
         """A stored recording by id, unique prefix or name: arrays by episode, and `.to_frame()`."""

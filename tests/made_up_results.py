@@ -298,6 +298,8 @@ def robot_folder() -> RobotFolder:
             ),
         ),
         mjcf="taken/mujoco.xml",
+        model="taken/model.xml",
+        warning="load_friction is in neither file: the exported robot does not have it.",
     )
 
 

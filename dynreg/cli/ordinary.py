@@ -41,7 +41,8 @@ def _about_recording(name: str, row: Verb) -> Callable[..., None]:
         # a log that is registered before the verb begins would stay where that fails: none is the first of a registry
         every = recording if row.several else [recording]
         opened = call.open() if row.ingest else call.open_for(robot, *every)
-        with opened as session, call.progress(row.faster) as progress:
+        advice = row.faster(settings) if row.faster else ""
+        with opened as session, call.progress(advice) as progress:
             result = getattr(session, name)(
                 every if len(every) > 1 else every[0],
                 **vars(settings),

@@ -38,6 +38,7 @@ class PlainProgress:
     def __init__(self, clock: Callable[[], float] = time.monotonic, faster: str = ""):
         self._clock, self._began, self._told_at = clock, clock(), -math.inf
         self._stages: dict[str, tuple[float, int]] = {}  # when each began, and how much was done then
+        self._steps: dict[str, tuple[float, int]] = {}  # when each went on last, and how much was done then
         self._told: set[str] = set()
         self._faster, self._last, self._lock = faster, None, threading.Lock()
 
@@ -58,7 +59,10 @@ class PlainProgress:
         since, first = self._stages.setdefault(stage, (now, done))
         if now - self._began < PATIENCE or done >= total:
             return
-        left = (now - since) * (total - done) / (done - first) if done > first else None
+        at, before = self._steps.get(stage, (now, done))
+        at = at if done == before else now
+        self._steps[stage] = (at, done)
+        left = (at - since) * (total - done) / (done - first) - (now - at) if done > first else None
         if self._faster and left is not None and left > LONG and now - since > SURE:
             say(f"{stage}: this takes about {_duration(left)}; {self._faster}")
             self._faster = ""
@@ -66,7 +70,11 @@ class PlainProgress:
             return
         self._told.add(stage)
         self._told_at = now
-        if done == 0:  # nobody knows how much is done of the first step
+        if (
+            left is not None and left < 0
+        ):  # the step that is under way takes longer than all before it promised
+            say(f"{stage}: still at it, {_duration(now - since)} so far")
+        elif done == 0:  # nobody knows how much is done of the first step
             say(f"{stage} ..." if now - since < EVERY else f"{stage}: {_duration(now - since)} so far")
         else:
             share = (

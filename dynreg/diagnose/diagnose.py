@@ -32,6 +32,8 @@ from dynreg.sim.effects import Term, applicable
 from dynreg.sim.effects import effect as effect_of
 from dynreg.sim.robot import Robot
 
+LONGER = "still searching"  # the stage after as many simulations as were expected
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosed:
@@ -75,16 +77,29 @@ def diagnose(
     limit = threshold(problem, recording, options, cache, progress)
     runs = 0 if found_before(problem, recording, options, cache) else options.threshold_runs
     total = problem.plan.expected(len(model.coordinates), len(problem.terms), runs)
-    found, _ = yield from counted(
+    found, many = yield from counted(
         search(problem, recording, limit, options, progress), simulated(progress, total)
     )
+    report = progress or (lambda *_: None)
+    report("simulations", total, total)  # fewer may have done
+    if many >= total:
+        report(LONGER, 1, 1)
     return found
 
 
 def simulated(progress: Progress | None, total: int) -> Callable[[int], None]:
-    """What tells how many of about `total` simulations are done; of more than that, nine tenths."""
+    """What tells how many of about `total` simulations are done; of more than that, that the search goes on.
+
+    How many more there will be nobody knows: the estimate is good to a factor of two.
+    """
     report = progress or (lambda *_: None)
-    return lambda done: report("simulations", done, max(total, done + done // 9))
+
+    def told(done: int) -> None:
+        report("simulations", min(done, total), total)
+        if done >= total:
+            report(LONGER, 0, 1)
+
+    return told
 
 
 def search(
@@ -102,8 +117,8 @@ def search(
     found, least = yield from together([calibrating, limit])
     report("calibrate", 1, 1)
     state = State(found.model, found.sample, found.point, found.point)
+    report("causes", 0, 1)  # their number is a limit: of how many there are it tells nothing
     for number in range(options.max_causes):
-        report("causes", number, options.max_causes)
         left = unlike(state.model.robot, problem.terms, state.current.hypothesis.terms)
         if not left:
             break
@@ -114,7 +129,7 @@ def search(
         if naming.chosen is None or naming.chosen.nats < least.nats:
             break
         state = yield from accepted(state, posed)
-    report("causes", options.max_causes, options.max_causes)
+    report("causes", 1, 1)
     state = yield from plan.settle(state, posed, options.seed)
     evidence = yield from Evidence.of(state, recording)
     verdict = verdict_of(state.model.robot, evidence, state.rounds, state.accepted)

@@ -105,9 +105,10 @@ def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:
 
 
 def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
-    """Windows that begin near the settled reset pose of a floating base, with exactly this pose as their start.
+    """Windows of a floating base that begin near its settled reset pose, with exactly this pose as their start.
 
-    Measured joint angles with noise would lift feet off the ground, and the robot would turn as it lands.
+    Measured joint angles with noise would lift feet off the ground, and the robot would turn as it lands. A base that
+    begins where the log has it is not moved: legs stand alike wherever it has gone to, tilted or in motion.
     """
     if robot.file.reset.settle <= 0 or not robot.floating:
         return cut
@@ -118,8 +119,15 @@ def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
     stands = stands.states[0][:, 0]
     joints = [i for i, name in enumerate(robot.channels) if quantity_of(name) == "position"]
     apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
-    initial = np.where(apart[:, None] < STANDS, np.nan, run.initial)
-    return replace(cut, run=replace(run, initial=initial))
+    settled = (apart < STANDS) & ~placed(robot, run.initial)
+    return replace(cut, run=replace(run, initial=np.where(settled[:, None], np.nan, run.initial)))
+
+
+def placed(robot: Robot, initial: np.ndarray) -> np.ndarray:
+    """(W,) whether a floating base begins where it was measured, in start states (W, S); see `layout.place_base`."""
+    tilt = [i for i, name in enumerate(robot.channels) if quantity_of(name) in ("roll", "pitch")]
+    known = np.isfinite(initial[:, tilt]).sum(axis=1) == 2
+    return known & (robot.file.reset.base == "measured")
 
 
 def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:

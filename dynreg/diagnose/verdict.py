@@ -1,23 +1,29 @@
 """The residual after the search against the noise floor, which no simulator can explain; the verdict from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.plans.plan import State
+from dynreg.diagnose.pose import placed
 from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
 from dynreg.diagnose.score import Naming
 from dynreg.evidence.lockstep import Search
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.replay.residual import scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
+from dynreg.rng import stream
 from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # lower bound of mean squares and noise, for logarithms and divisions
 Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 WHITE = 0.01  # p-value of the whiteness test, above which a residual counts as white noise
+STARTS = 8  # other starts of each window within their noise; of 16 windows they tell its size to a tenth
 EXPLAINED = 1.5  # ratio of residual to noise floor up to which everything counts as explained: by contract
 
 
@@ -56,7 +62,9 @@ class Evidence:
         repeats = {r.channel: r for r in repeatability(robot, recording)}
         # of whole rollouts, like the repeatability
         (left,) = yield from model.fine.residuals([found.current], data.whole.sample(chosen))
-        begun = begin_noise(robot, data.windows.take(chosen))
+        windows = data.windows.take(chosen)
+        started = yield from start_noise(model.fine, found.current, windows)
+        begun = np.hypot(begin_noise(robot, windows), started)
         rows = []
         for c, column in enumerate(data.use):
             spread = data.windows.spread[column]
@@ -102,6 +110,28 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
     for column, one in zip(columns, np.moveaxis(squares[:, 1:], -1, 0), strict=True):
         out[column] = np.sqrt(np.nanmean(one)) if np.isfinite(one).any() else 0.0
     return out
+
+
+def start_noise(model: Model, point: Point, windows: Windows) -> Search[np.ndarray]:
+    """(S,) root mean square error of each channel from the noise of a floating base's measured start, in its unit.
+
+    By how much rollouts of the point change from starts within that noise: where the feet do not hold a base, it never
+    forgets how it set out. 0 where bases begin in their settled pose; see `pose.placed`.
+    """
+    robot, initial = model.robot, windows.run.initial
+    own = placed(robot, initial)
+    if not own.any():
+        return np.zeros(len(robot.channels))
+    off = stream(0, "start noise").standard_normal((1 + STARTS, *initial.shape))
+    off[0] = 0.0
+    begun = initial + off * robot.sensor_noise * own[:, None]
+    every = np.tile(np.arange(len(windows)), 1 + STARTS)
+    run = replace(windows.run.take(every), initial=begun.reshape(len(every), -1))
+    (states,) = yield from model.states([point], run)
+    states = states.reshape(1 + STARTS, len(windows), *states.shape[1:])[..., 1:, :]
+    apart = scaled(states[1:], states[0], windows.spread).reshape(-1, *states.shape[2:])
+    sizes = [remaining(apart[..., c], model.accuracy.fine) for c in range(len(robot.channels))]
+    return np.array(sizes) * windows.spread
 
 
 def remaining(residual: np.ndarray, rough: bool) -> float:

@@ -19,6 +19,8 @@ QUIET = 0.25  # share of a log in which a signal moves least: its noise is that 
 BLOCK = 20  # samples of one moment
 # Orders of the differences that take motion out of a signal, also out of that of a joint that is never still.
 ORDERS = (3, 4, 5, 6, 7, 8)
+# Of white noise, the size of differences of these orders in its quietest moments (of 500,000 samples).
+WHITE = {3: 0.717, 4: 0.700, 5: 0.685, 6: 0.673, 7: 0.661, 8: 0.651}
 FLAT = 0.8  # share to which the next order falls where noise is left alone: less, and it is motion still
 # Noise that is never undercut, by unit: numbers are rounded.
 LEAST = {"rad": 1e-5, "m": 1e-6, "rad/s": 1e-4, "m/s": 1e-5}
@@ -126,7 +128,9 @@ def _unsteady(values: np.ndarray, order: int) -> float:
     differences = np.diff(values, order) / np.sqrt(float(math.comb(2 * order, order)))
     blocks = differences[: len(differences) // BLOCK * BLOCK].reshape(-1, BLOCK)
     sizes = np.sort(np.sqrt((blocks**2).mean(axis=1)))
-    return float(np.median(sizes[: max(1, round(QUIET * len(sizes)))]))
+    quiet = np.median(sizes[: max(1, round(QUIET * len(sizes)))])
+    # where all is noise, the quietest moments are so by chance: their noise is that of all of them
+    return float(min(np.median(sizes), quiet / WHITE[order]))
 
 
 def _quantum(values: np.ndarray) -> float:

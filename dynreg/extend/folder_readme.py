@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +12,12 @@ from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot
 
 PLAIN = "mujoco.xml"
+ELSE = "mujoco_corrected.xml"
+
+
+def plain_name(robot: Robot) -> str:
+    """The name of the file for MuJoCo alone: another where the robot's own model has the usual one."""
+    return ELSE if Path(robot.file.robot.model).name == PLAIN else PLAIN
 
 
 @dataclass(frozen=True)
@@ -37,29 +44,42 @@ def readme(robot: Robot, config: SimConfig, effects: Sequence[Written], problem:
         "",
     ]
     if effects:
-        lines += ["## Effects", "", f"| effect | values | robot.toml | {PLAIN} |", "|---|---|---|---|"]
+        plain = plain_name(robot)
+        lines += ["## Effects", "", f"| effect | values | robot.toml | {plain} |", "|---|---|---|---|"]
         lines += [_row(one) for one in effects]
         lines += ["", "Their parameters in `robot.toml` range from none of the effect to twice as much."]
     missing = [one for one in effects if not one.parameters or not (one.in_mjcf or problem)]
     if missing:
         lines += ["", "## What is not in both files", ""]
+        if any(not one.parameters and not one.in_mjcf for one in missing):
+            lines += [
+                "What is in neither, this robot does not have. The simulator in the registry has it.",
+                "",
+            ]
         for one in missing:
-            lines += [f"- **{one.term.key}** ({_where(one)}): {_means(one)}"]
+            where = _where(one, plain_name(robot))
+            lines += [f"- **{one.term.key}** ({where}): {_means(one, plain_name(robot))}"]
     return "\n".join(lines) + "\n"
 
 
 def _about_mjcf(robot: Robot, problem: str | None) -> list[str]:
+    plain, model = plain_name(robot), Path(robot.file.robot.model).name
+    lines = [
+        f"`{model}` is the uncorrected model, as it was: `robot.toml` corrects it, and dynreg reads both."
+    ]
     if problem:
-        return [f"There is no `{PLAIN}`: {problem}."]
+        return [*lines, f"There is no `{plain}`: {problem}."]
     period = 1.0 / robot.file.robot.control_rate if robot.file.robot.control_rate else None
     known = [*robot.file.settings, *robot.file.inputs]
     constants = [f"{k.name} = {_number(k.nominal, k.unit)}" for k in known]
     held = f", held for {period:g} s each" if period else ""
     lines = [
-        f"`{PLAIN}` is the same for MuJoCo alone, drives and friction included; `ctrl` takes the commands{held}.",
+        f"**In plain MuJoCo open `{plain}`, not `{model}`.** It is the corrected model, drives and friction included;",
+        f"`ctrl` takes the commands{held}.",
+        *lines,
     ]
     if constants:
-        lines.append(f"It holds for {', '.join(constants)}; drives are always on.")
+        lines.append(f"`{plain}` holds for {', '.join(constants)}; drives are always on.")
     return lines
 
 
@@ -76,17 +96,17 @@ def _number(value: float, unit: str) -> str:
     return f"{value:.6g}" + ("" if unit == "1" else f" {unit}")
 
 
-def _where(one: Written) -> str:
+def _where(one: Written, plain: str) -> str:
     if one.parameters:
-        return f"not in {PLAIN}"
+        return f"not in {plain}"
     return "not in robot.toml" if one.in_mjcf else "in neither"
 
 
-def _means(one: Written) -> str:
+def _means(one: Written, plain: str) -> str:
     """What the effect does, in the words of its class, and why it is missing where that can be mended."""
     said = " ".join((type(one.term.effect).__doc__ or one.term.effect.title).split())
     if carries(one.term.effect) and not one.parameters:
         said += " It changes elements of the model that have no name: name them, and robot.toml can have it."
     if any(entry.startswith("port.sensor") for c in one.parameters for entry in c.sets):
-        said += f" In {PLAIN} the drives feel it, and `qpos` is the truth."
+        said += f" In {plain} the drives feel it, and `qpos` is the truth."
     return said

@@ -18,6 +18,7 @@ IN_DRIVES = (
     "command_delay",
     "command_gain",
     "command_lag",
+    "force_offset",
     "quadratic_drag",
 )  # effects on the move that MJCF can say
 
@@ -72,7 +73,11 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
         one = spec.actuators[int(actuator)]
         one.gaintype, one.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         one.forcelimited = int(law.limit[0, a] < UNLIMITED)
-        one.forcerange = [-law.limit[0, a], law.limit[0, a]]
+        # what pushes whatever is commanded knows no limit of the drive: the ranges move along
+        push = _value(robot, terms, "force_offset", a)
+        joint = spec.joint(robot.joints[a])
+        joint.actfrcrange = joint.actfrcrange + push * (joint.actfrcrange[0] < joint.actfrcrange[1])
+        one.forcerange = [push - law.limit[0, a], push + law.limit[0, a]]
         low, high = layout.action_range[a]
         one.ctrllimited = int(np.isfinite(low) and np.isfinite(high))
         if one.ctrllimited:
@@ -93,7 +98,8 @@ def _write_drives(
     at, dof, friction = layout.action_actuator, layout.action_dof, fields.ports.friction
     more = np.array([_value(robot, terms, "command_gain", a) for a in range(len(at))])
     model.actuator_gainprm[at, 0] = law.gain[0] * (1.0 + more)
-    model.actuator_biasprm[at, :3] = np.stack([law.bias[0], -law.stiffness[0], -law.rate[0]], axis=1)
+    push = np.array([_value(robot, terms, "force_offset", a) for a in range(len(at))])
+    model.actuator_biasprm[at, :3] = np.stack([law.bias[0] + push, -law.stiffness[0], -law.rate[0]], axis=1)
     model.dof_damping[dof] += law.damping[0] + friction["viscous"][0]
     model.dof_frictionloss[dof] += friction["coulomb"][0]
     for a, d in enumerate(dof):

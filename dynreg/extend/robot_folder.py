@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.errors import DynregError, RobotError, UsageError
 from dynreg.extend.carry import SPREAD, Carrier, Fields, carriers, carries
-from dynreg.extend.folder_readme import PLAIN, Written, readme
+from dynreg.extend.folder_readme import Written, plain_name, readme
 from dynreg.extend.plain import says, write_mjcf
 from dynreg.folder import TOML
 from dynreg.sim.config import SimConfig, terms_of
@@ -41,8 +41,8 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
     """Write a simulator of `robot` as a new robot folder.
 
     Its robot.toml has the simulator's parameters as nominal values, and for each effect that acts before anything
-    moves a parameter that does the same; `mujoco.xml` is the whole for MuJoCo alone; README.md tells what each effect
-    became. Everything else is copied.
+    moves a parameter that does the same; `mujoco.xml` is the whole for MuJoCo alone (see `plain_name`); README.md tells
+    what each effect became. Everything else is copied, the uncorrected model too.
     Raises UsageError where `destination` exists or an effect cannot act on the robot, RobotError where the parameters
     of robot.toml cannot be replaced.
     """
@@ -72,7 +72,7 @@ def _write(
         (folder / name).write_bytes(data)
     problem = None
     try:
-        write_mjcf(robot, values, terms, (folder / robot.file.robot.model).with_name(PLAIN))
+        write_mjcf(robot, values, terms, (folder / robot.file.robot.model).with_name(plain_name(robot)))
     except DynregError as error:
         problem = error.problem
     effects = _carried(robot, values, terms, problem is None)

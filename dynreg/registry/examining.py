@@ -161,7 +161,8 @@ def _page_faults(stored: Stored, ledger: Ledger) -> dict[str, str]:
     begins = min(present, default=0)
     missing = sorted(n for n, sha256 in stored.pages.items() if n >= begins and present.get(n) != sha256)
     more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
-    return dict(ledger.bad) | {f"{LEDGER}/{number:08d}": f"it is missing{more}" for number in missing[:1]}
+    lost = {f"{LEDGER}/{number:08d}": f"it is missing{more}" for number in missing[:1]}
+    return lost | dict(ledger.bad)  # of a number that two pages have, the ledger says more
 
 
 def _told(ledger: Ledger, last: int | None = None) -> Rows:

@@ -68,9 +68,12 @@ def _copy_entry(registry: Registry, copy: Registry, entry_id: str) -> None:
 
 def _copy_recording(registry: Registry, copy: Registry, recording_id: str) -> None:
     info = registry.recording_info(recording_id)
-    _copy_robot(registry, copy, info.robot_hash)
-    for name in info.names[::-1] or (None,):  # the name that it got last comes last
-        copy.put_recording(registry.recording(recording_id), info.robot_hash, name)
+    recording = registry.recording(recording_id)
+    for robot_hash in dict.fromkeys((*info.robots, info.robot_hash)):
+        _copy_robot(registry, copy, robot_hash)
+    for name in info.names[::-1]:  # the name that it got last comes last
+        copy.put_recording(recording, info.robot_as(name), name)
+    copy.put_recording(recording, info.robot_hash)
 
 
 def _copy_simulator(registry: Registry, copy: Registry, simulator_id: str) -> None:

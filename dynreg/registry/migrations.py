@@ -58,6 +58,10 @@ STEPS: dict[str, tuple[str, ...]] = {
         """CREATE TABLE latest_names (recording_id TEXT PRIMARY KEY REFERENCES recordings (id),
            name TEXT NOT NULL REFERENCES recording_names (name))""",
     ),
+    "0006_robots_of_names": (
+        """CREATE TABLE robots_of_names (name TEXT PRIMARY KEY REFERENCES recording_names (name),
+           robot_hash TEXT NOT NULL REFERENCES robots (hash))""",
+    ),
 }
 
 

@@ -70,7 +70,9 @@ def _rows_of(root: Path, held: Rows, found: Found) -> Rows:
     stored = {row["id"] for row in recordings}
     names = [row for row in held["recording_names"] if row["recording_id"] in stored]
     called = {(row["recording_id"], row["name"]) for row in names}
-    used = {row["robot_hash"] for row in (*populations, *recordings)} | {
+    kept = {row["name"] for row in names}
+    own = [r for r in held["robots_of_names"] if r["name"] in kept and r["robot_hash"] in hashes]
+    used = {row["robot_hash"] for row in (*populations, *recordings, *own)} | {
         row["hash"] for row in held["robots"]
     }
     rows = {
@@ -82,6 +84,7 @@ def _rows_of(root: Path, held: Rows, found: Found) -> Rows:
         "recordings": recordings,
         "recording_names": names,
         "latest_names": [r for r in held["latest_names"] if (r["recording_id"], r["name"]) in called],
+        "robots_of_names": own,
         "simulators": list(found.simulators.values()),
         "results": _results(held, found, stored),
     }

@@ -23,7 +23,7 @@ def put_recording(
     """Store a recording with a registered robot, which becomes its usual one, and return its id; it becomes `@last`.
 
     A recording may have several names; one that is stored already keeps its first provenance. A name moves here from
-    another recording of the same log files.
+    another recording of the same log files. Each of the other names keeps its robot, of which it follows the version.
 
     Raises
     ------
@@ -58,6 +58,7 @@ def put_recording(
             writing.remove(tables.files, (known.path,))
         if name is not None:
             _give(writing, name, recording.id, now)
+        _keep_robots(writing, recording.id, name, robot_hash, known)
     return recording.id
 
 
@@ -91,16 +92,19 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
 def list_recordings(directory: Directory, recording_id: str | None = None) -> tuple[RecordingInfo, ...]:
     """All recordings, in the order of their last ingestion; or the one of this id, if there is one."""
     table, named, latest = tables.recordings, tables.recording_names, tables.latest_names
-    query = select(table.c.id, table.c.robot_hash, named.c.name)
-    query = query.select_from(table.outerjoin(named).outerjoin(latest, latest.c.name == named.c.name))
+    told = tables.robots_of_names
+    query = select(table.c.id, table.c.robot_hash, named.c.name, told.c.robot_hash.label("own"))
+    joined = table.outerjoin(named).outerjoin(latest, latest.c.name == named.c.name)
+    query = query.select_from(joined.outerjoin(told, told.c.name == named.c.name))
     if recording_id is not None:
         query = query.where(table.c.id == recording_id)
-    names: dict[tuple[str, str], list[str]] = {}
+    names: dict[tuple[str, str], dict[str, str]] = {}
     with directory.catalog.read() as connection:
         order = (table.c.ordinal, latest.c.name.is_(None), named.c.name)
         for row in connection.execute(query.order_by(*order)):
-            names.setdefault((row.id, row.robot_hash), []).extend([row.name] if row.name is not None else [])
-    return tuple(RecordingInfo(*key, tuple(held)) for key, held in names.items())
+            held = names.setdefault((row.id, row.robot_hash), {})
+            held |= {} if row.name is None else {row.name: row.own or row.robot_hash}
+    return tuple(RecordingInfo(*key, tuple(held), tuple(held.values())) for key, held in names.items())
 
 
 def _encode(recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
@@ -160,6 +164,25 @@ def _give(writing: Writing, name: str, recording_id: str, holder: str | None) ->
             writing.remove(latest, (holder,))
     writing.put(tables.recording_names, {"name": name, "recording_id": recording_id})
     writing.put(latest, {"recording_id": recording_id, "name": name})
+
+
+def _keep_robots(
+    writing: Writing, recording_id: str, given: str | None, robot_hash: str, before: Row | None
+) -> None:
+    """Write down the robots of a recording's names after it was put with a robot, which the name `given` gets.
+
+    before : its row until now. A name has a row of its own only where its robot is another than the recording's.
+    """
+    connection, told = writing.connection, tables.robots_of_names
+    called = tables.recording_names
+    of = select(called.c.name, told.c.robot_hash).outerjoin(told).where(called.c.recording_id == recording_id)
+    robot = require_robot(connection, robot_hash).name
+    for name, own in connection.execute(of).all():
+        held = robot_hash if name == given or before is None else own or before.robot_hash
+        if require_robot(connection, held).name == robot:  # this one, or another version of it
+            writing.remove(told, (name,))
+        else:
+            writing.put(told, {"name": name, "robot_hash": held})
 
 
 def check_name(name: str | None) -> None:

@@ -40,12 +40,15 @@ class Removal:
     ----------
     things : why each thing goes, by kind and id: "" where it was asked for, else the thing that it needs.
     moved : the version with which a recording is used from now on, by its id, where its own version goes.
+    named : the version that a name of a recording asks it with from now on, where its own goes; None where no other
+        fits, and the name then means the recording's own.
     files : paths of the files that go, in the registry; a folder's ends in "/".
     size : their bytes.
     """
 
     things: Mapping[Thing, str]
     moved: Mapping[str, RobotInfo] = field(default_factory=dict)
+    named: Mapping[str, RobotInfo | None] = field(default_factory=dict)
     files: tuple[str, ...] = ()
     size: int = 0
 
@@ -70,6 +73,9 @@ class _Known:
             kind: tuple(sorted(map(tuple, connection.execute(select(*(_HOMES[kind].c[n] for n in names))))))
             for kind, names in columns.items()
         }
+        told, called = tables.robots_of_names, tables.recording_names
+        own = select(told.c.name, called.c.recording_id, told.c.robot_hash).join(called)
+        rows["name"] = tuple(sorted(map(tuple, connection.execute(own))))
         return cls(numbered(connection), rows)
 
 
@@ -136,23 +142,39 @@ def _planned(registry: Registry, wanted: Sequence[Thing], known: _Known, fits: F
                 things[other] = f"{one[0]} {one[1][:12]}"
                 queue.append(other)
     moved = {identity: info for identity, info in instead.items() if ("recording", identity) not in things}
+    named = {
+        name: _newest_left(known, wanted, fits, recording, robot)
+        for name, recording, robot in known.rows["name"]
+        if ("robot", robot) in wanted and ("recording", recording) not in things
+    }
     with registry.directory.catalog.read() as connection:
         files = tuple(_files_of(registry, connection, things))
-    return Removal(things, moved, files, sum(size_of(registry.path / name) for name in files))
+    return Removal(things, moved, named, files, sum(size_of(registry.path / name) for name in files))
 
 
 def _instead(known: _Known, wanted: Sequence[Thing], fits: Fits) -> dict[str, RobotInfo]:
-    """Of recordings whose robot's version goes: the newest version that is left and that each one fits, if any."""
-    names = {info.hash: info.name for info in known.robots}
-    left = [info for info in known.robots if ("robot", info.hash) not in wanted]
+    """Of recordings whose robot's version goes: the newest version that is left and that each one fits, if any.
+
+    Else it is that of another robot, under which the recording has a name.
+    """
     found = {}
     for identity, robot in known.rows["recording"]:
         if ("robot", robot) in wanted:
-            others = (info for info in reversed(left) if info.name == names[robot])
-            info = next((info for info in others if fits(identity, info.hash)), None)
+            named = [other for _, recording, other in known.rows["name"] if recording == identity]
+            others = (_newest_left(known, wanted, fits, identity, one) for one in (robot, *named))
+            info = next((info for info in others if info is not None), None)
             if info is not None:
                 found[identity] = info
     return found
+
+
+def _newest_left(
+    known: _Known, wanted: Sequence[Thing], fits: Fits, recording: str, robot: str
+) -> RobotInfo | None:
+    """The newest version of a robot (the hash of any version) that is left and that a recording fits."""
+    name = next(info.name for info in known.robots if info.hash == robot)
+    left = (i for i in reversed(known.robots) if i.name == name and ("robot", i.hash) not in wanted)
+    return next((info for info in left if fits(recording, info.hash)), None)
 
 
 def _needing(registry: Registry, known: _Known, instead: Mapping[str, RobotInfo]) -> dict[Thing, list[Thing]]:
@@ -219,12 +241,16 @@ def _take_out(writing: Writing, plan: Removal) -> None:
     connection = writing.connection
     for row in list(_rows(connection, tables.recordings, "id", plan.moved)):
         writing.put(tables.recordings, {**row, "robot_hash": plan.moved[row["id"]].hash})
+    own = {name: info for name, info in plan.named.items() if info is not None}
+    writing.put(tables.robots_of_names, *({"name": n, "robot_hash": info.hash} for n, info in own.items()))
     populations, recordings, robots = (
         _of(plan.things, kind) for kind in ("population", "recording", "robot")
     )
+    names = _keys(connection, tables.recording_names, "recording_id", recordings)
     gone = {
+        tables.robots_of_names: [*names, *((name,) for name in plan.named if name not in own)],
         tables.latest_names: [(identity,) for identity in recordings],
-        tables.recording_names: _keys(connection, tables.recording_names, "recording_id", recordings),
+        tables.recording_names: names,
         tables.entries: _keys(connection, tables.entries, "population_id", populations),
         tables.shards: _keys(connection, tables.shards, "population_id", populations),
         tables.robot_versions: [(identity,) for identity in robots],

@@ -114,6 +114,14 @@ latest_names = Table(
     Column("name", ForeignKey("recording_names.name"), nullable=False),
 )
 
+# The robot under which a recording was ingested with a name, where that is another than the recording's last one.
+robots_of_names = Table(
+    "robots_of_names",
+    metadata,
+    Column("name", ForeignKey("recording_names.name"), primary_key=True),
+    Column("robot_hash", ForeignKey("robots.hash"), nullable=False),
+)
+
 simulators = Table(
     "simulators",
     metadata,

@@ -1,8 +1,10 @@
 """The room of robots: those that come along, the check of a folder, a simulator as a folder."""
 
+import re
 from functools import singledispatch
 
 from rich.console import Group, RenderableType
+from rich.text import Text
 
 from dynreg.errors import RobotError
 from dynreg.report.grid import table
@@ -40,9 +42,24 @@ def _folder(result: RobotFolder) -> Group:
     lines: list[RenderableType] = [str(result)]
     if result.effects:
         rows = [(e.effect, ", ".join(e.parameters) or "-", "yes" if e.mjcf else "-") for e in result.effects]
-        lines.append(table(("effect", "in robot.toml", "in mujoco.xml"), rows))
+        lines.append(table(("effect", "in robot.toml", f"in {_plain(result)}"), rows))
+    lines += [Text(f"warning: {result.warning}", style="bold red")] if result.warning else []
     lines += [f"note: no mujoco.xml: {result.note}"] if result.note else []
+    lines += [_to_open(result)] if result.model else []
     return Group(*lines)
+
+
+def _plain(result: RobotFolder) -> str:
+    """The name of the file for MuJoCo alone."""
+    return re.split(r"[/\\]", result.mjcf)[-1] if result.mjcf else "mujoco.xml"
+
+
+def _to_open(result: RobotFolder) -> str:
+    """Which of the two models to open where."""
+    uncorrected = f"{result.model} is the uncorrected model, which robot.toml corrects"
+    if result.mjcf is None:
+        return f"{uncorrected}."
+    return f"In plain MuJoCo open {result.mjcf}. {uncorrected}: do not open it there."
 
 
 @tables.register

@@ -13,21 +13,39 @@ from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, own, simulator
 if TYPE_CHECKING:
     import numpy as np
 
+    from dynreg.diagnose.diagnose import Diagnosed
+    from dynreg.evidence.lockstep import Search
     from dynreg.results.diagnosis import Diagnosis
     from dynreg.sim.effects import Terms
     from dynreg.sim.robot import Robot
     from dynreg.verbs.subjects import Recorded
 
 MOST_CAUSES = 10
+JUDGED = "errors and intervals"  # the stage after the search for causes
 # The threshold takes most of the simulations; the others of these ask for fewer terms, or for fewer rollouts of each.
 _NO_RUNS, _FEW_WINDOWS = "--threshold-runs 0", "--windows 8"
-FASTER = f"{_NO_RUNS}, --joints A,B, --effects A,B or {_FEW_WINDOWS} make it faster"
+_FASTER = {
+    "threshold_runs": _NO_RUNS,
+    "joints": "--joints A,B",
+    "effects": "--effects A,B",
+    "windows": _FEW_WINDOWS,
+}  # {setting: what to write}, what saves most first
 MOST_DRIVEN = 3  # joints: with more of them, or a free base, a diagnosis that is not made faster takes hours
 
 
 def _of(robots: str, help: str) -> str:
     """The help of a setting, with the robots first that alone have it, where it is not of all."""
     return f"{robots}: {help[0].lower()}{help[1:]}" if robots else help
+
+
+def faster(settings: "DiagnoseSettings") -> str:
+    """What makes a diagnosis faster, of the settings that were left as they are; "" where all were chosen."""
+    usual = DiagnoseSettings()
+    left = [how for name, how in _FASTER.items() if getattr(settings, name) == getattr(usual, name)]
+    if not left:
+        return ""
+    named = " or ".join([", ".join(left[:-1]), left[-1]] if left[1:] else left)
+    return f"{named} {'make' if left[1:] else 'makes'} it faster"
 
 
 def first_command(recording: str, robot: "Robot") -> str:
@@ -165,8 +183,10 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     start = None
     if settings.start != NOMINAL:
         start = own(simulator(registry, settings.start, robot, recording.id), robot).config
-    search = find(robot, recording, options, start, cache=registry, progress=progress)
+    search = _then_judged(find(robot, recording, options, start, cache=registry, progress=progress), progress)
     (made, seen), rollouts = run(counted(with_account(search, options)), threads=options.threads)
+    if progress:
+        progress(JUDGED, 1, 1)
     ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
     found = document(asked, settings.start, options, made, seen, ids, cost)
@@ -175,6 +195,14 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
         found, again = _told_apart(asked, found, options, progress)
     cost = cost.model_copy(update={"rollouts": rollouts + again, "seconds": time.perf_counter() - began})
     return found.model_copy(update={"cost": cost})
+
+
+def _then_judged(search: "Search[Diagnosed]", progress: Progress | None) -> "Search[Diagnosed]":
+    """A search for causes, after which it is told that its evaluation begins: that may take minutes, too."""
+    made = yield from search
+    if progress:
+        progress(JUDGED, 0, 1)
+    return made
 
 
 def _told_apart(

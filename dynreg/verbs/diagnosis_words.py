@@ -1,7 +1,7 @@
 """The text of a diagnosis beside its numbers: where the error lies, inputs, notes, and what to record next."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
@@ -32,6 +32,8 @@ WORDS = {
     "log_begin": "in the first third of the log",
     "log_end": "in the last third of the log",
 }
+MOVED = 1.0  # sigma: from here on a value is not robot.toml's, however wide its interval is
+NINETY_WIDE = 3.29  # sigma: the width of a 90 % interval of a normal distribution
 DRIFT = ("overall", "early", "late")  # the error of every rollout grows with time: these regimes say nothing
 
 
@@ -111,7 +113,7 @@ def notes(
     out += at_the_edge(parameters)
     out += held_out_notes(robot, made.problem.data.windows, made.problem.data.parts)
     out += same_words(seen.same)
-    return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified))
+    return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified, parameters))
 
 
 def at_the_edge(parameters: dict[str, Pulled]) -> Iterator[str]:
@@ -147,12 +149,30 @@ def not_looked_for(problem: Problem, options: DiagnosisOptions) -> Iterator[str]
         yield f"{', '.join(names)} {'was' if len(names) == 1 else 'were'} not looked for: {why}"
 
 
-def identifiability_words(robot: Robot, found: Unidentified) -> tuple[str, ...]:
-    """The parameters that the recording does not identify, alone or together, and what to do about it."""
+def identifiability_words(
+    robot: Robot, found: Unidentified, parameters: Mapping[str, Pulled]
+) -> tuple[str, ...]:
+    """The parameters that the recording does not identify, alone or together, and what to do about it.
+
+    parameters : as they were fitted, by name.
+    """
     out, more = [], "" if robot.planar else ", or add a known mass in some runs"
-    if found.alone:
-        own = "its value is that" if len(found.alone) == 1 else "their values are those"
-        out.append(f"the recording does not identify {', '.join(found.alone)}: {own} of robot.toml")
+    moved = [name for name in found.alone if _pull(parameters[name]) >= MOVED]
+    kept = [name for name in found.alone if name not in moved]
+    if kept:
+        own = (
+            "its value stays within 1 sigma of that"
+            if len(kept) == 1
+            else "their values stay within 1 sigma of those"
+        )
+        out.append(f"the recording does not identify {', '.join(kept)}: {own} of robot.toml")
+    if moved:
+        values = ", ".join(_shift(name, parameters[name]) for name in moved)
+        them = "it" if len(moved) == 1 else "them"
+        out.append(
+            f"the recording moves {values}, but tells {them} no more surely than robot.toml does: what the model lacks "
+            f"may stand behind that. Measure {them}"
+        )
     for up, down in found.together:
         against = f" against {', '.join(down)}" if down else ""
         out.append(
@@ -160,6 +180,20 @@ def identifiability_words(robot: Robot, found: Unidentified) -> tuple[str, ...]:
             f"they change together. Measure one of them{more}"
         )
     return tuple(out)
+
+
+def _pull(p: Pulled) -> float:
+    """How far a fitted value is from robot.toml's [sigma]: of its own interval where that states no tolerance."""
+    if p.pulled_sigma is not None:
+        return abs(p.pulled_sigma)
+    width = 0.0 if p.low is None or p.high is None else p.high - p.low
+    return abs(p.value - p.nominal) * NINETY_WIDE / width if width > 0 else 0.0
+
+
+def _shift(name: str, p: Pulled) -> str:
+    """From where to where a parameter was moved: "tip_mass from 0.189 to 0.235 kg"."""
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    return f"{name} from {p.nominal:.3g} to {p.value:.3g}{unit}"
 
 
 def experiments(made: Diagnosed) -> tuple[str, ...]:

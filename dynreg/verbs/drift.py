@@ -225,7 +225,7 @@ def _first(recent: "Recorded") -> "Recorded":
     from dynreg.verbs.subjects import recorded
 
     registry, robot = recent.registry, recent.robot
-    infos = [info for info in registry.recordings() if info.robot_hash == robot.hash]
+    infos = [info for info in registry.recordings() if robot.hash in (info.robot_hash, *info.robots)]
     before = [info.id for info in takewhile(lambda info: info.id != recent.recording.id, infos)]
     begun = recent.recording.began
     if begun is not None:
@@ -239,7 +239,7 @@ def _first(recent: "Recorded") -> "Recorded":
             expected="one to hold this one against",
             do=f"ingest it with `dynreg ingest LOG --robot {robot.name}`, or name it with --against",
         )
-    return recorded(registry, before[0], ingest=False)
+    return recorded(registry, before[0], robot, ingest=False)
 
 
 def _require_one_robot(recent: "Recorded", earlier: "Recorded") -> None:

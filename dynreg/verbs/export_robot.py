@@ -1,25 +1,28 @@
 """Export a stored simulator as a robot folder."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from dynreg.extend.folder_readme import PLAIN, Written
+from dynreg.errors import command
+from dynreg.extend.folder_readme import Written, plain_name
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
-from dynreg.verbs.simulators import stored, told_last
+from dynreg.verbs.simulators import NOMINAL, Simulator, named
 from dynreg.verbs.written import new_folder
 
 
 def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFolder:
-    """Write the stored simulator or entry `ref` as a robot folder.
+    """Write the stored simulator or entry `ref`, or the one that the result `ref` recommends, as a robot folder.
 
-    Raises as `export_robot`, NoMatchError where nothing is stored under `ref`, and UsageError where the name is taken
-    or cannot be written. Where it fails or is killed no folder is left.
+    Raises as `export_robot`, NoMatchError where no simulator is stored under `ref`, and UsageError where the name is
+    taken or cannot be written. Where it fails or is killed no folder is left.
     """
-    found = stored(registry, *registry.resolve(told_last(registry, ref), ("simulator", "entry")))
+    found = named(registry, ref)
     with new_folder(destination) as folder:
         made = export_robot(found.robot, found.config, folder)
-    plain = destination / Path(made.robot.file.robot.model).with_name(PLAIN)
+    model = destination / made.robot.file.robot.model
+    plain = model.with_name(plain_name(made.robot))
     return RobotFolder(
         robot=found.config.robot_name,
         simulator=found.id,
@@ -28,7 +31,37 @@ def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFo
         effects=tuple(_told(one) for one in made.effects),
         mjcf=str(plain) if made.problem is None else None,
         note=made.problem or "",
+        model=str(model),
+        warning=_warning(found, made.effects, plain.name),
     )
+
+
+def _warning(found: Simulator, effects: Sequence[Written], plain: str) -> str:
+    """What robot.toml lacks, and what has it: without this the folder is taken for the whole simulator."""
+    untold = [one for one in effects if not one.parameters]
+    nowhere = [one.term.key for one in untold if not one.in_mjcf]
+    there = [one.term.key for one in untold if one.in_mjcf]
+    said = []
+    if nowhere:
+        said.append(f"{_are(nowhere)} in neither file: the exported robot does not have {_them(nowhere)}.")
+    if there:
+        said.append(f"{_are(there)} in {plain} alone: dynreg runs the exported robot without {_them(there)}.")
+    if untold:
+        compare = command("compare", "RECORDING", "--with", f"{NOMINAL},{found.id[:12]}")
+        gait = command("gait", "RECORDING", "--on", found.id[:12])
+        used = " or ".join(f"`{one}`" for one in ([compare, gait] if found.robot.file.tasks else [compare]))
+        has = "all of them" if len(effects) > 1 else "it"
+        said.append(f"Simulator {found.id[:12]} has {has}: {used}.")
+        said.append(f"What they are: `{command('effects')}`.")
+    return " ".join(said)
+
+
+def _are(keys: Sequence[str]) -> str:
+    return f"{' and '.join(keys)} {'is' if len(keys) == 1 else 'are'}"
+
+
+def _them(keys: Sequence[str]) -> str:
+    return "it" if len(keys) == 1 else "them"
 
 
 def _told(one: Written) -> CarriedEffect:

@@ -24,8 +24,8 @@ def ingest(
 ) -> RecordingSummary:
     """Read logs of a robot, check them and register them as one recording, under a name where one is given.
 
-    The same numbers are the same recording, whichever robot they are ingested with: the last one is its usual robot. A
-    name moves to it from another recording of the same log files.
+    The same numbers are the same recording, whichever robot they are ingested with: the last one is its usual robot.
+    Each name keeps its own robot. A name moves to it from another recording of the same log files.
     log_map : as for `subjects.read_log`. gait : the stored gait that was played, by id or `@last`; its id goes into the
     recording's provenance. progress : is called with (stage, done, total).
     Raises LogError, MapError with what is wrong and where, NoMatchError and UsageError for a gait that is not there or
@@ -44,16 +44,15 @@ def ingest(
     report("store the recording", 1, 1)
     notes = (*_changed(registry, identity, name, before), *_without_commands(recording, robot))
     version = registry.robot_info(robot.hash).version
+    called = name or registry.recording_info(identity).name
     mine = [p.id for p in registry.populations() if p.robot_hash == robot.hash]
     told = {"version": version, "simulators": sum(map(registry.count, mine)), "notes": notes}
-    return recording_summary(
-        identity, recording, robot.name, registry.recording_info(identity).name
-    ).model_copy(update=told)
+    return recording_summary(identity, recording, robot.name, called).model_copy(update=told)
 
 
 @dataclass(frozen=True)
 class _Before:
-    """The registry before: the owner of the name, and the same recording."""
+    """The registry before: the recording that had the name, and the same recording."""
 
     holder: str | None
     recording: RecordingInfo | None
@@ -74,12 +73,26 @@ def _changed(registry: Registry, identity: str, name: str | None, before: _Befor
             "files, had it before. It and its results are kept under its id"
         )
     if before.recording is not None:
-        old, new = (registry.robot_info(h) for h in (before.recording.robot_hash, _robot(registry, identity)))
-        if old != new:
-            notes.append(
-                f"the same numbers as before: the recording is now used with {new}, before with {old}"
-            )
+        notes += _other_robot(registry, before.recording, registry.recording_info(identity), name or "")
     return tuple(notes)
+
+
+def _other_robot(registry: Registry, before: RecordingInfo, after: RecordingInfo, name: str) -> Iterator[str]:
+    """Which robot a recording, and a name of it, is used with now, where that is another than before."""
+    old, new = (registry.robot_info(info.robot_as(name)) for info in (before, after))
+    if old == new:
+        return
+    yield f"the same numbers as before: the recording is now used with {new}, before with {old}"
+    kept = [
+        f"{one!r} of robot {registry.robot_info(robot).name!r}"
+        for one, robot in zip(after.names, after.robots, strict=True)
+        if robot != new.hash
+    ]
+    if kept:
+        yield (
+            f"names keep their robots: {', '.join(kept)}. The recording's id and @last now mean robot {new.name!r}; "
+            "--robot names another"
+        )
 
 
 def _without_commands(recording: Recording, robot: Robot) -> Iterator[str]:

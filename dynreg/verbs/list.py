@@ -46,7 +46,11 @@ def _recordings(registry: Registry) -> Iterator[Row]:
     robots = {info.hash: info for info in registry.robot_versions()}
     for i in registry.recordings():
         robot = robots[i.robot_hash]
-        yield i.id, ", ".join(i.names), robot.name, {"version": robot.version}
+        names = [
+            name if owner == i.robot_hash else f"{name} (of {robots[owner].name})"
+            for name, owner in zip(i.names, i.robots, strict=True)
+        ]
+        yield i.id, ", ".join(names), robot.name, {"version": robot.version}
 
 
 def _simulators(registry: Registry) -> Iterator[Row]:
@@ -67,7 +71,7 @@ def _robots(registry: Registry) -> Iterator[Row]:
         mine = [r.id for r in populations if r.robot_hash == info.hash]
         detail = {"version": info.version, "populations": len(mine)}
         detail |= {"entries": sum(map(registry.count, mine))}
-        detail |= {"recordings": sum(r.robot_hash == info.hash for r in recordings)}
+        detail |= {"recordings": sum(info.hash in (r.robot_hash, *r.robots) for r in recordings)}
         yield info.hash, info.name, info.name, detail
 
 

@@ -16,9 +16,10 @@ from dynreg.verbs.list import simulator_name
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
 
 
-def summary(registry: Registry, kind: str, identity: str) -> EntrySummary:
-    """One thing, with all that is known of it."""
-    name, robot, detail = _SHOWN[kind](registry, identity)
+def summary(registry: Registry, kind: str, identity: str, ref: str = "") -> EntrySummary:
+    """One thing, with all that is known of it; ref : what it was asked for by, as a recording's names have robots."""
+    told = (registry, identity, ref) if kind == "recording" else (registry, identity)
+    name, robot, detail = _SHOWN[kind](*told)
     return EntrySummary(id=identity, kind=kind, name=name, robot=robot, detail=detail)
 
 
@@ -36,15 +37,16 @@ def _entry(registry: Registry, identity: str) -> Shown:
     return f"{robot}-{entry.number}", robot, detail
 
 
-def _recording(registry: Registry, identity: str) -> Shown:
+def _recording(registry: Registry, identity: str, ref: str) -> Shown:
     info = registry.recording_info(identity)
-    robot, name = registry.robots()[info.robot_hash], next(iter(info.names), "")
+    owner = info.robot_as(ref)
+    robot, name = registry.robots()[owner], ref if ref in info.names else next(iter(info.names), "")
     return (
         name,
         robot,
         {
             **recording_summary(identity, registry.recording(identity), robot, name).to_dict(),
-            "version": registry.robot_info(info.robot_hash).version,
+            "version": registry.robot_info(owner).version,
         },
     )
 
@@ -89,7 +91,7 @@ def stored_result(registry: Registry, ref: str) -> Result:
         record = registry.latest()
     else:
         kind, identity = registry.resolve(ref, ("result", "recording"))
-        record = registry.result(identity) if kind == "result" else registry.latest(None, identity)
+        record = registry.result(identity) if kind == "result" else _about(registry, identity, ref)
     if record.kind not in RESULTS:
         raise NoMatchError(
             f"result {ref!r} is of kind {record.kind!r}",
@@ -105,6 +107,21 @@ def stored_result(registry: Registry, ref: str) -> Result:
             expected=f"a {record.kind} document of this version",
             do="run the command that made it again",
         ) from None
+
+
+def _about(registry: Registry, recording: str, ref: str) -> ResultRecord:
+    """The newest result about a recording; where its names have several robots, for the robot that `ref` asks it with.
+
+    Where that robot has none, it is the newest of all.
+    """
+    info = registry.recording_info(recording)
+    newest = registry.latest(None, recording)
+    if len({info.robot_hash, *info.robots}) == 1:
+        return newest
+    robot = registry.robots()[info.robot_as(ref)]
+    results = map(registry.result, reversed(registry.ids("result")))
+    mine = (r for r in results if r.recording_id == recording and r.document.get("robot") == robot)
+    return next(mine, newest)
 
 
 def in_order(document: Any, names: Sequence[str]) -> Any:
@@ -123,9 +140,11 @@ def in_order(document: Any, names: Sequence[str]) -> Any:
 
 def _document(registry: Registry, record: ResultRecord) -> dict[str, Any]:
     """A result's document with its parameters in the robot's own order."""
-    known = registry.holds(record.recording_id)
-    robot = registry.recording_info(record.recording_id).robot_hash if known else None
-    return in_order(record.document, _parameters(registry, robot))
+    if not registry.holds(record.recording_id):
+        return record.document
+    info, names = registry.recording_info(record.recording_id), registry.robots()
+    own = (h for h in (info.robot_hash, *info.robots) if names[h] == record.document.get("robot"))
+    return in_order(record.document, _parameters(registry, next(own, info.robot_hash)))
 
 
 def _parameters(registry: Registry, robot_hash: str | None) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ simulator or an entry, or by the id of a result that recommends one. Its effects
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -78,9 +78,9 @@ class Simulator:
 def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | None = None) -> Simulator:
     """The simulator that `ref` names: one of `NAMES`, or the id of a simulator, an entry or a result.
 
-    recording : id of the recording about which the results are that the words ask for. The words hide nothing: what
-    else can be named here has an id and no name. Raises NoMatchError where there is no such simulator, or no such
-    result yet.
+    recording : id of the recording about which the results are that the words ask for; those for other robots than
+    `robot`, by its name, do not count. The words hide nothing: what else can be named here has an id and no name.
+    Raises NoMatchError where there is no such simulator, or no such result yet.
     """
     ref = today(ref, OLD)
     if ref == NOMINAL:
@@ -91,7 +91,7 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
     if ref in WORDS:
         if recording is None:
             raise _none_yet(ref, " about this recording")
-        return _told(registry, _newest(registry, ref, recording), ref, robot, recording)
+        return _told(registry, _newest(registry, ref, recording, robot.name), ref, robot, recording)
     try:
         kind, identity = registry.resolve(ref, ("simulator", "entry", "result"))
     except AmbiguousError:
@@ -121,11 +121,28 @@ def told_last(registry: "Registry", ref: str) -> str:
     try:
         return registry.resolve(ref)[1]
     except NoMatchError:
-        record = _newest(registry, ref, None)
+        record = _newest_of_all(registry, ref)
     identity = WORDS[ref].told(record.document)
     if identity is None:
         raise _no_simulator(ref, record)
     return identity
+
+
+def named(registry: "Registry", ref: str) -> Simulator:
+    """The simulator that `ref` names, whatever its robot: a word of `WORDS`, which the newest result of all tells, or
+    the id of a simulator, an entry or a result that recommends one.
+
+    Raises NoMatchError where there is no such simulator, or no such result yet.
+    """
+    kind, identity = registry.resolve(told_last(registry, ref), ("simulator", "entry", "result"))
+    if kind == "result":
+        record = registry.result(identity)
+        told = RECOMMENDED.get(record.kind)
+        recommended = told and WORDS[told].told(record.document)
+        if recommended is None:
+            raise _no_simulator(ref, record)
+        kind, identity = registry.resolve(recommended, ("simulator", "entry"))
+    return stored(registry, kind, identity)
 
 
 def own(found: Simulator, robot: "Robot") -> Simulator:
@@ -150,21 +167,69 @@ def made(lineage: Mapping[str, Any]) -> str:
     return lineage.get("kind") or (lineage.get("made_by") or "").replace("calibrate", "calibrated by")
 
 
-def _newest(registry: "Registry", ref: str, recording: str | None) -> "ResultRecord":
-    """The newest result about a recording (of all, for None) that tells a word's simulator."""
+def newest_for(registry: "Registry", kind: str, recording: str, robot: str) -> "ResultRecord | None":
+    """The newest result of a kind about a recording (its id) that was made for a robot (its name), if there is one.
+
+    A recording may be asked with several robots: the simulators of one are none of the others'. One that tells no
+    robot counts for all.
+    """
+    found = _about(registry, kind, recording)
+    return next((record for record in found if record.document.get("robot", robot) == robot), None)
+
+
+def _about(registry: "Registry", kind: str, recording: str) -> "Iterator[ResultRecord]":
+    """The results of a kind about a recording, that stored last first; none where it is not stored yet."""
+    known = registry.results_about(kind, recording) if registry.holds(recording) else ()
+    return map(registry.result, known)
+
+
+def _newest(registry: "Registry", ref: str, recording: str, robot: str) -> "ResultRecord":
+    """The newest result about a recording, for a robot (its name), that tells a word's simulator."""
+    word, about = WORDS[ref], " about this recording"
+    found = newest_for(registry, word.kind, recording, robot)
+    if found is not None:
+        return found
+    diagnosis = newest_for(registry, "diagnosis", recording, robot) if ref == "calibrated" else None
+    other = "" if diagnosis is None else _calibrated_by(diagnosis)
+    others = sorted({str(r.document.get("robot")) for r in _about(registry, word.kind, recording)})
+    if others:
+        about += f" and robot {robot!r} (there is for {', '.join(map(repr, others))})"
+        other = other or f"run `dynreg {word.made_by}` on it with --robot {robot}, or name the other robot"
+    raise _none_yet(ref, about, other)
+
+
+def _newest_of_all(registry: "Registry", ref: str) -> "ResultRecord":
+    """The newest result of all that tells a word's simulator."""
     try:
-        return registry.latest(WORDS[ref].kind, recording)
+        return registry.latest(WORDS[ref].kind)
     except NoMatchError:
-        raise _none_yet(ref, " about this recording" if recording else "") from None
+        pass
+    try:
+        other = _calibrated_by(registry.latest("diagnosis")) if ref == "calibrated" else ""
+    except NoMatchError:
+        other = ""
+    raise _none_yet(ref, "", other)
 
 
-def _none_yet(ref: str, about: str) -> NoMatchError:
+def _calibrated_by(diagnosis: "ResultRecord") -> str:
+    """How to name the simulator that a diagnosis calibrated; "" where it left none."""
+    document = diagnosis.document
+    identity = document.get("calibrated_simulator")
+    if identity is None:
+        return ""
+    if document.get("extended_simulator"):
+        return f"name {identity[:12]}, which the last diagnosis calibrated ('diagnosed' has its causes too)"
+    return f"name 'diagnosed' or {identity[:12]}, which the last diagnosis calibrated"
+
+
+def _none_yet(ref: str, about: str, other: str = "") -> NoMatchError:
+    """The error of a word of which no result is stored. other : what to name instead, where that is known."""
     word = WORDS[ref]
     kind = "query" if word.made_by == "query" else word.kind
     return NoMatchError(
         f"no {ref!r} simulator: no {kind}{about} is stored",
         expected=f"one of {', '.join(NAMES)}, or an id",
-        do=f"run `dynreg {word.made_by}` on it first, or name another simulator",
+        do=other or f"run `dynreg {word.made_by}` on it first, or name another simulator",
     )
 
 
@@ -216,12 +281,9 @@ def _fitted(document: Document) -> frozenset[str] | None:
 def _told_by(registry: "Registry", found: Simulator, recording: str | None) -> Document | None:
     """The newest result about a recording that tells this simulator; None where there is none."""
     for word in WORDS.values() if recording else ():
-        try:
-            document = registry.latest(word.kind, recording).document
-        except NoMatchError:
-            continue
-        if found.id in (document.get("calibrated_simulator"), word.told(document)):
-            return document
+        record = newest_for(registry, word.kind, recording, found.robot.name)
+        if record and found.id in (record.document.get("calibrated_simulator"), word.told(record.document)):
+            return record.document
     return None
 
 

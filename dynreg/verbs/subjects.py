@@ -16,7 +16,7 @@ from dynreg.errors import (
     RobotError,
     UsageError,
 )
-from dynreg.registry import PopulationRecord, Registry, RobotInfo
+from dynreg.registry import PopulationRecord, RecordingInfo, Registry, RobotInfo
 from dynreg.results.result import Result
 from dynreg.results.stored import RecordingSummary
 
@@ -156,7 +156,8 @@ def recorded(
 ) -> Recorded:
     """A recording by its id, name or `@last`, or read from a log of `robot`.
 
-    robot : of a registered recording, any whose channels it has; by default the one that it was ingested with last.
+    robot : of a registered recording, any whose channels it has; by default the one that it was ingested with under
+    this name, of an id or `@last` that with which it was ingested last.
     ingest : whether a log is registered at once; where not, `Recorded.register` does it when the verb has an answer.
     Raises NoMatchError for what is neither, UsageError for a recording that lacks what the robot needs, LogError and
     MapError for a log that cannot be read.
@@ -169,15 +170,22 @@ def recorded(
             return Recorded(registry, owner, loaded, loaded.id[:12])
         identity = register(registry, owner, loaded)
     elif robot is None:
-        owner = robot_of(registry, identity)
-        _tell_newer(registry, identity)
+        owner = robot_of(registry, identity, reference)
     else:
         owner = loaded_robot(robot, registry=registry)
     info = registry.recording_info(identity)
-    asked = Recorded(registry, owner, registry.recording(identity), info.name)
-    if owner.hash != info.robot_hash:
+    asked = Recorded(registry, owner, registry.recording(identity), _called(info, reference, owner.hash))
+    if robot is None:
+        _tell_newer(asked)
+    if owner.hash not in (info.robot_hash, *info.robots):
         require_fits(asked, owner)
     return asked
+
+
+def _called(info: RecordingInfo, reference: str | Path | RecordingSummary, robot_hash: str) -> str:
+    """What a recording is called in an answer: as it was asked for, where that is a name of it."""
+    word = reference.name if isinstance(reference, RecordingSummary) else str(reference)
+    return word if word in info.names else info.name_with(robot_hash)
 
 
 def require_fits(asked: Recorded, robot: "Robot") -> None:
@@ -206,13 +214,13 @@ def require_fits(asked: Recorded, robot: "Robot") -> None:
         )
 
 
-def _tell_newer(registry: Registry, recording: str) -> None:
+def _tell_newer(asked: Recorded) -> None:
     """Say that a robot has a newer version than the one that a recording was ingested with."""
-    info = registry.recording_info(recording)
-    mine, last = _version(registry, info.robot_hash), _newest(registry, info.robot_hash)
+    registry = asked.registry
+    mine, last = (find(registry, asked.robot.hash) for find in (_version, _newest))
     if last.hash != mine.hash:
         warnings.warn(
-            f"recording {info.name!r} was ingested with version {mine.version} of robot {mine.name!r}, which is used. "
+            f"recording {asked.name!r} was ingested with version {mine.version} of robot {mine.name!r}, which is used. "
             f"Version {last.version} is newer: add --robot {word_for(registry, last)} to use it",
             Assumed,
             2,
@@ -253,11 +261,20 @@ def _put_robot(registry: Registry, robot: "Robot") -> None:
     registry.put_robot(robot.files, robot.hash, robot.name)
 
 
-def robot_of(registry: Registry, recording: str) -> "Robot":
-    """The robot of a registered recording (its id), from the registry's own copy."""
+def robot_of(registry: Registry, recording: str, reference: str | Path | RecordingSummary = "") -> "Robot":
+    """The robot of a registered recording (its id), from the registry's own copy.
+
+    reference : what the recording was asked for by: its names, and what ingesting it answered, have robots of their
+    own.
+    """
     from dynreg.sim.robot import load_robot
 
-    return load_robot(registry.robot_folder(registry.recording_info(recording).robot_hash))
+    info = registry.recording_info(recording)
+    found = info.robot_as(str(reference))
+    if isinstance(reference, RecordingSummary):
+        names = registry.robots()
+        found = next((h for h in (found, *info.robots) if names[h] == reference.robot), found)
+    return load_robot(registry.robot_folder(found))
 
 
 def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:

@@ -46,7 +46,7 @@ class Verb:
 
     ingest : whether a log that is given by its path is registered before the verb begins, as when its answer is kept;
     else it is registered with the answer. several : whether it may be asked about several recordings at once. faster :
-    what a user can do where it takes long, told by the command.
+    of its settings, what a user can do where it takes long, told by the command; None where there is nothing.
     """
 
     run: Callable[..., Any]
@@ -54,7 +54,7 @@ class Verb:
     about: Literal["recording", "robot"]
     ingest: bool = False
     several: bool = False
-    faster: str = ""
+    faster: Callable[[Any], str] | None = None
 
     @property
     def help(self) -> str:
@@ -74,7 +74,7 @@ def about_recording(
     *,
     ingest: bool = False,
     several: bool = False,
-    faster: str = "",
+    faster: Callable[[Any], str] | None = None,
 ) -> Callable[..., Answer]:
     """The method of a session for a verb that is asked about a recording; see `Verb`."""
 

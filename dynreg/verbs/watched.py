@@ -37,7 +37,7 @@ def watched(registry: Registry, ref: str, beside: str | None = None, *, threads:
             )
         beside = beside or (record.id if record.kind in RECOMMENDED else NOMINAL)
         identity = record.recording_id
-    robot, recording = robot_of(registry, identity), registry.recording(identity)
+    robot, recording = robot_of(registry, identity, ref), registry.recording(identity)
     found = simulator(registry, beside or NOMINAL, robot, identity)
     if found.robot.name == robot.name:  # maybe another version, which a diagnosis was asked with
         require_fits(Recorded(registry, robot, recording, identity[:12]), found.robot)

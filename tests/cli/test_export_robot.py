@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,19 @@ def stored(registry_folder: Path, tmp_path: Path, monkeypatch) -> tuple[Path, st
         return folder, opened.registry.put_simulator(config | {"lineage": {"made_by": "diagnose"}})
 
 
+@pytest.fixture
+def put_simulator(stored) -> Callable[[dict], str]:
+    """Stores a nominal servo with effects, and returns its id."""
+
+    def put(effects: dict) -> str:
+        robot = load_robot("servo_pendulum")
+        config = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal), effects)
+        with session.open(stored[0]) as opened:
+            return opened.registry.put_simulator(config.as_dict())
+
+    return put
+
+
 def test_a_simulator_becomes_a_robot_that_can_be_used(stored, dynreg, tmp_path: Path) -> None:
     registry, identity = stored
     ended = dynreg("export", identity[:12], "--as", "robot", "--to", "taken", "--registry", registry)
@@ -36,6 +50,65 @@ def test_a_simulator_becomes_a_robot_that_can_be_used(stored, dynreg, tmp_path: 
     made = load_robot(tmp_path / "taken")
     assert made.space.as_dict(made.space.nominal)["tip_mass"] == 0.51
     assert dynreg("robots", "check", "taken").status == 0
+
+
+def test_an_effect_in_neither_file_is_told_loudly(stored, dynreg) -> None:
+    registry, identity = stored
+    ended = dynreg("export", identity, "--as", "robot", "--to", "taken", "--registry", registry, "--quiet")
+    told = " ".join(ended.out.split())
+    assert "warning: load_friction is in neither file: the exported robot does not have it." in told
+    assert f"dynreg compare RECORDING --with nominal,{identity[:12]}" in told and "dynreg effects" in told
+    assert told.count("warning:") == 1 and "payload is in" not in told
+    ended = dynreg("export", identity, "--as", "robot", "--to", "again", "--registry", registry, "--json")
+    assert json.loads(ended.out)["warning"].startswith("load_friction is in neither file")
+
+
+def test_an_effect_that_robot_toml_lacks_is_told_and_one_that_both_have_is_not(
+    stored, dynreg, put_simulator
+) -> None:
+    registry, _ = stored
+    pushed = put_simulator({"force_offset": {"torque": 0.05}})
+    ended = dynreg("export", pushed, "--as", "robot", "--to", "pushed", "--registry", registry)
+    assert "warning: force_offset is in mujoco.xml alone" in " ".join(ended.out.split())
+    whole = put_simulator({"payload": {"share": 0.1}})
+    ended = dynreg("export", whole, "--as", "robot", "--to", "whole", "--registry", registry)
+    assert "warning" not in ended.out
+
+
+def test_which_file_to_open_is_told(stored, dynreg) -> None:
+    registry, identity = stored
+    ended = dynreg("export", identity, "--as", "robot", "--to", "taken", "--registry", registry)
+    told, model = " ".join(ended.out.split()), Path("taken") / "model.xml"
+    assert f"In plain MuJoCo open {Path('taken') / 'mujoco.xml'}. {model} is the uncorrected model" in told
+    assert ended.out.endswith("\n")
+
+
+def test_a_result_means_the_simulator_that_it_recommends(stored, dynreg) -> None:
+    registry, identity = stored
+    with session.open(registry) as opened:
+        recording = opened.show("bench").id
+        found = {"calibrated_simulator": None, "extended_simulator": identity}
+        opened.registry.put_result("diagnosis", recording, found)
+        result = opened.registry.latest("diagnosis").id
+        opened.registry.put_result("drift", recording, {})
+        none = opened.registry.latest("drift").id
+    for number, ref in enumerate(("diagnosed", result[:12])):
+        to = f"taken{number}"
+        ended = dynreg("export", ref, "--as", "robot", "--to", to, "--registry", registry, "--json")
+        assert json.loads(ended.out)["simulator"] == identity
+    ended = dynreg("export", none, "--as", "robot", "--to", "taken", "--registry", registry)
+    assert ended.status == 4 and "tells no simulator" in ended.err
+
+
+def test_without_a_calibration_the_word_names_what_a_diagnosis_calibrated(stored, dynreg) -> None:
+    registry, identity = stored
+    line = ("export", "calibrated", "--as", "robot", "--to", "taken", "--registry", registry)
+    assert "run `dynreg calibrate`" in dynreg(*line).err
+    with session.open(registry) as opened:
+        found = {"calibrated_simulator": identity, "extended_simulator": None}
+        opened.registry.put_result("diagnosis", opened.show("bench").id, found)
+    ended = dynreg(*line)
+    assert ended.status == 4 and f"name 'diagnosed' or {identity[:12]}" in ended.err
 
 
 def test_json_is_one_document_that_fits_its_schema(stored, dynreg) -> None:

@@ -70,3 +70,18 @@ def test_tenths_of_a_per_cent_of_what_has_many_steps(capsys: pytest.CaptureFixtu
     for now[0] in (0.0, 20.0):
         told("simulations", int(6 * now[0]), 25872)
     assert capsys.readouterr().err == "simulations: 0.4 %, about 72 min left\n"
+
+
+def test_a_step_that_outlasts_the_time_left_is_told_as_going_on(capsys: pytest.CaptureFixture[str]):
+    """The time left counts down while nothing is reported; it does not grow."""
+    now = [0.0]
+    told = PlainProgress(clock=lambda: now[0])
+    for now[0] in (0.0, 30.0):
+        told("simulations", int(now[0]), 50)
+    for now[0] in (40.0, 61.0):
+        told.again()
+    assert capsys.readouterr().err.splitlines() == [
+        "simulations: 60 %, about 20 s left",
+        "simulations: 60 %, about 10 s left",
+        "simulations: still at it, 61 s so far",
+    ]

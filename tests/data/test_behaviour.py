@@ -68,7 +68,10 @@ def test_a_joint_that_chatters(legs: Columns, told: Callable):
     assert (
         "at about half the sampling rate in 100 % of the log (at 50 Hz of 100 Hz, amplitude" in found.message
     )
-    assert found.message.endswith("lower kd, or log faster")
+    assert (
+        "lower kd, or log faster; to use the log as it is, leave it out: weight = 0 of its" in found.message
+    )
+    assert found.message.endswith("channels in robot.toml, or --joints with the others")
 
 
 def test_joints_that_are_alike_are_one_finding(legs: Columns, told: Callable):
@@ -76,6 +79,7 @@ def test_joints_that_are_alike_are_one_finding(legs: Columns, told: Callable):
         legs[f"vel_{joint}"] += 2.0 * np.where(np.arange(len(TIME)) % 2, 1.0, -1.0)
     (found,) = told(legs)
     assert found.where == "log.csv, all 3 joints" and found.message.startswith("oscillate at about")
+    assert "leave them out: weight = 0 of their channels" in found.message
 
 
 def test_an_oscillation_of_which_each_row_shows_the_same_phase(legs: Columns, told: Callable):
@@ -115,6 +119,45 @@ def test_a_joint_at_its_stop(legs: Columns, told: Callable):
     assert (
         found.check == "stop" and found.where == "log.csv, knee" and "stands at 0.1 rad in" in found.message
     )
+
+
+def bouncing(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """The target of a joint that is told to go far beyond its stops, and how it hits them, bounces and stands."""
+    target, place = 1.6 * np.sin(1.3 * TIME) * np.sin(0.11 * TIME + 0.5), np.zeros(len(TIME))
+    now = speed = 0.0
+    for k in range(len(TIME)):
+        for _ in range(20):  # stops that give way: springs far stiffer than the drive
+            beyond = now - np.clip(now, low, high)
+            speed += 5e-4 * (40.0 * (target[k] - now) - 8.0 * speed - 4e4 * beyond)
+            now += 5e-4 * speed
+        place[k] = now
+    return target, place
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [
+        (-0.05, 0.05, "stands at 0.05"),
+        (-9.0, 0.05, "stands at 0.05"),
+        (-0.05, 9.0, "stands at -0.05"),
+    ],
+)
+def test_a_joint_that_bounces_on_its_stops(told: Callable, low: float, high: float, says: str):
+    target, place = bouncing(low, high)
+    (found,) = told({"time": TIME, "cmd_knee": target, "pos_knee": place})
+    assert found.check == "stop" and says in found.message
+    assert ("and at -0.05" in found.message) == ("on both sides" in found.message) == (low > -1 and high < 1)
+
+
+def test_a_motion_that_its_target_only_scales_or_does_not_reach_is_no_stop(told: Callable):
+    """A drive so soft that it goes a tenth of the way; steps of it; and an arm that hangs while its drive is off."""
+    rng = np.random.default_rng(7)
+    waves, steps = np.sin(1.3 * TIME), np.repeat(rng.choice([-1.0, 1.0], 20), 100)
+    hangs = 0.3 * np.exp(-2 * TIME) * np.cos(9 * TIME)
+    for target, place in ((waves, 0.1 * waves), (steps, 0.1 * steps), (waves, hangs)):
+        noisy = place + 2e-4 * rng.standard_normal(len(TIME))
+        found = told({"time": TIME, "cmd_knee": target, "pos_knee": noisy})
+        assert not any(one.check == "stop" for one in found)
 
 
 def test_joints_whose_targets_are_swapped(legs: Columns, told: Callable):

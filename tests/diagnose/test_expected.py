@@ -31,5 +31,19 @@ def test_the_first_replays_that_were_timed_tell_how_long_the_rest_will_take(
     assert capsys.readouterr().err.splitlines() == [
         "simulations: 1.0 %, about 8 min left",
         "simulations: 2.0 %, about 13 min left",
-        "simulations: 90.0 %, about 66 s left",
+        "still searching ...",
     ]
+
+
+def test_past_the_number_that_was_expected_no_share_and_no_time_left_are_told(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    now = [0.0]
+    lines = PlainProgress(clock=lambda: now[0])
+    told = simulated(lines, 1000)
+    for second in range(0, 260, 10):
+        now[0] = float(second)
+        told(10 * second)
+    after = capsys.readouterr().err.splitlines()[10:]
+    assert after[0] == "still searching: 10 s so far" and after[-1] == "still searching: 2 min so far"
+    assert not any("%" in line or "left" in line for line in after)

@@ -10,6 +10,7 @@ from dynreg.diagnose.pose import pose
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.evidence.point import Point
 from dynreg.evidence.truth import hide, log_of, protocol
+from dynreg.results.diagnosis import Pulled
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.diagnosis_words import identifiability_words, same_words
@@ -29,7 +30,24 @@ def covariance_of(coordinates: Coordinates, wide: dict[str, float], deviation: f
 
 
 def words(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, ...]:
-    return identifiability_words(coordinates.robot, unidentified(coordinates, covariance))
+    return said_of(coordinates.robot, unidentified(coordinates, covariance))
+
+
+def said_of(robot: Robot, found: Unidentified) -> tuple[str, ...]:
+    """What is said where every parameter was fitted to its nominal value."""
+    fitted = {
+        p.name: Pulled(
+            value=p.nominal,
+            low=p.low,
+            high=p.high,
+            unit=p.unit,
+            nominal=p.nominal,
+            at_bound=False,
+            pulled_sigma=0.0,
+        )
+        for p in robot.space.parameters
+    }
+    return identifiability_words(robot, found, fitted)
 
 
 @pytest.fixture
@@ -49,7 +67,7 @@ def test_only_a_supply_that_was_measured_while_the_robot_moved_holds_its_sag(rob
 def test_a_parameter_as_wide_as_its_nameplate_is_not_told(coordinates: Coordinates):
     found = unidentified(coordinates, covariance_of(coordinates, {"resistance": 1.0}, 0.97))
     assert found == Unidentified(("resistance",), ())
-    assert "does not identify resistance:" in identifiability_words(coordinates.robot, found)[0]
+    assert "does not identify resistance:" in said_of(coordinates.robot, found)[0]
 
 
 def test_parameters_that_scale_together_are_told_with_their_signs(coordinates: Coordinates):

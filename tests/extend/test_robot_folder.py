@@ -130,7 +130,9 @@ def test_an_exported_robot_can_be_extended_again(tmp_path: Path) -> None:
     np.testing.assert_allclose(again, states(once, made, run), rtol=EXACT, atol=EXACT)
 
 
-@pytest.mark.parametrize("key", ["", *STATIC, "command_delay", "command_gain", "viscous_friction"])
+@pytest.mark.parametrize(
+    "key", ["", *STATIC, "command_delay", "command_gain", "force_offset", "viscous_friction"]
+)
 def test_mujoco_alone_moves_as_the_simulator(key: str, tmp_path: Path) -> None:
     robot = load_robot("servo_pendulum")
     made = config(robot, *([key] if key else []))
@@ -142,6 +144,73 @@ def test_mujoco_alone_moves_as_the_simulator(key: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(played, ours, atol=DIGITS)
     if key:
         assert np.abs(ours - states(robot, replace(made, effects={}), run, "mujoco")[..., 0]).max() > 0.01
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_constant_torque_is_in_the_mjcf_beside_the_limit_of_the_drive(sign: float, tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    made = config(robot, "force_offset", "torque_limit", sign=sign)
+    plain = config(robot, "torque_limit")
+    export_robot(robot, made, tmp_path / "taken")
+    export_robot(robot, plain, tmp_path / "without")
+    ours, without = (
+        mujoco.MjModel.from_xml_path(str(tmp_path / name / "mujoco.xml")) for name in ("taken", "without")
+    )
+    assert ours.nu == without.nu, "no command is added"
+    torque = made.effects["force_offset"]["torque"]
+    np.testing.assert_allclose(ours.actuator_forcerange - without.actuator_forcerange, torque, atol=DIGITS)
+    for command in (-1e3, 0.0, 1e3):  # at both limits and between them
+        forces = []
+        for model in (ours, without):
+            data = mujoco.MjData(model)
+            model.actuator_ctrllimited[:] = 0
+            data.ctrl[:] = command
+            mujoco.mj_forward(model, data)
+            forces.append(data.qfrc_actuator[0])
+        assert forces[0] - forces[1] == pytest.approx(torque, abs=DIGITS)
+
+
+def test_a_constant_torque_of_one_joint_is_no_other_joints(tmp_path: Path) -> None:
+    source = tmp_path / "held"
+    shutil.copytree(load_robot("leg").folder, source)
+    text = (source / "model.xml").read_text()
+    limited = text.replace('name="knee" ', 'name="knee" actuatorfrcrange="-2 2" ', 1)
+    assert limited != text
+    (source / "model.xml").write_text(limited)
+    robot = load_robot(source)
+    torque = 0.5
+    made = replace(config(robot), effects={"force_offset[knee]": {"torque": torque}})
+    (written,) = export_robot(robot, made, tmp_path / "taken").effects
+    assert written.in_mjcf and not written.parameters
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "taken" / "mujoco.xml"))
+    knee = model.joint("knee").id
+    pushed = model.actuator_biasprm[:, 0] != 0
+    np.testing.assert_array_equal(model.actuator_trnid[pushed, 0], [knee])
+    np.testing.assert_allclose(model.jnt_actfrcrange[knee], [torque - 2, torque + 2], atol=DIGITS)
+
+
+def test_a_model_called_as_the_plain_file_stays_uncorrected(tmp_path: Path) -> None:
+    source = tmp_path / "named"
+    shutil.copytree(load_robot("servo_pendulum").folder, source)
+    (source / "model.xml").rename(source / "mujoco.xml")
+    toml = source / "robot.toml"
+    toml.write_text(toml.read_text().replace('"model.xml"', '"mujoco.xml"'))
+    robot = load_robot(source)
+    made = config(robot, "payload")
+    exported = export_robot(robot, made, tmp_path / "taken").robot
+    assert (tmp_path / "taken" / "mujoco.xml").read_bytes() == (source / "mujoco.xml").read_bytes()
+    assert (tmp_path / "taken" / "mujoco_corrected.xml").is_file()
+    run = bank(robot, 15)
+    again = rollout(exported, exported.space.nominal[None], run).states[0]
+    np.testing.assert_allclose(again, states(robot, made, run), rtol=EXACT, atol=EXACT)
+
+
+def test_the_readme_says_which_file_to_open(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    export_robot(robot, config(robot), tmp_path / "taken")
+    readme = (tmp_path / "taken" / "README.md").read_text()
+    assert "In plain MuJoCo open `mujoco.xml`, not `model.xml`" in readme
+    assert "`model.xml` is the uncorrected model" in readme
 
 
 def test_mujoco_alone_steps_as_robot_toml_says(tmp_path: Path) -> None:

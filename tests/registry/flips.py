@@ -23,6 +23,7 @@ from dynreg.rng import stream
 from dynreg.search.journal import Journal
 
 KEY = {"a": 1}
+OTHER = "ef" * 32
 STEP = np.array([[0.25, 0.5], [1.0, 2.0]])
 
 
@@ -32,7 +33,9 @@ def make(folder: Path) -> Path:
     with Registry.open(path, create=True) as registry:
         fill(registry, make_robot(folder / "robot"))
         recording = registry.put_recording(make_recording(1), ROBOT, "first run")
-        registry.put_recording(make_recording(2), ROBOT, "second run")
+        registry.put_robot(_other_robot(folder / "other"), OTHER, "leg")
+        registry.put_recording(make_recording(2), OTHER, "second run")
+        registry.put_recording(make_recording(2), ROBOT)  # the name keeps the other robot
         registry.put_recording(make_recording(1), ROBOT, "again")
         registry.put_result("neighbours", recording, {"k": 5})
         registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
@@ -49,6 +52,12 @@ def make(folder: Path) -> Path:
         shutil.copytree(path, left)
         held.close()
     return left
+
+
+def _other_robot(folder: Path) -> Path:
+    folder.mkdir()
+    (folder / "robot.toml").write_text('[robot]\nname = "leg"\n')
+    return folder
 
 
 def answers(path: Path) -> dict[str, Any]:
@@ -82,7 +91,8 @@ def answers(path: Path) -> dict[str, Any]:
             "weights": _digest({**held.weights, **held.extra}),
             "one entry": _digest(registry.load_entry(held.ids[7]).weights),
             "recordings": [
-                (i.id, i.robot_hash, i.names, registry.recording(i.id).id) for i in registry.recordings()
+                (i.id, i.robot_hash, i.names, i.robots, registry.recording(i.id).id)
+                for i in registry.recordings()
             ],
             "last": (registry.resolve("@last"), registry.latest().document),
             "results": [str(registry.result(one)) for one in registry.ids("result")],

@@ -354,7 +354,8 @@ def test_copies_that_were_put_together_keep_the_rows_of_both(work, tmp_path):
             registry.put_recording(make_recording(seed), ROBOT, name)
     shutil.copytree(other, work, dirs_exist_ok=True)
     faults = verify(work).faults
-    assert {fault.kind for fault in faults} == {"ledger"} and "two of this number" in faults[0].problem
+    assert {fault.kind for fault in faults} == {"ledger"}
+    assert any("two of this number" in fault.problem for fault in faults)
     verify(work, repair=True)
     assert verify(work).faults == ()
     with Registry.open(work) as registry:

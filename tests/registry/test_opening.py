@@ -81,6 +81,25 @@ def test_registry_of_format_1_is_brought_up_to_date_and_keeps_its_content(path, 
         assert [info.names for info in registry.recordings()] == [("second run",), ("again", "first run")]
 
 
+def test_names_of_a_registry_before_their_robots_were_kept_have_that_of_the_last_ingestion(
+    path, filled, robot
+):
+    shutil.copytree(filled, path)
+    connection = sqlite3.connect(path / "catalog.sqlite")
+    with connection:
+        connection.execute("DROP TABLE robots_of_names")
+        connection.execute("DELETE FROM seals WHERE name = 'robots_of_names'")
+        connection.execute("DELETE FROM migrations WHERE name = '0006_robots_of_names'")
+    connection.close()
+    with Registry.open(path) as registry:
+        assert registry.recording_info("first run").robots == (ROBOT,)
+        registry.put_robot(robot, "ef" * 32, "leg")
+        registry.put_recording(make_recording(1), "ef" * 32, "as a leg")
+        info = registry.recording_info("first run")
+        assert (info.robot_as("first run"), info.robot_as("as a leg")) == (ROBOT, "ef" * 32)
+    assert verify(path).faults == () and verify(path).leftovers == ()
+
+
 def test_failed_migration_changes_nothing(registry, monkeypatch):
     content = registry.content_hash()
     broken = migrations.STEPS | {

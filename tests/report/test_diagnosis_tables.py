@@ -125,6 +125,20 @@ def test_steps_follow_the_verdict() -> None:
     assert diagnosis_steps(made_up_diagnosis.diagnosis("none")) == ()
 
 
+@pytest.mark.parametrize("verdict", ["unknown", "none"])
+def test_a_calibrated_simulator_that_is_clearly_better_is_offered(verdict: str) -> None:
+    found = made_up_diagnosis.diagnosis(verdict)
+    better = found.model_copy(update={"over_start": Gain(value=0.4, low=0.3, high=0.5)})
+    assert any("dynreg export caca" in s and "--as robot" in s for s in diagnosis_steps(better))
+    for gain in (
+        Gain(value=0.1, low=-0.1, high=0.3),
+        Gain(value=0.4, low=None, high=None),
+        Gain(value=-0.3, low=-0.4, high=-0.2),
+    ):
+        unsure = found.model_copy(update={"over_start": gain})
+        assert not any("export" in step for step in diagnosis_steps(unsure))
+
+
 def test_the_threshold_says_where_it_comes_from() -> None:
     result = made_up_diagnosis.diagnosis()
     assert "by 20 simulations" in threshold_words(result) and "earlier diagnosis" in threshold_words(result)

@@ -2,10 +2,11 @@
 
 import pytest
 
+from dynreg.diagnose.identifiability import Unidentified
 from dynreg.results.diagnosis import Pulled
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.diagnose import first_command
-from dynreg.verbs.diagnosis_words import at_the_edge
+from dynreg.verbs.diagnose import DiagnoseSettings, faster, first_command
+from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words
 
 
 @pytest.mark.parametrize(
@@ -20,6 +21,39 @@ from dynreg.verbs.diagnosis_words import at_the_edge
 )
 def test_the_first_diagnosis_of_many_joints_or_a_free_base_is_the_quick_one(robot: str, asked: str) -> None:
     assert first_command("sway", load_robot(robot)) == asked
+
+
+@pytest.mark.parametrize(
+    "given, said",
+    [
+        ({}, "--threshold-runs 0, --joints A,B, --effects A,B or --windows 8 make it faster"),
+        ({"threshold_runs": 0, "windows": 20}, "--joints A,B or --effects A,B make it faster"),
+        ({"threshold_runs": 0, "windows": 8, "joints": ("arm",)}, "--effects A,B makes it faster"),
+        ({"threshold_runs": 0, "windows": 8, "joints": ("arm",), "effects": ("backlash",)}, ""),
+    ],
+)
+def test_options_that_were_given_are_not_advised(given: dict, said: str) -> None:
+    assert faster(DiagnoseSettings(**given)) == said
+
+
+def test_a_value_that_the_recording_moved_is_not_said_to_be_that_of_the_nameplate() -> None:
+    """Its interval may be as wide as the nameplate's: it moved all the same, and the table says so."""
+
+    def fitted(value: float, nominal: float, pull: float | None) -> Pulled:
+        return Pulled(
+            value=value, low=0.2, high=0.3, unit="kg", nominal=nominal, at_bound=False, pulled_sigma=pull
+        )
+
+    named = {
+        "tip": fitted(0.235, 0.189, 2.5),
+        "trunk": fitted(0.25, 0.248, 0.1),
+        "foot": fitted(0.25, 0.1, None),
+    }
+    kept, moved = identifiability_words(load_robot("leg"), Unidentified((*named,), ()), named)
+    assert (
+        kept == "the recording does not identify trunk: its value stays within 1 sigma of that of robot.toml"
+    )
+    assert moved.startswith("the recording moves tip from 0.189 to 0.235 kg, foot from 0.1 to 0.25 kg, but")
 
 
 def at(value: float, low: float, high: float) -> Pulled:

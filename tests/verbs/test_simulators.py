@@ -10,7 +10,7 @@ from dynreg.errors import NoMatchError, OldWord, UsageError
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.simulators import NAMES, OLD, own, simulator, told_last
+from dynreg.verbs.simulators import NAMES, OLD, named, own, simulator, told_last
 
 EFFECT = {"coulomb_friction[arm]": {"torque": 0.02}}
 
@@ -111,6 +111,25 @@ def test_what_names_no_simulator_is_told_the_words(asked):
     registry, robot, found, _ = asked
     with pytest.raises(NoMatchError, match="no simulator is called 'best'; expected one of nominal, nearest"):
         simulator(registry, "best", robot, found.recording)
+
+
+def test_a_missing_calibration_points_to_what_a_diagnosis_calibrated(diagnosed):
+    registry, robot, recording, plain, _ = diagnosed
+    for ask in (
+        lambda: named(registry, "calibrated"),
+        lambda: simulator(registry, "calibrated", robot, recording),
+    ):
+        with pytest.raises(NoMatchError, match=f"name {plain[:12]}.*'diagnosed' has its causes too"):
+            ask()
+
+
+def test_by_whatever_name_a_simulator_is_found_without_a_robot(diagnosed):
+    registry, robot, recording, plain, full = diagnosed
+    source = registry.latest("diagnosis", recording).id
+    assert [named(registry, ref).id for ref in ("diagnosed", source, full)] == [full] * 3
+    assert named(registry, plain).config.effects == {} and named(registry, plain).robot.hash == robot.hash
+    with pytest.raises(NoMatchError, match="bench"):
+        named(registry, "bench")
 
 
 SEEN = {"e0", "e1", "e2"}

@@ -14,22 +14,31 @@ from dynreg.data.series import Finding
 __all__ = ["check_behaviour"]
 
 NAMED = 3  # joints that a finding names one by one
+_CHATTER = (
+    "lower kd, or log faster; to use the log as it is, leave {them} out: weight = 0 of {their} channels in robot.toml, "
+    "or --joints with the others"
+)
 TOLD = {
     (
         "chatter",
         "",
     ): "{oscillate} at about half the sampling rate in {0} of the log (at {1} of {2}, amplitude {3}): the "
-    "drive is unstable or the log is aliased; lower kd, or log faster",
+    f"drive is unstable or the log is aliased; {_CHATTER}",
     (
         "chatter",
         "aliased",
     ): "{have} a velocity of {0} that the position does not go along with ({1}): the drive is "
-    "unstable and the log is aliased; lower kd, or log faster",
+    f"unstable and the log is aliased; {_CHATTER}",
     (
         "stop",
         "largest",
     ): "{stand} at {0} in {1} of the samples while the target is up to {2} beyond: {it_is} at a stop; "
     "keep the target within it",
+    (
+        "stop",
+        "both",
+    ): "{stand} at {0} and at {1} in {2} of the samples while the target is up to {3} beyond: {it_is} at a stop on "
+    "both sides; keep the target within them",
     (
         "target",
         "order",
@@ -57,6 +66,8 @@ SATURATED = (
     "{stand} at the largest {kind}, {1}, in {0} of the moving samples: the drive is at its limit; move slower, carry "
     "less or lower its gains"
 )
+ONE = {"it_is": "it is", "them": "it", "their": "its"}
+MANY = {"it_is": "they are", "them": "them", "their": "their"}
 VERBS = {
     "oscillate": "oscillates",
     "stand": "stands",
@@ -107,8 +118,7 @@ def _text(names: Sequence[str], seen: Sequence[Seen]) -> str:
     verbs = VERBS if len(seen) == 1 else {verb: verb for verb in VERBS}
     pairs = ", ".join(f"{name} that of {one.other}" for name, one in zip(names, seen, strict=True))
     other = first.other if len(seen) == 1 or first.kind != "order" else f"another joint ({pairs})"
-    it_is = "it is" if len(seen) == 1 else "they are"
-    return told.format(*numbers, kind=first.kind, other=other, it_is=it_is, **verbs)
+    return told.format(*numbers, kind=first.kind, other=other, **(ONE if len(seen) == 1 else MANY), **verbs)
 
 
 def _named(names: Sequence[str]) -> str:

@@ -183,7 +183,16 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
     if result.extended_simulator and not result.worse:
         export = command("export", result.extended_simulator[:12], "--as", "robot", "--to", "FOLDER")
         steps.append(f"Export the extended simulator as a robot folder: {export}")
+    elif result.calibrated_simulator and _clearly_better(result):
+        export = command("export", result.calibrated_simulator[:12], "--as", "robot", "--to", "FOLDER")
+        steps.append(f"Export the calibrated simulator as a robot folder: {export}")
     return tuple(steps)
+
+
+def _clearly_better(result: Diagnosis) -> bool:
+    """Whether the test part shows that the simulator it leaves is better than the one at the start."""
+    gain = result.over_start
+    return gain is not None and gain.low is not None and gain.low > 0
 
 
 def hint(result: Diagnosis) -> str | None:
