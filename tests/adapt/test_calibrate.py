@@ -38,9 +38,9 @@ def replayed(monkeypatch) -> list[tuple[np.ndarray, tuple[int, ...]]]:
     """Simulators and windows of every replay."""
     calls, states = [], Replayer.states
 
-    def watch(self, values, chosen):
+    def watch(self, values, chosen, initial=None):
         calls.append((values, tuple(int(w) for w in chosen)))
-        return states(self, values, chosen)
+        return states(self, values, chosen, initial)
 
     monkeypatch.setattr(Replayer, "states", watch)
     return calls

@@ -95,9 +95,8 @@ def test_weights_are_shares_and_spreads_never_below_the_noise(robot, recording):
 
 def test_a_simulation_that_diverged_counts_as_ten_times_the_motion(robot, recording, monkeypatch):
     replayer = Replayer(robot, windows(robot, recording))
-    monkeypatch.setattr(
-        Replayer, "states", lambda self, v, chosen: np.full((len(v), len(chosen), 61, 2), np.nan)
-    )
+    lost = lambda self, v, chosen, initial: np.full((len(v), len(chosen), 61, 2), np.nan)  # noqa: E731
+    monkeypatch.setattr(Replayer, "states", lost)
     np.testing.assert_array_equal(errors(replayer.residuals(robot.space.nominal[None], np.arange(5))), 10.0)
 
 

@@ -53,7 +53,7 @@ def neighbours(opened: Session, fits: bool = True):
     )
     made = made_up_results.neighbours(fits=fits)
     told = made.synthesised.model_copy(update={"simulator": ids[1]})
-    return made.model_copy(update={"neighbours": listed, "synthesised": told})
+    return made.model_copy(update={"robot": "quadruped", "neighbours": listed, "synthesised": told})
 
 
 def answering(opened: Session, monkeypatch: pytest.MonkeyPatch, fits: bool = True) -> None:
