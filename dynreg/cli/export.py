@@ -70,7 +70,7 @@ def export(
     --as registry: a new registry with the things and all that they need.
 
     --as robot: a simulator as a robot folder: robot.toml with its parameters and effects, and one MJCF file. A result
-    means the simulator that it recommends. What robot.toml cannot say is told.
+    means the simulator that it recommends. A warning lists what robot.toml cannot express.
 
     --as foxglove, rerun: a recording beside a simulator under the same commands, with both robots, every channel
     and its residual. Foxglove gets an MCAP log, Rerun an .rrd file. A result means its recording and the simulator

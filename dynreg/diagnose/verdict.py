@@ -122,16 +122,17 @@ def start_noise(model: Model, point: Point, windows: Windows) -> Search[np.ndarr
     own = placed(robot, initial)
     if not own.any():
         return np.zeros(len(robot.channels))
-    off = stream(0, "start noise").standard_normal((1 + STARTS, *initial.shape))
+    measured = np.flatnonzero(own)  # the others begin settled, without that noise
+    off = stream(0, "start noise").standard_normal((1 + STARTS, len(measured), initial.shape[1]))
     off[0] = 0.0
-    begun = initial + off * robot.sensor_noise * own[:, None]
-    every = np.tile(np.arange(len(windows)), 1 + STARTS)
+    begun = initial[measured] + off * robot.sensor_noise
+    every = np.tile(measured, 1 + STARTS)
     run = replace(windows.run.take(every), initial=begun.reshape(len(every), -1))
     (states,) = yield from model.states([point], run)
-    states = states.reshape(1 + STARTS, len(windows), *states.shape[1:])[..., 1:, :]
+    states = states.reshape(1 + STARTS, len(measured), *states.shape[1:])[..., 1:, :]
     apart = scaled(states[1:], states[0], windows.spread).reshape(-1, *states.shape[2:])
     sizes = [remaining(apart[..., c], model.accuracy.fine) for c in range(len(robot.channels))]
-    return np.array(sizes) * windows.spread
+    return np.array(sizes) * windows.spread * np.sqrt(own.mean())
 
 
 def remaining(residual: np.ndarray, rough: bool) -> float:

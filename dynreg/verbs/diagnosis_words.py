@@ -170,8 +170,8 @@ def identifiability_words(
         values = ", ".join(_shift(name, parameters[name]) for name in moved)
         them = "it" if len(moved) == 1 else "them"
         out.append(
-            f"the recording moves {values}, but tells {them} no more surely than robot.toml does: what the model lacks "
-            f"may stand behind that. Measure {them}"
+            f"the recording moves {values}, but does not determine {them} better than robot.toml does: a missing "
+            f"effect may cause the shift. Measure {them}"
         )
     for up, down in found.together:
         against = f" against {', '.join(down)}" if down else ""

@@ -29,6 +29,10 @@ def remove(registry: Registry, refs: Sequence[str], dry_run: bool = False) -> Re
         f"recording {recordings[identity]} stays, and is used with {info} from then on"
         for identity, info in plan.moved.items()
     ]
+    moved += [
+        f"the name {name!r} means robot {info or 'of its recording'} from then on"
+        for name, info in plan.named.items()
+    ]
     return Removal(
         registry=str(registry.path),
         removed=not dry_run,

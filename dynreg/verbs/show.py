@@ -6,12 +6,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from dynreg.errors import CorruptError, DynregError, NoMatchError
-from dynreg.registry import Registry, ResultRecord
+from dynreg.registry import RecordingInfo, Registry, ResultRecord
 from dynreg.results import RESULTS
 from dynreg.results.result import Result
 from dynreg.results.stored import EntrySummary
 from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
+from dynreg.verbs.subjects import version_called
 
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
 
@@ -40,7 +41,7 @@ def _entry(registry: Registry, identity: str) -> Shown:
 def _recording(registry: Registry, identity: str, ref: str) -> Shown:
     info = registry.recording_info(identity)
     owner = info.robot_as(ref)
-    robot, name = registry.robots()[owner], ref if ref in info.names else next(iter(info.names), "")
+    robot, name = registry.robots()[owner], ref if ref in info.names else _name_with(info, owner)
     return (
         name,
         robot,
@@ -49,6 +50,12 @@ def _recording(registry: Registry, identity: str, ref: str) -> Shown:
             "version": registry.robot_info(owner).version,
         },
     )
+
+
+def _name_with(info: RecordingInfo, owner: str) -> str:
+    """The name that a recording got with a robot (its hash), "" where it got none."""
+    name = info.name_with(owner)
+    return name if name in info.names else ""
 
 
 def _population(registry: Registry, identity: str) -> Shown:
@@ -142,9 +149,9 @@ def _document(registry: Registry, record: ResultRecord) -> dict[str, Any]:
     """A result's document with its parameters in the robot's own order."""
     if not registry.holds(record.recording_id):
         return record.document
-    info, names = registry.recording_info(record.recording_id), registry.robots()
-    own = (h for h in (info.robot_hash, *info.robots) if names[h] == record.document.get("robot"))
-    return in_order(record.document, _parameters(registry, next(own, info.robot_hash)))
+    info = registry.recording_info(record.recording_id)
+    owner = version_called(registry, info, record.document.get("robot"))
+    return in_order(record.document, _parameters(registry, owner))
 
 
 def _parameters(registry: Registry, robot_hash: str | None) -> tuple[str, ...]:

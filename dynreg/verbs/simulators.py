@@ -5,11 +5,12 @@ simulator or an entry, or by the id of a result that recommends one. Its effects
 """
 
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import AmbiguousError, NoMatchError, UsageError
+from dynreg.errors import AmbiguousError, Assumed, CorruptError, NoMatchError, UsageError
 from dynreg.verbs.settings import today
 
 if TYPE_CHECKING:
@@ -178,9 +179,12 @@ def newest_for(registry: "Registry", kind: str, recording: str, robot: str) -> "
 
 
 def _about(registry: "Registry", kind: str, recording: str) -> "Iterator[ResultRecord]":
-    """The results of a kind about a recording, that stored last first; none where it is not stored yet."""
-    known = registry.results_about(kind, recording) if registry.holds(recording) else ()
-    return map(registry.result, known)
+    """The results of a kind about a recording, that stored last first; damaged ones are left out, which is said."""
+    for identity in registry.results_about(kind, recording) if registry.holds(recording) else ():
+        try:
+            yield registry.result(identity)
+        except CorruptError as problem:
+            warnings.warn(f"result {identity[:12]} is left out: {problem}", Assumed, 3)
 
 
 def _newest(registry: "Registry", ref: str, recording: str, robot: str) -> "ResultRecord":
@@ -193,7 +197,7 @@ def _newest(registry: "Registry", ref: str, recording: str, robot: str) -> "Resu
     other = "" if diagnosis is None else _calibrated_by(diagnosis)
     others = sorted({str(r.document.get("robot")) for r in _about(registry, word.kind, recording)})
     if others:
-        about += f" and robot {robot!r} (there is for {', '.join(map(repr, others))})"
+        about += f" and robot {robot!r} (there is one for {', '.join(map(repr, others))})"
         other = other or f"run `dynreg {word.made_by}` on it with --robot {robot}, or name the other robot"
     raise _none_yet(ref, about, other)
 

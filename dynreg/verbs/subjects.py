@@ -16,7 +16,7 @@ from dynreg.errors import (
     RobotError,
     UsageError,
 )
-from dynreg.registry import PopulationRecord, RecordingInfo, Registry, RobotInfo
+from dynreg.registry import PopulationRecord, RecordingInfo, Registry, ResultRecord, RobotInfo
 from dynreg.results.result import Result
 from dynreg.results.stored import RecordingSummary
 
@@ -261,20 +261,30 @@ def _put_robot(registry: Registry, robot: "Robot") -> None:
     registry.put_robot(robot.files, robot.hash, robot.name)
 
 
-def robot_of(registry: Registry, recording: str, reference: str | Path | RecordingSummary = "") -> "Robot":
+def robot_of(
+    registry: Registry, recording: str, reference: str | Path | RecordingSummary | ResultRecord = ""
+) -> "Robot":
     """The robot of a registered recording (its id), from the registry's own copy.
 
-    reference : what the recording was asked for by: its names, and what ingesting it answered, have robots of their
-    own.
+    reference : what the recording was asked for by. Its names, what ingesting it answered, and results about it have
+    robots of their own.
     """
     from dynreg.sim.robot import load_robot
 
     info = registry.recording_info(recording)
-    found = info.robot_as(str(reference))
     if isinstance(reference, RecordingSummary):
-        names = registry.robots()
-        found = next((h for h in (found, *info.robots) if names[h] == reference.robot), found)
+        found = version_called(registry, info, reference.robot)
+    elif isinstance(reference, ResultRecord):
+        found = version_called(registry, info, reference.document.get("robot"))
+    else:
+        found = info.robot_as(str(reference))
     return load_robot(registry.robot_folder(found))
+
+
+def version_called(registry: Registry, info: RecordingInfo, robot: str | None) -> str:
+    """The hash of the robot of this name that a recording is used with; of the last one where it has none."""
+    names = registry.robots()
+    return next((h for h in (info.robot_hash, *info.robots) if names[h] == robot), info.robot_hash)
 
 
 def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.gait.play import told
-from dynreg.registry import Registry
+from dynreg.registry import Registry, ResultRecord
 from dynreg.results.gait import Gait
 from dynreg.verbs.gaits import gait_of, genes_of, trials_of
 from dynreg.verbs.simulators import NOMINAL, RECOMMENDED, own, simulator
@@ -25,8 +25,9 @@ def watched(registry: Registry, ref: str, beside: str | None = None, *, threads:
     another robot, or of a version of it that the recording does not fit, LogError for a recording without commands.
     """
     kind, identity = registry.resolve(ref, ("recording", "result"))
+    asked: str | ResultRecord = ref
     if kind == "result":
-        record = registry.result(identity)
+        asked = record = registry.result(identity)
         if record.kind == "gait":
             return _walk(registry, gait_of(registry, identity))
         if not record.recording_id:
@@ -37,7 +38,7 @@ def watched(registry: Registry, ref: str, beside: str | None = None, *, threads:
             )
         beside = beside or (record.id if record.kind in RECOMMENDED else NOMINAL)
         identity = record.recording_id
-    robot, recording = robot_of(registry, identity, ref), registry.recording(identity)
+    robot, recording = robot_of(registry, identity, asked), registry.recording(identity)
     found = simulator(registry, beside or NOMINAL, robot, identity)
     if found.robot.name == robot.name:  # maybe another version, which a diagnosis was asked with
         require_fits(Recorded(registry, robot, recording, identity[:12]), found.robot)

@@ -108,6 +108,12 @@ def test_what_the_noise_of_a_measured_start_does_to_rollouts_is_known(recording:
     for name in ("base/x", "base/y", "base/yaw"):
         c = robot.channels.index(name)
         assert told[c] == pytest.approx(remaining(apart[:, 1:, c], rough=True), rel=0.3)
+    some = data.windows.run.initial.copy()
+    some[::2, robot.channels.index("base/roll")] = np.nan  # these begin settled, without that noise
+    fewer = replace(data.windows, run=replace(data.windows.run, initial=some))
+    half = run(start_noise(model, model.start, fewer))
+    c = robot.channels.index("base/yaw")
+    assert 0.4 * told[c] < half[c] < told[c]
     model, data = pose(quadruped("keyframe"), recording, ASKED)
     assert not run(start_noise(model, model.start, data.windows)).any()
 

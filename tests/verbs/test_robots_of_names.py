@@ -143,7 +143,7 @@ def test_words_mean_results_for_the_robot_that_is_asked_about(
     recording, registry = reg.recording("bench").id, reg.registry
     other = told(registry, recording, swinger_rad, kind)
     with pytest.raises(
-        NoMatchError, match="and robot 'swinger' .there is for 'swinger_rad'.*--robot swinger"
+        NoMatchError, match="and robot 'swinger' .there is one for 'swinger_rad'.*--robot swinger"
     ):
         simulator(registry, word, load_robot(swinger), recording)
     mine = told(registry, recording, swinger, kind)
