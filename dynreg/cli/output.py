@@ -70,9 +70,7 @@ class PlainProgress:
             return
         self._told.add(stage)
         self._told_at = now
-        if (
-            left is not None and left < 0
-        ):  # the step that is under way takes longer than all before it promised
+        if left is not None and left < 0:  # the step under way takes longer than those before it promised
             say(f"{stage}: still at it, {_duration(now - since)} so far")
         elif done == 0:  # nobody knows how much is done of the first step
             say(f"{stage} ..." if now - since < EVERY else f"{stage}: {_duration(now - since)} so far")

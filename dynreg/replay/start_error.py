@@ -7,8 +7,10 @@ joint that rests, replayed from a speed that is noise, is best kept at rest by a
 So a start state is fitted in each window, within its noise. Residuals are linear in errors so small, and what the most
 likely errors explain is projected out of residuals, and by that of slopes, which are differences of residuals (variable
 projection, Golub and Pereyra 1973, with a prior). Whitening by the covariance of residuals and start errors would keep
-up to a third more of what they tell. But it trusts that linearity: the damping of an arm's joint, 0.8, had
-0.7925 +- 0.0028 by it and 0.794 +- 0.010 by projection, for dry friction at rest is not linear in a start speed.
+up to a third more of what they tell. But it trusts that linearity, and dry friction at rest is not linear in a start
+speed. Of an arm's joint with a damping of 0.8, one robot: 0.7925 +- 0.0028 by whitening, 0.7957 +- 0.0037 by
+projection, and 0.794 +- 0.010 by projection from better starts (`neighbours/make.py`). Whitening from better starts was
+not tried.
 """
 
 from dataclasses import dataclass
