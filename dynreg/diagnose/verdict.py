@@ -63,7 +63,8 @@ class Evidence:
         # of whole rollouts, like the repeatability
         (left,) = yield from model.fine.residuals([found.current], data.whole.sample(chosen))
         windows = data.windows.take(chosen)
-        started = yield from start_noise(model.fine, found.current, windows)
+        rough = model.accuracy.fine
+        started = yield from start_noise(model.fine, found.current, windows, rough)
         begun = np.hypot(begin_noise(robot, windows), started)
         rows = []
         for c, column in enumerate(data.use):
@@ -71,7 +72,7 @@ class Evidence:
             known = repeats[robot.channels[column]]
             stated = max(float(np.hypot(known.stated, begun[column])), TINY)
             floor = known.spread if known.spread else stated
-            size = float(remaining(left[..., c], model.accuracy.fine) * spread)
+            size = float(remaining(left[..., c], rough) * spread)
             chance = whiteness(left[..., c])
             rows.append(
                 Noise(
@@ -112,11 +113,11 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
     return out
 
 
-def start_noise(model: Model, point: Point, windows: Windows) -> Search[np.ndarray]:
+def start_noise(model: Model, point: Point, windows: Windows, rough: bool) -> Search[np.ndarray]:
     """(S,) root mean square error of each channel from the noise of a floating base's measured start, in its unit.
 
     By how much rollouts of the point change from starts within that noise: where the feet do not hold a base, it never
-    forgets how it set out. 0 where bases begin in their settled pose; see `pose.placed`.
+    forgets how it set out. 0 where bases begin in their settled pose; see `pose.placed`. rough : as in `remaining`.
     """
     robot, initial = model.robot, windows.run.initial
     own = placed(robot, initial)
@@ -131,7 +132,7 @@ def start_noise(model: Model, point: Point, windows: Windows) -> Search[np.ndarr
     (states,) = yield from model.states([point], run)
     states = states.reshape(1 + STARTS, len(measured), *states.shape[1:])[..., 1:, :]
     apart = scaled(states[1:], states[0], windows.spread).reshape(-1, *states.shape[2:])
-    sizes = [remaining(apart[..., c], model.accuracy.fine) for c in range(len(robot.channels))]
+    sizes = [remaining(apart[..., c], rough) for c in range(len(robot.channels))]
     return np.array(sizes) * windows.spread * np.sqrt(own.mean())
 
 

@@ -98,7 +98,7 @@ def test_a_base_that_stands_settled_begins_so_where_the_log_does_not_tell_its_at
 
 def test_what_the_noise_of_a_measured_start_does_to_rollouts_is_known(recording: Recording):
     model, data = pose(quadruped("measured"), recording, ASKED)
-    told = run(start_noise(model, model.start, data.windows))
+    told = run(start_noise(model, model.start, data.windows, rough=True))
     initial, robot = data.windows.run.initial, model.robot
     every = np.tile(np.arange(len(initial)), 8)
     off = np.random.default_rng(1).standard_normal((len(every), initial.shape[1])) * robot.sensor_noise
@@ -111,11 +111,11 @@ def test_what_the_noise_of_a_measured_start_does_to_rollouts_is_known(recording:
     some = data.windows.run.initial.copy()
     some[::2, robot.channels.index("base/roll")] = np.nan  # these begin settled, without that noise
     fewer = replace(data.windows, run=replace(data.windows.run, initial=some))
-    half = run(start_noise(model, model.start, fewer))
+    half = run(start_noise(model, model.start, fewer, rough=True))
     c = robot.channels.index("base/yaw")
     assert 0.4 * told[c] < half[c] < told[c]
     model, data = pose(quadruped("keyframe"), recording, ASKED)
-    assert not run(start_noise(model, model.start, data.windows)).any()
+    assert not run(start_noise(model, model.start, data.windows, rough=True)).any()
 
 
 def test_it_is_no_unknown_cause(recording: Recording):
