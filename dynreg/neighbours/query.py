@@ -106,7 +106,8 @@ class Choice:
 def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     """Replay what was found, synthesise, choose; then replay the test part once, in all that is told of."""
     before = case.replayer.rollouts
-    candidates, replays, begun, synthesis = _replayed(case, found, spending)
+    candidates, replays, synthesis = _replayed(case, found, spending)
+    begun = len(candidates) - (synthesis is not None)
     spent, score = case.replayer.rollouts - before, replays.score
 
     def best_of(*kinds: str) -> int | None:
@@ -165,8 +166,8 @@ def _intervals(case: Case, replays: Replays, synthesis: Made | None, made: int) 
 
 def _replayed(
     case: Case, found: Retrieved, spending: Spending
-) -> tuple[tuple[Candidate, ...], Replays, int, Made | None]:
-    """Nominal, guess and nearest first (how many); then what is made of them with what is left of the budget."""
+) -> tuple[tuple[Candidate, ...], Replays, Made | None]:
+    """Nominal, guess and nearest; last what is made of them with what is left of the budget, if anything is."""
     space, chosen = case.robot.space, case.data.parts.chosen
     first, unit = [Candidate("nominal")], [space.to_unit(space.nominal)]
     if spending.synthesise and found.guess is not None:
@@ -194,7 +195,7 @@ def _replayed(
         replays = replays.grown(made.replays.unit[[made.best]], made.residual[None])
     case.report("replay", spending.budget, spending.budget)
     last = [] if made is None else [Candidate("synthesised")]
-    return (*first, *last), replays, len(first), made
+    return (*first, *last), replays, made
 
 
 def _with_noise(case: Case, replays: Replays, made: int) -> tuple[Replays, bool]:

@@ -81,10 +81,11 @@ def latest_result(directory: Directory, kind: str | None, recording_id: str | No
     return get_result(directory, identity)
 
 
-def results_about(directory: Directory, kind: str, recording_id: str) -> tuple[str, ...]:
-    """Ids of the results of a kind about a recording, that stored last first."""
+def results_about(directory: Directory, kind: str | None, recording_id: str) -> tuple[str, ...]:
+    """Ids of the results of a kind (None for all) about a recording, that stored last first."""
     table = tables.results_of_verbs
-    query = select(table.c.id).where(table.c.kind == kind, table.c.recording_id == recording_id)
+    query = select(table.c.id).where(table.c.recording_id == recording_id)
+    query = query if kind is None else query.where(table.c.kind == kind)
     with directory.catalog.read() as connection:
         return tuple(connection.execute(query.order_by(table.c.ordinal.desc())).scalars())
 

@@ -233,8 +233,8 @@ class Registry:
         recording_id = self._id(recording_ref, "recording") if recording_ref else None
         return documents.latest_result(self.directory, kind, recording_id)
 
-    def results_about(self, kind: str, recording_ref: str) -> tuple[str, ...]:
-        """Ids of the results of a kind about a recording, that stored last first."""
+    def results_about(self, kind: str | None, recording_ref: str) -> tuple[str, ...]:
+        """Ids of the results of a kind (None for all) about a recording, that stored last first."""
         return documents.results_about(self.directory, kind, self._id(recording_ref, "recording"))
 
     def put_index(

@@ -23,13 +23,8 @@ if TYPE_CHECKING:
 MOST_CAUSES = 10
 JUDGED = "errors and intervals"  # the stage after the search for causes
 # The threshold takes most of the simulations; the others of these ask for fewer terms, or for fewer rollouts of each.
-_NO_RUNS, _FEW_WINDOWS = "--threshold-runs 0", "--windows 8"
-_FASTER = {
-    "threshold_runs": _NO_RUNS,
-    "joints": "--joints A,B",
-    "effects": "--effects A,B",
-    "windows": _FEW_WINDOWS,
-}  # {setting: what to write}, what saves most first
+_NO_RUNS, _FEW = "--threshold-runs 0", 8
+_FEW_WINDOWS = f"--windows {_FEW}"
 MOST_DRIVEN = 3  # joints: with more of them, or a free base, a diagnosis that is not made faster takes hours
 
 
@@ -39,9 +34,14 @@ def _of(robots: str, help: str) -> str:
 
 
 def faster(settings: "DiagnoseSettings") -> str:
-    """What makes a diagnosis faster, of the settings that were left as they are; "" where all were chosen."""
-    usual = DiagnoseSettings()
-    left = [how for name, how in _FASTER.items() if getattr(settings, name) == getattr(usual, name)]
+    """What makes a diagnosis with these settings faster; "" where nothing is left."""
+    slow = {  # whether a setting can still be made faster by what to write, what saves most first
+        _NO_RUNS: settings.threshold_runs > 0,
+        "--joints A,B": not settings.joints,
+        "--effects A,B": not settings.effects,
+        _FEW_WINDOWS: settings.windows is None or settings.windows > _FEW,
+    }
+    left = [how for how, helps in slow.items() if helps]
     if not left:
         return ""
     named = " or ".join([", ".join(left[:-1]), left[-1]] if left[1:] else left)

@@ -79,8 +79,11 @@ def _changed(registry: Registry, identity: str, name: str | None, before: _Befor
 
 def _other_robot(registry: Registry, before: RecordingInfo, after: RecordingInfo, name: str) -> Iterator[str]:
     """Which robot a recording, and a name of it, is used with now, where that is another than before."""
+    last, own = (registry.robot_info(info.robot_hash) for info in (before, after))
     old, new = (registry.robot_info(info.robot_as(name)) for info in (before, after))
     if old == new:
+        if last != own:
+            yield f"the same numbers as before: the recording's id and @last now mean {own}, before {last}"
         return
     yield f"the same numbers as before: the recording is now used with {new}, before with {old}"
     kept = [

@@ -30,7 +30,7 @@ def remove(registry: Registry, refs: Sequence[str], dry_run: bool = False) -> Re
         for identity, info in plan.moved.items()
     ]
     moved += [
-        f"the name {name!r} means robot {info or 'of its recording'} from then on"
+        f"the name {name!r} means {'the robot of its recording' if info is None else info} from then on"
         for name, info in plan.named.items()
     ]
     return Removal(

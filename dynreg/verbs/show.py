@@ -12,6 +12,7 @@ from dynreg.results.result import Result
 from dynreg.results.stored import EntrySummary
 from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
+from dynreg.verbs.newest import newest_for
 from dynreg.verbs.subjects import version_called
 
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
@@ -125,10 +126,7 @@ def _about(registry: Registry, recording: str, ref: str) -> ResultRecord:
     newest = registry.latest(None, recording)
     if len({info.robot_hash, *info.robots}) == 1:
         return newest
-    robot = registry.robots()[info.robot_as(ref)]
-    results = map(registry.result, reversed(registry.ids("result")))
-    mine = (r for r in results if r.recording_id == recording and r.document.get("robot") == robot)
-    return next(mine, newest)
+    return newest_for(registry, None, recording, registry.robots()[info.robot_as(ref)]) or newest
 
 
 def in_order(document: Any, names: Sequence[str]) -> Any:

@@ -5,12 +5,12 @@ simulator or an entry, or by the id of a result that recommends one. Its effects
 """
 
 import re
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import AmbiguousError, Assumed, CorruptError, NoMatchError, UsageError
+from dynreg.errors import AmbiguousError, NoMatchError, UsageError
+from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import today
 
 if TYPE_CHECKING:
@@ -168,38 +168,19 @@ def made(lineage: Mapping[str, Any]) -> str:
     return lineage.get("kind") or (lineage.get("made_by") or "").replace("calibrate", "calibrated by")
 
 
-def newest_for(registry: "Registry", kind: str, recording: str, robot: str) -> "ResultRecord | None":
-    """The newest result of a kind about a recording (its id) that was made for a robot (its name), if there is one.
-
-    A recording may be asked with several robots: the simulators of one are none of the others'. One that tells no
-    robot counts for all.
-    """
-    found = _about(registry, kind, recording)
-    return next((record for record in found if record.document.get("robot", robot) == robot), None)
-
-
-def _about(registry: "Registry", kind: str, recording: str) -> "Iterator[ResultRecord]":
-    """The results of a kind about a recording, that stored last first; damaged ones are left out, which is said."""
-    for identity in registry.results_about(kind, recording) if registry.holds(recording) else ():
-        try:
-            yield registry.result(identity)
-        except CorruptError as problem:
-            warnings.warn(f"result {identity[:12]} is left out: {problem}", Assumed, 3)
-
-
 def _newest(registry: "Registry", ref: str, recording: str, robot: str) -> "ResultRecord":
     """The newest result about a recording, for a robot (its name), that tells a word's simulator."""
-    word, about = WORDS[ref], " about this recording"
+    word, where = WORDS[ref], " about this recording"
     found = newest_for(registry, word.kind, recording, robot)
     if found is not None:
         return found
     diagnosis = newest_for(registry, "diagnosis", recording, robot) if ref == "calibrated" else None
     other = "" if diagnosis is None else _calibrated_by(diagnosis)
-    others = sorted({str(r.document.get("robot")) for r in _about(registry, word.kind, recording)})
+    others = sorted({str(r.document.get("robot")) for r in about(registry, word.kind, recording)})
     if others:
-        about += f" and robot {robot!r} (there is one for {', '.join(map(repr, others))})"
+        where += f" and robot {robot!r} (there is one for {', '.join(map(repr, others))})"
         other = other or f"run `dynreg {word.made_by}` on it with --robot {robot}, or name the other robot"
-    raise _none_yet(ref, about, other)
+    raise _none_yet(ref, where, other)
 
 
 def _newest_of_all(registry: "Registry", ref: str) -> "ResultRecord":

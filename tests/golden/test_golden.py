@@ -15,7 +15,9 @@ from golden.cases import CASES, Place, Skipped
 from golden.comparing import NETWORKS, STRICT, brief, differences, fingerprint
 
 HERE = Path(__file__).parent
-SINGLE = 1e-6  # hnswlib, with which they were written, keeps vectors in single precision; exact search does not
+SINGLE = (
+    1e-6  # hnswlib, with which they were written, keeps vectors in single precision; exact search does not
+)
 WITHIN = {"compare_networks": NETWORKS} | ({} if find_spec("hnswlib") else {"query_servo": SINGLE})
 # Contacts of four feet make another search of what another processor rounds otherwise: there, only these are compared.
 CHAOTIC = {

@@ -27,7 +27,8 @@ def test_the_first_diagnosis_of_many_joints_or_a_free_base_is_the_quick_one(robo
     "given, said",
     [
         ({}, "--threshold-runs 0, --joints A,B, --effects A,B or --windows 8 make it faster"),
-        ({"threshold_runs": 0, "windows": 20}, "--joints A,B or --effects A,B make it faster"),
+        ({"threshold_runs": 0, "windows": 4}, "--joints A,B or --effects A,B make it faster"),
+        ({"threshold_runs": 0, "windows": 20}, "--joints A,B, --effects A,B or --windows 8 make it faster"),
         ({"threshold_runs": 0, "windows": 8, "joints": ("arm",)}, "--effects A,B makes it faster"),
         ({"threshold_runs": 0, "windows": 8, "joints": ("arm",), "effects": ("backlash",)}, ""),
     ],

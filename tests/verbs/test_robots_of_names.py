@@ -104,6 +104,33 @@ def test_ingesting_for_another_robot_says_what_each_name_means(reg: Session, log
     assert "'bench_rad' of robot 'swinger_rad'" in kept and "--robot" in kept
 
 
+def test_a_name_ingested_again_with_its_own_robot_says_what_the_id_means_now(
+    reg: Session, log: Path, swinger: Path
+):
+    assert asked(reg, "@last")[0] == "swinger_rad"
+    (note,) = reg.ingest(log, swinger, name="bench").notes
+    assert asked(reg, "@last")[0] == "swinger"
+    assert "id and @last now mean version 1 of robot 'swinger' " in note and "'swinger_rad'" in note
+    assert not reg.ingest(log, swinger, name="bench").notes
+
+
+def test_a_damaged_result_of_the_other_robot_is_left_out_and_said(
+    reg: Session, swinger: Path, swinger_rad: Path
+):
+    recording = reg.recording("bench").id
+    mine = told(reg.registry, recording, swinger, "diagnosis")
+    told(reg.registry, recording, swinger_rad, "diagnosis")
+    (stored,) = [
+        p for p in (reg.path / "results").rglob("*") if p.is_file() and "swinger_rad" in p.read_text()
+    ]
+    stored.write_bytes(stored.read_bytes()[:-9])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = simulator(reg.registry, "diagnosed", load_robot(swinger), recording)
+    assert found.id == mine
+    assert any("is left out" in str(one.message) for one in said if one.category is Assumed)
+
+
 def test_a_name_follows_a_newer_version_of_its_robot_and_no_other(reg: Session, log: Path, tmp_path: Path):
     newer = servo(tmp_path / "newer", "swinger", 0.7)
     reg.ingest(log, newer)
