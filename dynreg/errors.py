@@ -100,6 +100,10 @@ class NotStored(UserWarning):
     """A result that is shown and not kept, as the registry may only be read."""
 
 
+class Renewed(UserWarning):
+    """Files of an older registry that are written anew in the present form."""
+
+
 def taken_apart(message: str) -> tuple[str, str, str]:
     """(problem, expected, do) of an error's message; the last two are "" where it does not say them.
 

@@ -39,7 +39,7 @@ from dynreg.cli.call import (
 )
 from dynreg.cli.help import WIDTH, GroupHelp
 from dynreg.cli.output import say
-from dynreg.errors import Assumed, Damaged, DynregError, NotStored, OldWord
+from dynreg.errors import Assumed, Damaged, DynregError, NotStored, OldWord, Renewed
 from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
@@ -179,10 +179,8 @@ def _only_own_warnings() -> None:
     import warnings
 
     warnings.simplefilter("ignore")
-    warnings.simplefilter("default", OldWord)
-    warnings.simplefilter("default", NotStored)
-    warnings.simplefilter("default", Damaged)
-    warnings.simplefilter("default", Assumed)
+    for kind in (OldWord, NotStored, Damaged, Assumed, Renewed):
+        warnings.simplefilter("default", kind)
     warnings.showwarning = lambda message, *_: say(f"note: {message}")
 
 

@@ -1,8 +1,10 @@
 """Recordings as Arrow tables, Parquet, CSV and MCAP files, and back."""
 
 import json
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -12,26 +14,44 @@ from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
-SCHEMA = "dynreg/recording/1"
+SCHEMA = "dynreg/recording/2"
+_OLD = "dynreg/recording/1"  # had episode, time and the channels alone
+_KEYS = ("entry", "episode", "step", "time")  # columns that say which row it is
 _KEY = b"dynreg"
 _PAUSE = 1.0  # [s] between episodes in an MCAP file
 
 
 def to_table(recording: Recording) -> pa.Table:
-    """Columns `episode`, `time` [s] and one a channel (its unit under `unit` in the field's metadata).
+    """Columns `entry` (the id), `episode`, `step`, `time` [s], one a channel, and one a setting.
 
-    Names, settings, provenance and whether it was measured are JSON under `dynreg` in the schema's metadata.
+    A field's metadata tells its `role`, and the `unit` of times and channels. Settings are in SI units; one of the same
+    name as another column is in the metadata alone. Names, settings, provenance and whether it was measured are JSON
+    under `dynreg` in the schema's metadata.
     """
     rows = [len(e.time) for e in recording.episodes]
-    names = pa.array([e.name for e in recording.episodes], pa.string())
+    number = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
     values = np.concatenate([e.values for e in recording.episodes])
-    fields = [pa.field("episode", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
-    fields += [pa.field(c.name, pa.float64(), metadata={"unit": c.unit}) for c in recording.channels]
-    columns = [names.take(pa.array(np.repeat(np.arange(len(rows)), rows)))]
-    columns.append(pa.array(np.concatenate([e.time for e in recording.episodes])))
-    columns += [pa.array(np.ascontiguousarray(values[:, i])) for i in range(values.shape[1])]
+    columns = [
+        ("entry", _texts([recording.id], np.zeros(len(number), np.int32)), "key", None),
+        ("episode", _texts([e.name for e in recording.episodes], number), "key", None),
+        ("step", pa.array(np.concatenate([np.arange(n, dtype=np.int32) for n in rows])), "key", None),
+        ("time", pa.array(np.concatenate([e.time for e in recording.episodes])), "key", "s"),
+    ]
+    columns += [
+        (c.name, pa.array(np.ascontiguousarray(values[:, i])), "channel", c.unit)
+        for i, c in enumerate(recording.channels)
+    ]
+    taken = {*_KEYS, *recording.names}
+    for name in sorted({s for e in recording.episodes for s in e.settings} - taken):
+        told = np.array([e.settings.get(name, np.nan) for e in recording.episodes])
+        columns.append((name, pa.array(told[number]), "setting", None))
+    fields = [
+        pa.field(name, array.type, metadata={"role": role} | ({} if unit is None else {"unit": unit}))
+        for name, array, role, unit in columns
+    ]
     about = {
         "schema": SCHEMA,
+        "channels": list(recording.names),
         "episodes": [
             {"name": e.name, "rows": n, "settings": dict(e.settings)}
             for e, n in zip(recording.episodes, rows, strict=True)
@@ -40,16 +60,19 @@ def to_table(recording: Recording) -> pa.Table:
         "provenance": dict(recording.provenance),
     }
     text = json.dumps(about, sort_keys=True, separators=(",", ":"))
-    return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata={_KEY: text.encode()}))
+    schema = pa.schema(fields, metadata={_KEY: text.encode()})
+    return pa.Table.from_arrays([array for _, array, _, _ in columns], schema=schema)
+
+
+def _texts(names: Sequence[str], at: np.ndarray) -> pa.DictionaryArray:
+    return pa.DictionaryArray.from_arrays(pa.array(at), pa.array(list(names), pa.string()))
 
 
 def from_table(table: pa.Table, name: str = "table") -> Recording:
-    """The recording of a table that `to_table` made; LogError for any other."""
+    """The recording of a table that `to_table` made, in this version or an older one; LogError for any other."""
     try:
-        about = json.loads((table.schema.metadata or {})[_KEY])
-        if about["schema"] != SCHEMA:
-            raise ValueError(f"schema {about['schema']!r}")
-        fields = [f for f in table.schema if f.name not in ("episode", "time")]
+        about = _about(table.schema)
+        fields = [table.schema.field(channel) for channel in _channels(table.schema, about)]
         channels = tuple(Channel(f.name, f.metadata[b"unit"].decode()) for f in fields)
         time = table["time"].to_numpy()
         values = np.empty((table.num_rows, len(fields)))
@@ -63,20 +86,44 @@ def from_table(table: pa.Table, name: str = "table") -> Recording:
             for e, end in zip(about["episodes"], ends, strict=True)
         )
         return Recording(channels, episodes, about["measured"], about["provenance"])
-    except (
-        KeyError,
-        IndexError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-    ) as error:
-        raise LogError(
-            f"{name!r} is not a stored recording: {error}",
-            expected=f"a Parquet file of {SCHEMA}",
-            do="ingest it as a log with `dynreg ingest`",
-        ) from error
+    except _ODD as error:
+        raise _no_recording(name, error) from error
+
+
+# What a table of another origin, or one that was changed, makes of reading it.
+_ODD = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
+
+
+def _no_recording(name: str, error: Exception) -> LogError:
+    return LogError(
+        f"{name!r} is not a stored recording: {error}",
+        expected=f"a Parquet file of {SCHEMA}",
+        do="ingest it as a log with `dynreg ingest`",
+    )
+
+
+def _about(schema: pa.Schema) -> dict[str, Any]:
+    about = json.loads((schema.metadata or {})[_KEY])
+    if about["schema"] not in (SCHEMA, _OLD):
+        raise ValueError(f"schema {about['schema']!r}")
+    return about
+
+
+def _channels(schema: pa.Schema, about: Mapping[str, Any]) -> list[str]:
+    """Names of the columns that are channels."""
+    if about["schema"] == _OLD:
+        return [name for name in schema.names if name not in ("episode", "time")]
+    return about["channels"]
+
+
+def is_old(path: str | Path) -> bool:
+    """Whether a stored recording is of an older version; LogError where it is none."""
+    import pyarrow.parquet as pq
+
+    try:
+        return _about(pq.read_schema(path))["schema"] == _OLD
+    except (pa.ArrowException, OSError, *_ODD) as error:
+        raise _no_recording(Path(path).name, error) from error
 
 
 def to_parquet(recording: Recording) -> bytes:
@@ -102,7 +149,7 @@ def read_parquet(path: str | Path) -> Recording:
         with path.open("rb") as file:
             stream = pq.ParquetFile(file)
             # Which rows are whose is in the metadata: names repeated in a column could ask for any memory.
-            names = [name for name in stream.schema_arrow.names if name != "episode"]
+            names = ["time", *_channels(stream.schema_arrow, _about(stream.schema_arrow))]
             parts, numbers = [], 0
             for part in stream.iter_batches(
                 columns=names
@@ -116,6 +163,8 @@ def read_parquet(path: str | Path) -> Recording:
         raise LogError(
             f"{path.name!r} cannot be read: {error}", expected="a Parquet file", do="copy it again"
         ) from error
+    except _ODD as error:
+        raise _no_recording(path.name, error) from error
     return from_table(table, path.name)
 
 
@@ -124,10 +173,8 @@ def to_csv(recording: Recording) -> bytes:
     from pyarrow import csv
 
     sink = BytesIO()
-    table = to_table(recording).replace_schema_metadata(None)
-    for name in sorted({s for e in recording.episodes for s in e.settings}):
-        column = [np.full(len(e.time), e.settings.get(name, np.nan)) for e in recording.episodes]
-        table = table.append_column(name, pa.array(np.concatenate(column)))
+    table = to_table(recording).drop_columns(["entry", "step"]).replace_schema_metadata(None)
+    table = table.set_column(0, "episode", table["episode"].cast(pa.string()))
     csv.write_csv(table, sink)
     return sink.getvalue()
 

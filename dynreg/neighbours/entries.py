@@ -20,6 +20,7 @@ from dynreg.models.normaliser import Normaliser, fit_normaliser
 from dynreg.rng import stream_seed
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import bank_period, excitation
+from dynreg.sim.ports import log_periods
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, motor_noise
 
@@ -46,6 +47,7 @@ class Made:
     """Consecutive entries (n): values (n, P) in their units, states (n, E, T+1, S) float32, models and own losses (n,).
 
     fallen : (n,) share of the episodes in which it fell. diverged : (n,) whether its simulation left the numbers.
+    periods : (n, E) seconds from a row of states to the next.
     """
 
     values: np.ndarray
@@ -55,6 +57,7 @@ class Made:
     train_loss: np.ndarray
     fallen: np.ndarray
     diverged: np.ndarray
+    periods: np.ndarray
 
 
 def make_entries(
@@ -77,7 +80,8 @@ def make_entries(
         banks = (LossBank(stack, *part, threads=threads or None) for part in (rows.held, rows.train))
         own, train_loss = (bank.pairs(every, every) for bank in banks)
     fallen = (done.fell <= shared.run.steps).mean(axis=1)
-    return Made(values, states, stack, own, train_loss, fallen, diverged.astype(float))
+    periods = log_periods(robot, values, shared.run)
+    return Made(values, states, stack, own, train_loss, fallen, diverged.astype(float), periods)
 
 
 def _held(states: np.ndarray) -> np.ndarray:

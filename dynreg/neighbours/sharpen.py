@@ -21,8 +21,9 @@ from dynreg.neighbours.synthesise import (
 )
 from dynreg.replay.start_error import StartErrors, StartSlopes
 
-# Of each range, to both sides: in the first round, and never less or more in a later one. With 0.02 at most, what
-# changes little (a wheel's rotor, mass against mass) stayed where it was.
+# Of each range, to both sides: in the first round, and never less or more in a later one. With 0.02 at most, an arm of
+# seven joints erred by 1 % more on held-out data, and one joint got a dry friction that it does not have (0.018 N m,
+# interval 0.006 to 0.029); a wheeled base got the same answer.
 STEP, LEAST, FAR = 0.02, 0.001, 0.1
 # Six rounds left an arm of seven joints on its way (error 0.0028, its best 0.0027); nine reached it.
 ROUNDS = 10

@@ -92,11 +92,11 @@ class Catalog:
             strange = strange_objects(connection, migrations.known_tables())
             if strange:
                 raise self._changed(f"it holds {strange[0]}")
-            names = migrations.pending(connection)
+            names = _of_tables(migrations.pending(connection))
         if not names:
             return
         with self.transaction("BEGIN IMMEDIATE") as connection:
-            names = migrations.pending(connection)  # another process may have been quicker
+            names = _of_tables(migrations.pending(connection))  # another process may have been quicker
             migrations.apply(connection, names)
             if migrations.LEDGER in names:
                 disk.make_folder(self.path.parent / LEDGER)
@@ -106,6 +106,17 @@ class Catalog:
                     raise self._changed(odd[0])
                 if any(rows.values()):
                     self.begin_anew(Writing(connection), rows)
+
+    def lacks(self, step: str) -> bool:
+        """Whether a step of the migrations is not done yet."""
+        with self.transaction("BEGIN") as connection:
+            return step in migrations.pending(connection)
+
+    def note(self, step: str) -> None:
+        """Keep that a step of the migrations is done which changes no table."""
+        with self.transaction("BEGIN IMMEDIATE") as connection:
+            if step in migrations.pending(connection):
+                migrations.apply(connection, [step])
 
     def begin_anew(self, writing: Writing, rows: dict[str, list[Values]], after: int = 0) -> None:
         """Put these rows in place of all that the catalogue holds, and begin its ledger anew with them.
@@ -190,6 +201,10 @@ class Catalog:
         """What changes when the catalogue or its ledger does: identities of their files."""
         root = self.path.parent
         return tuple(identity_of(p) for p in (self.path, root / BESIDE[0], root / LEDGER))
+
+
+def _of_tables(names: list[str]) -> list[str]:
+    return [name for name in names if name != migrations.FILES]
 
 
 def identity_of(path: Path) -> tuple[int, int, int] | None:

@@ -9,11 +9,11 @@ import dynreg.registry.tables as tables
 from dynreg.errors import RegistryError
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import content_name
+from dynreg.registry.files import StoredFile, content_name
 from dynreg.registry.populations import gaps_between, get_population, held_spans
 from dynreg.registry.records import PopulationRecord, ShardData
 from dynreg.registry.rows import require
-from dynreg.registry.shards import encode_rest, encode_states
+from dynreg.registry.shards import encode_rest, encode_rows
 
 
 def put_shard(directory: Directory, population_id: str, start: int, data: ShardData) -> tuple[str, ...]:
@@ -56,10 +56,10 @@ def _put_span(
 ) -> None:
     stop = start + len(data)
     header = {"population": record.id, "start": start, "stop": stop}
-    stem = f"{record.id[:16]}-{start:08d}-{stop:08d}"
-    rest_data, states_data = encode_rest(data, header), encode_states(data.states, record.channels, header)
+    stem = _stem(record, start, data)
+    rest_data = encode_rest(data, header)
     rest = content_name("shards", stem, rest_data, "safetensors")
-    states = content_name("shards", stem, states_data, "parquet")
+    states, states_data = states_file(record, start, data, ids)
     directory.stage(rest, rest_data)
     directory.stage(states, states_data)
     row = {"population_id": record.id, "start": start, "stop": stop}
@@ -75,6 +75,18 @@ def _put_span(
         writing.put(tables.populations, known | {"layout": _check_layout(connection, record.id, data)})
         writing.put(tables.shards, row)
         writing.put(tables.entries, *entry_rows(record.id, start, ids))
+
+
+def states_file(
+    record: PopulationRecord, start: int, data: ShardData, ids: Sequence[str]
+) -> tuple[StoredFile, bytes]:
+    """The Parquet file of entries `start` to `start + len(data)` of a population, with their ids."""
+    encoded = encode_rows(data, record, start, ids)
+    return content_name("shards", _stem(record, start, data), encoded, "parquet"), encoded
+
+
+def _stem(record: PopulationRecord, start: int, data: ShardData) -> str:
+    return f"{record.id[:16]}-{start:08d}-{start + len(data):08d}"
 
 
 def entry_rows(population_id: str, start: int, ids: Sequence[str]) -> list[dict[str, Any]]:

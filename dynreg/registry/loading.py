@@ -67,7 +67,8 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
     _check_whole(entry.population_id, holds, np.array([entry.number]), alone=True)
     position = entry.number - holds[0].start
     states_path, arrays_path = directory.checked(holds[0].states_path, holds[0].arrays_path)
-    states = np.empty((1, *read_states_header(states_path)["shape"][1:]), np.float32)
+    header = read_states_header(states_path)
+    states = np.empty((1, *header["shape"][1:]), np.float32)
     read_states(states_path, states, position)
     record = get_population(directory, entry.population_id)
     arrays = _rest(arrays_path, holds[0].stop - holds[0].start, record)
@@ -82,6 +83,7 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
         own_loss=float(row["own_loss"]),
         train_loss=float(row["train_loss"]),
         extra={name: float(value) for name, value in strip(row, "extra/").items()},
+        periods=None if header["periods"] is None else header["periods"][position],
     )
 
 

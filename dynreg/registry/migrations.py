@@ -10,6 +10,8 @@ from sqlalchemy import Connection, inspect, text
 from dynreg.errors import RegistryError
 
 LEDGER = "0004_ledger_and_seals"  # what a catalogue held before it becomes the first page of the ledger
+# Of this step the catalogue only keeps that it is done: it changes files, see `renewing`.
+FILES = "0007_files_that_explain_themselves"
 STEPS: dict[str, tuple[str, ...]] = {
     "0001_entries": (
         "CREATE TABLE files (path TEXT PRIMARY KEY, sha256 TEXT NOT NULL, size INTEGER NOT NULL)",
@@ -62,6 +64,7 @@ STEPS: dict[str, tuple[str, ...]] = {
         """CREATE TABLE robots_of_names (name TEXT PRIMARY KEY REFERENCES recording_names (name),
            robot_hash TEXT NOT NULL REFERENCES robots (hash))""",
     ),
+    FILES: (),
 }
 
 

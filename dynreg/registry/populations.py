@@ -15,8 +15,8 @@ from dynreg.errors import CorruptError, RegistryError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import LOCKS, content_name, sweep, try_lock, unreadable
-from dynreg.registry.records import PopulationRecord
+from dynreg.registry.files import LOCKS, StoredFile, content_name, sweep, try_lock, unreadable
+from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
 
@@ -28,18 +28,7 @@ def put_population(directory: Directory, record: PopulationRecord) -> None:
 
     Raises RegistryError when the robot is unknown or when this id holds something else.
     """
-    header = {
-        "id": record.id,
-        "robot": record.robot_hash,
-        "name": record.name,
-        "channels": [[c.name, c.unit] for c in record.channels],
-        "parameters": list(record.parameters),
-        "seed": record.seed,
-        "spec": dict(record.spec),
-        "shard_size": record.shard_size,
-    }
-    data = encode_arrays(record.arrays, header)
-    file = content_name("populations", record.id[:16], data, "safetensors")
+    file, data = population_file(record)
     sweep(directory.home)
     with directory.catalog.read() as connection:
         _check_same(connection, record, file.path)
@@ -50,6 +39,25 @@ def put_population(directory: Directory, record: PopulationRecord) -> None:
         row = {"id": record.id, "robot_hash": record.robot_hash, "name": record.name, "path": file.path}
         row = known._asdict() if known else row | {"size": record.size}
         writing.put(tables.populations, row | {"size": max(record.size, row["size"])})
+
+
+def population_file(record: PopulationRecord) -> tuple[StoredFile, bytes]:
+    """The file of what a population's entries share."""
+    header = {
+        "id": record.id,
+        "robot": record.robot_hash,
+        "name": record.name,
+        "channels": [[c.name, c.unit] for c in record.channels],
+        "parameters": list(record.parameters),
+        "seed": record.seed,
+        "spec": dict(record.spec),
+        "shard_size": record.shard_size,
+    }
+    told = {name: [[c.name, c.unit] for c in getattr(record, name)] for name in COMMANDED}
+    told["parameter_units"] = list(record.parameter_units)
+    header |= {name: value for name, value in told.items() if value}
+    data = encode_arrays(record.arrays, header)
+    return content_name("populations", record.id[:16], data, "safetensors"), data
 
 
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
@@ -89,6 +97,8 @@ def record_of(path: Path, told: tuple[dict[str, Any], dict[str, np.ndarray]], si
             spec=header["spec"],
             arrays=arrays,
             shard_size=header["shard_size"],
+            **{g: tuple(Channel(name, unit) for name, unit in header.get(g, ())) for g in COMMANDED},
+            parameter_units=tuple(header.get("parameter_units", ())),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise unreadable(path, error) from error

@@ -32,7 +32,7 @@ def put_recording(
     NoMatchError : the robot is unknown.
     """
     check_name(name)
-    file, data = _encode(recording, robot_hash)
+    file, data = recording_file(recording, robot_hash)
     table = tables.recordings
     with directory.catalog.read() as connection:
         require_robot(connection, robot_hash)
@@ -60,6 +60,15 @@ def put_recording(
             _give(writing, name, recording.id, now)
         _keep_robots(writing, recording.id, name, robot_hash, known)
     return recording.id
+
+
+def recording_file(recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
+    """The file of a recording that was ingested with a robot."""
+    from dynreg.data.table import to_parquet
+
+    data = to_parquet(recording)
+    # Both hashes in the name let a lost catalogue row be written again.
+    return content_name("recordings", f"{recording.id[:16]}-{robot_hash[:16]}", data, "parquet"), data
 
 
 def name_holder(directory: Directory, name: str) -> str | None:
@@ -105,14 +114,6 @@ def list_recordings(directory: Directory, recording_id: str | None = None) -> tu
             held = names.setdefault((row.id, row.robot_hash), {})
             held |= {} if row.name is None else {row.name: row.own or row.robot_hash}
     return tuple(RecordingInfo(*key, tuple(held), tuple(held.values())) for key, held in names.items())
-
-
-def _encode(recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
-    from dynreg.data.table import to_parquet
-
-    data = to_parquet(recording)
-    # Both hashes in the name let a lost catalogue row be written again.
-    return content_name("recordings", f"{recording.id[:16]}-{robot_hash[:16]}", data, "parquet"), data
 
 
 def _known(connection: Connection, recording_id: str) -> Row | None:

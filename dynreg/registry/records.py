@@ -12,6 +12,8 @@ from dynreg.data.recording import Channel
 from dynreg.errors import RegistryError
 
 _ID = re.compile(r"[0-9a-f]{16,}")
+KEYS = ("entry", "number", "episode", "step", "time")  # columns of a shard that say which row it is
+COMMANDED = ("actions", "inputs", "settings")  # what all entries of a population are told alike
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,10 @@ class PopulationRecord:
     shard_size : entries in a full shard.
     seed : root of every random draw.
     spec : JSON data: ranges, excitation, training settings.
-    arrays : excitation actions, normaliser, base model weights, by name.
+    arrays : excitation actions, normaliser, base model weights, by name. What every entry executes is among them:
+        `bank.actions` (E, T, A), `bank.inputs` (E, T, I) and `bank.settings` (E, K).
+    actions, inputs, settings : their columns with their units. parameter_units : (P,). None of these is told in
+        populations that came before they were kept and whose robot does not tell them.
     """
 
     id: str
@@ -42,16 +47,20 @@ class PopulationRecord:
     spec: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     shard_size: int = 200
+    actions: tuple[Channel, ...] = ()
+    inputs: tuple[Channel, ...] = ()
+    settings: tuple[Channel, ...] = ()
+    parameter_units: tuple[str, ...] = ()
 
     def __post_init__(self):
-        object.__setattr__(self, "channels", tuple(self.channels))
-        object.__setattr__(self, "parameters", tuple(self.parameters))
-        names = [channel.name for channel in self.channels]
-        if not _ID.fullmatch(self.id) or len({*names, "episode", "step"}) < len(names) + 2:
+        for name in ("channels", "parameters", *COMMANDED, "parameter_units"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        names = [column.name for column in self.columns]
+        if not _ID.fullmatch(self.id) or len({*names, *KEYS}) < len(names) + len(KEYS):
             raise RegistryError(
-                f"population {self.id!r} with the channels {names}",
-                expected="16 or more hexadecimal digits; unique channels, none named 'episode' or 'step'",
-                do="give its content hash as the id, and rename the channel",
+                f"population {self.id!r} with the columns {names}",
+                expected=f"16 or more hexadecimal digits; unique columns, none named {', '.join(KEYS)}",
+                do="give its content hash as the id, and rename the channel or setting",
             )
         if self.size < 1 or self.shard_size < 1:
             raise RegistryError(
@@ -59,6 +68,22 @@ class PopulationRecord:
                 expected="at least one entry in shards of at least one",
                 do="ask for a population of one entry or more",
             )
+
+    @property
+    def columns(self) -> tuple[Channel, ...]:
+        """States, then actions, inputs and settings: the columns of a shard's rows."""
+        return (*self.channels, *self.actions, *self.inputs, *self.settings)
+
+    @property
+    def commanded(self) -> tuple[tuple[str, Channel, np.ndarray], ...]:
+        """(role, column, (E, T+1) float32 values) of each action, input and setting; NaN where no action follows."""
+        out = []
+        for group in COMMANDED:
+            columns = getattr(self, group)
+            for i, column in enumerate(columns):
+                values = np.asarray(self.arrays[f"bank.{group}"][..., i], np.float32)
+                out.append((group.removesuffix("s"), column, values))
+        return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -73,6 +98,7 @@ class ShardData:
     own_loss : (n,) held-out loss of each model on its own simulator's data.
     train_loss : (n,) loss at the end of training.
     extra : further figures by name, each (n,).
+    periods : (n, E) seconds from a row to the next; None where nobody told them.
     """
 
     values: np.ndarray
@@ -81,6 +107,7 @@ class ShardData:
     own_loss: np.ndarray
     train_loss: np.ndarray
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    periods: np.ndarray | None = None
 
     def __post_init__(self):
         set_ = object.__setattr__
@@ -90,6 +117,8 @@ class ShardData:
         for name in ("own_loss", "train_loss"):
             set_(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
         set_(self, "extra", {k: np.asarray(v, dtype=np.float64) for k, v in sorted(self.extra.items())})
+        if self.periods is not None:
+            set_(self, "periods", np.ascontiguousarray(self.periods, dtype=np.float64))
         self._check()
 
     def __len__(self) -> int:
@@ -104,6 +133,7 @@ class ShardData:
             self.own_loss[start:stop],
             self.train_loss[start:stop],
             {name: array[start:stop] for name, array in self.extra.items()},
+            None if self.periods is None else self.periods[start:stop],
         )
 
     @property
@@ -133,6 +163,8 @@ class ShardData:
         lengths |= {f"weights {k!r}": v for k, v in self.weights.items()}
         lengths |= {f"extra {k!r}": v for k, v in self.extra.items()}
         wrong = [f"{name} {array.shape}" for name, array in lengths.items() if array.shape[:1] != (count,)]
+        if self.periods is not None and self.periods.shape != self.states.shape[:2]:
+            wrong.append(f"periods {self.periods.shape}")
         if wrong or count == 0 or self.values.ndim != 2 or self.states.ndim != 4:
             raise RegistryError(
                 f"a shard with values {self.values.shape}, states {self.states.shape} {' '.join(wrong)}",
@@ -166,7 +198,7 @@ class PopulationArrays:
 
 @dataclass(frozen=True)
 class EntryRecord:
-    """One entry: `values` by parameter name, `states` (E, T+1, S), `weights` by name."""
+    """One entry: `values` by parameter name, `states` (E, T+1, S), `weights` by name, `periods` (E,) or None."""
 
     id: str
     population_id: str
@@ -177,6 +209,7 @@ class EntryRecord:
     own_loss: float
     train_loss: float
     extra: dict[str, float]
+    periods: np.ndarray | None = None
 
     def as_shard(self) -> ShardData:
         """The entry as a shard of one."""
@@ -187,6 +220,7 @@ class EntryRecord:
             np.array([self.own_loss]),
             np.array([self.train_loss]),
             {name: np.array([value]) for name, value in self.extra.items()},
+            None if self.periods is None else self.periods[None],
         )
 
 

@@ -36,6 +36,7 @@ from dynreg.registry.records import (
     RobotInfo,
     ShardData,
 )
+from dynreg.registry.renewing import renew
 
 
 class Registry:
@@ -53,7 +54,7 @@ class Registry:
     def open(cls, path: Path | str, create: bool = False) -> "Registry":
         """Open the registry at `path`, or make a new one there with `create`.
 
-        Older catalogues are brought up to date. Of a directory without write access everything can be read and asked;
+        Older registries are brought up to date. Of a directory without write access everything can be read and asked;
         what is put there lasts until it is closed (`read_only`).
 
         Raises
@@ -61,7 +62,9 @@ class Registry:
         RegistryError : no registry there, one of a newer version, or a place that cannot be used.
         CorruptError : the catalogue is lost or damaged.
         """
-        return cls(open_directory(Path(path), create))
+        directory = open_directory(Path(path), create)
+        renew(directory)
+        return cls(directory)
 
     def __enter__(self) -> "Registry":
         return self

@@ -1,11 +1,14 @@
-"""A shard on disk: one Parquet file of states, one row group an entry, and one safetensors file of the rest.
+"""A shard on disk: one Parquet file of rows that explains itself, and one safetensors file of models and losses.
 
-The two files tell all that the catalogue says of their entries, so that it can be rebuilt from them.
+Each row of the Parquet file is a state of an entry, with the command that follows it: `entry`, `number`, `episode`,
+`step`, `time`, then states, actions, inputs and settings by name. A field's metadata tells its unit and its role, the
+schema's metadata the parameters of each entry. The two files tell all that the catalogue says of their entries, so that
+it can be rebuilt from them.
 """
 
 import json
 import mmap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,50 +16,109 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dynreg.data.recording import Channel
 from dynreg.errors import CorruptError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import open_regular, unreadable
-from dynreg.registry.records import ShardData
+from dynreg.registry.records import PopulationRecord, ShardData
 
-_READ_TOGETHER = 20  # row groups decoded before they are copied out: small enough to stay in the cache
+SCHEMA = "dynreg/shard/2"  # of the Parquet file; the first had episode, step and states alone, and no name
+# Entries whose rows are a row group. Commands are the same in each: a dictionary for a few costs little.
+TOGETHER = 20
 
 
-def encode_states(states: np.ndarray, channels: Sequence[Channel], header: dict[str, Any]) -> bytes:
-    """Parquet bytes of states (n, E, T+1, S): columns `episode`, `step` and one float32 a channel.
+def encode_rows(data: ShardData, record: PopulationRecord, start: int, ids: Sequence[str]) -> bytes:
+    """Parquet bytes of the rows of entries `start` to `start + len(data)`; the same entries give the same bytes.
 
-    One row group for each of the n entries; the unit of a channel is in its field's metadata. The same
-    states give the same bytes.
+    ids : of the entries. Times are left out where nobody told them.
     """
-    n, episodes, steps, _ = states.shape
-    episode = np.tile(np.repeat(np.arange(episodes, dtype=np.int16), steps), n)
+    n, episodes, steps, _ = data.states.shape
+    rows = episodes * steps
+    numbers = np.repeat(np.arange(start, start + n, dtype=np.int32), rows)
     step = np.tile(np.arange(steps, dtype=np.int16), n * episodes)
-    columns = np.ascontiguousarray(states.reshape(n * episodes * steps, -1).T)
-    fields = [pa.field("episode", pa.int16()), pa.field("step", pa.int16())]
-    fields += [pa.field(c.name, pa.float32(), metadata={"unit": c.unit}) for c in channels]
-    schema = pa.schema(fields, metadata={"dynreg": canonical_json(header | {"shape": states.shape})})
-    # pa.array() would load pandas to see whether it was given some of it.
-    arrays = [
-        pa.Array.from_buffers(pa.from_numpy_dtype(c.dtype), len(c), [None, pa.py_buffer(c)])
-        for c in (episode, step, *columns)
+    keys: list[tuple[str, pa.Array, str]] = [
+        ("entry", _texts(ids, np.repeat(np.arange(n, dtype=np.int32), rows)), ""),
+        ("number", _numbers(numbers), ""),
+        ("episode", _numbers(np.tile(np.repeat(np.arange(episodes, dtype=np.int16), steps), n)), ""),
+        ("step", _numbers(step), ""),
     ]
-    table = pa.Table.from_arrays(arrays, schema=schema)
+    if data.periods is not None:
+        keys.append(("time", _numbers(np.repeat(data.periods.ravel(), steps) * step), "s"))
+    fields = [pa.field(name, array.type, metadata=_about("key", unit)) for name, array, unit in keys]
+    columns = [array for _, array, _ in keys]
+    states = np.ascontiguousarray(data.states.reshape(n * rows, -1).T)
+    for channel, values in zip(record.channels, states, strict=True):
+        fields.append(pa.field(channel.name, pa.float32(), metadata=_about("state", channel.unit)))
+        columns.append(_numbers(values))
+    for role, column, told in record.commanded:
+        values = told[:, None].repeat(steps, axis=1) if told.ndim == 1 else told
+        fields.append(pa.field(column.name, pa.float32(), metadata=_about(role, column.unit)))
+        columns.append(_held(values, episodes, steps, n))
+    schema = pa.schema(fields, metadata={"dynreg": canonical_json(_header(data, record, start, ids))})
+    table = pa.Table.from_arrays(columns, schema=schema)
     # Splitting the bytes of floats makes them smaller and, decoded from the cache, quicker to read.
-    encoding = {c.name: "BYTE_STREAM_SPLIT" for c in channels}
-    encoding |= {"episode": "DELTA_BINARY_PACKED", "step": "DELTA_BINARY_PACKED"}
+    encoding = {channel.name: "BYTE_STREAM_SPLIT" for channel in record.channels}
+    encoding |= {name: "DELTA_BINARY_PACKED" for name in ("number", "episode", "step")}
     sink = pa.BufferOutputStream()
     pq.write_table(
         table,
         sink,
-        row_group_size=episodes * steps,
+        row_group_size=TOGETHER * rows,
         compression="zstd",
         compression_level=3,
-        use_dictionary=False,
-        write_statistics=False,
+        use_dictionary=[name for name in table.column_names if name not in encoding],
+        write_statistics=["entry", "number"],
         column_encoding=encoding,
     )
     return sink.getvalue().to_pybytes()
+
+
+def _header(data: ShardData, record: PopulationRecord, start: int, ids: Sequence[str]) -> dict[str, Any]:
+    """What the schema's metadata tells: whose rows these are, and the parameters and losses of each entry."""
+    units = record.parameter_units or ("",) * len(record.parameters)
+    parameters = {
+        name: {"unit": unit, "values": values}
+        for name, unit, values in zip(record.parameters, units, data.values.T.tolist(), strict=True)
+    }
+    return {
+        "schema": SCHEMA,
+        "population": record.id,
+        "robot": {"name": record.name, "hash": record.robot_hash},
+        "start": start,
+        "stop": start + len(data),
+        "shape": data.states.shape,
+        "states": [channel.name for channel in record.channels],
+        "entries": list(ids),
+        "parameters": parameters,
+        "own_loss": data.own_loss.tolist(),
+        "periods": None if data.periods is None else data.periods.tolist(),
+    }
+
+
+def _about(role: str, unit: str) -> dict[str, str]:
+    return {"role": role, "unit": unit} if unit else {"role": role}
+
+
+def _numbers(values: np.ndarray) -> pa.Array:
+    # pa.array() would load pandas to see whether it was given some of it.
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
+
+
+def _texts(names: Sequence[str], at: np.ndarray) -> pa.Array:
+    return pa.DictionaryArray.from_arrays(_numbers(at), pa.array(list(names), pa.string()))
+
+
+def _held(values: np.ndarray, episodes: int, steps: int, n: int) -> pa.Array:
+    """(n E steps,) the values (E, T or steps) of each entry; where none follows the last state there is a null."""
+    known = values.shape[1]
+    whole = np.zeros((episodes, steps), np.float32)
+    whole[:, :known] = values
+    flat = np.tile(whole.ravel(), n)
+    if known == steps:
+        return _numbers(flat)
+    there = np.tile(np.arange(steps) < known, n * episodes)
+    valid = pa.py_buffer(np.packbits(there, bitorder="little"))
+    return pa.Array.from_buffers(pa.float32(), len(flat), [valid, pa.py_buffer(flat)])
 
 
 def _values(column: pa.Array) -> np.ndarray:
@@ -75,9 +137,9 @@ def encode_rest(data: ShardData, header: dict[str, Any]) -> bytes:
 
 
 def read_states_header(path: Path) -> dict[str, Any]:
-    """The header of a Parquet shard, with `shape` (n, E, T+1, S) and the `channels` it holds.
+    """The header of a Parquet shard, with `shape` (n, E, T+1, S), the names of its `states` and `periods` (n, E).
 
-    Raises CorruptError when its row groups are not one an entry.
+    Raises CorruptError when its row groups are not of whole entries.
     """
     try:
         with _mapped(path) as stream:
@@ -86,13 +148,21 @@ def read_states_header(path: Path) -> dict[str, Any]:
             if n * episodes * steps * channels > limits().numbers:
                 refuse(CorruptError, path.name, f"{n * episodes * steps * channels} numbers", "numbers")
             rows = {stream.metadata.row_group(i).num_rows for i in range(stream.num_row_groups)}
-            header["channels"] = stream.schema_arrow.names[2:]
-            whole = stream.num_row_groups == n and rows == {episodes * steps}
+            header["states"] = _states_of(header, stream)
+            header["periods"] = _periods_of(header)
+            per = _together(header)
+            sizes = [episodes * steps * min(per, n - at) for at in range(0, n, per)]
+            whole = [stream.metadata.row_group(i).num_rows for i in range(stream.num_row_groups)] == sizes
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as error:
         raise unreadable(path, error) from error
     if not whole:
         raise unreadable(path, f"it has {stream.num_row_groups} row groups of {rows} rows")
     return header
+
+
+def is_old(header: dict[str, Any]) -> bool:
+    """Whether a shard's Parquet file is of the first form, which tells episode, step and states alone."""
+    return "schema" not in header
 
 
 def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
@@ -101,27 +171,59 @@ def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
     Raises CorruptError when the file is missing, damaged or of another shape.
     """
     count, episodes, steps, channels = out.shape
+    rows = episodes * steps
     flat = out.reshape(-1, channels)
     at = 0
     try:
         with _mapped(path) as stream:
-            names = stream.schema_arrow.names[2:]
+            header = json.loads(stream.schema_arrow.metadata[b"dynreg"])
+            names, per = _states_of(header, stream), _together(header)
             if len(names) != channels:
                 raise ValueError(f"it has {len(names)} channels, not {channels}")
-            batches = stream.iter_batches(
-                batch_size=_READ_TOGETHER * episodes * steps,
-                row_groups=range(first, first + count),
-                columns=names,
-                use_threads=False,
-            )
-            for batch in batches:
-                for j, column in enumerate(batch.columns):
-                    flat[at : at + len(column), j] = _values(column)
-                at += batch.num_rows
-    except (OSError, pa.ArrowException, IndexError, ValueError) as error:
+            groups = range(first // per, (first + count - 1) // per + 1)
+            skip = (first - groups.start * per) * rows
+            for columns in _decoded(stream, names, groups, TOGETHER * rows):
+                length = len(columns[0])
+                begin, end = min(skip, length), min(length, skip + len(flat) - at)
+                for j, column in enumerate(columns):
+                    flat[at : at + end - begin, j] = column[begin:end]
+                at, skip = at + end - begin, skip - begin
+    except (OSError, pa.ArrowException, KeyError, TypeError, IndexError, ValueError, RecursionError) as error:
         raise unreadable(path, error) from error
     if at != len(flat):
         raise unreadable(path, f"it holds {at} rows, not {len(flat)}")
+
+
+def _decoded(
+    stream: pq.ParquetFile, names: Sequence[str], groups: range, rows: int
+) -> Iterator[list[np.ndarray]]:
+    """Columns of these row groups, a few entries at a time: small enough to stay in the cache until they are copied."""
+    batches = stream.iter_batches(batch_size=rows, row_groups=groups, columns=list(names), use_threads=False)
+    for batch in batches:
+        yield [_values(batch.column(name)) for name in names]
+
+
+def _states_of(header: dict[str, Any], stream: pq.ParquetFile) -> list[str]:
+    names = stream.schema_arrow.names
+    told = names[2:] if is_old(header) else header["states"]
+    if not isinstance(told, list) or not set(told) <= set(names):
+        raise ValueError(f"it lacks the states {told!r:.80}")
+    return told
+
+
+def _periods_of(header: dict[str, Any]) -> np.ndarray | None:
+    """(n, E) seconds from a row to the next; None where nobody told them."""
+    if header.get("periods") is None:
+        return None
+    periods = np.array(header["periods"], dtype=np.float64)
+    if periods.shape != tuple(header["shape"][:2]):
+        raise ValueError(f"periods of shape {periods.shape} for {header['shape'][:2]} episodes")
+    return periods
+
+
+def _together(header: dict[str, Any]) -> int:
+    """Entries in a row group."""
+    return 1 if is_old(header) else TOGETHER
 
 
 def read_shard(states_path: Path, rest_path: Path) -> tuple[dict[str, Any], ShardData]:
@@ -140,6 +242,7 @@ def read_shard(states_path: Path, rest_path: Path) -> tuple[dict[str, Any], Shar
             arrays["own_loss"],
             arrays["train_loss"],
             strip(arrays, "extra/"),
+            header["periods"],
         )
     except KeyError as error:
         raise unreadable(rest_path, f"it lacks {error}") from error

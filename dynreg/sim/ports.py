@@ -107,6 +107,20 @@ def assigned(robot: Robot, values: np.ndarray, run: Run) -> list[tuple[Assignmen
     return out
 
 
+def log_periods(robot: Robot, values: np.ndarray, run: Run) -> np.ndarray:
+    """(B, E) seconds from a row of the log to the next, of simulators (B, P) in each episode of a run."""
+    shape = len(values), run.episodes
+    if run.period is not None:
+        return np.full(shape, run.period)
+    settings = run.settings if run.settings is None else np.tile(run.settings, (shape[0], 1))
+    each = np.repeat(values, run.episodes, axis=0)
+    ports = nominal_ports(robot, len(each))
+    for assignment, told in assigned(robot, each, replace(run, settings=settings)):
+        if (assignment.root, assignment.path) == ("control", "rate"):
+            ports.apply(assignment, told)
+    return (1.0 / ports.control["rate"]).reshape(shape)
+
+
 @dataclass(frozen=True)
 class ServoLaw:
     """torque = clip(gain u + bias - stiffness q - rate qd, +-limit) - damping qd; each (B, A)."""

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -75,9 +76,21 @@ def begin(
         spec=population_spec(robot, plan.seed, plan.training),
         arrays=shared_arrays(shared),
         shard_size=plan.shard_size,
+        **columns(robot),
     )
     registry.put_population(record)
     return identity, shared
+
+
+def columns(robot: Robot) -> dict[str, Any]:
+    """The columns of a population's rows beside the states, and the units of its parameters."""
+    units = {t.name: t.unit for t in robot.file.inputs}
+    return {
+        "actions": tuple(Channel(a.name, a.unit) for a in robot.file.actions),
+        "inputs": tuple(Channel(name, units.get(name, "1")) for name in robot.inputs),
+        "settings": tuple(Channel(s.name, s.unit) for s in robot.file.settings),
+        "parameter_units": tuple(p.unit for p in robot.space.parameters),
+    }
 
 
 def _held(registry: Registry, identity: str) -> PopulationRecord | None:
@@ -121,7 +134,8 @@ def fill(
 def shard(made: Made) -> ShardData:
     """Entries as the registry stores them."""
     extra, weights = {"fallen": made.fallen, "diverged": made.diverged}, made.stack.as_arrays()
-    return ShardData(made.values, made.states, weights, made.own_loss, made.train_loss, extra)
+    losses = made.own_loss, made.train_loss
+    return ShardData(made.values, made.states, weights, *losses, extra, made.periods)
 
 
 def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int, int]:

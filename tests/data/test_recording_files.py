@@ -102,7 +102,7 @@ def test_mcap_with_its_map(recording: Recording, spec: RecordingSpec, tmp_path: 
 
 
 def test_units_are_in_the_fields(recording: Recording):
-    assert to_table(recording).schema.field("supply").metadata == {b"unit": b"V"}
+    assert to_table(recording).schema.field("supply").metadata == {b"role": b"channel", b"unit": b"V"}
 
 
 def test_other_tables_are_refused(recording: Recording, tmp_path: Path):

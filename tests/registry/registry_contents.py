@@ -10,7 +10,14 @@ from dynreg.rng import stream
 
 ROBOT = "ab" * 32
 POPULATION = "cd" * 32
+COMMANDED = {
+    "actions": (Channel("arm/target", "rad"),),
+    "inputs": (Channel("wind", "m/s"),),
+    "settings": (Channel("load", "kg"),),
+}
 CHANNELS = (Channel("arm/position", "rad"), Channel("arm/velocity", "rad/s"), Channel("supply", "V"))
+
+COLUMNS = (*CHANNELS, *COMMANDED["actions"], *COMMANDED["inputs"], *COMMANDED["settings"])
 
 
 def make_robot(folder: Path) -> Path:
@@ -22,7 +29,11 @@ def make_robot(folder: Path) -> Path:
 
 def make_population(size: int = 10, shard_size: int = 4, **changes: object) -> PopulationRecord:
     arrays = {"normaliser": np.arange(6.0).reshape(2, 3), "base": np.ones((3, 4), np.float16)}
-    settings = {"seed": 7, "spec": {"ranges": {"mass": [0.5, 2.0]}}, "arrays": arrays} | changes
+    arrays["bank.actions"] = np.linspace(-1.0, 1.0, 8).reshape(2, 4, 1)
+    arrays["bank.inputs"] = arrays["bank.actions"] + 3.0
+    arrays["bank.settings"] = np.array([[0.0], [0.25]])
+    told = COMMANDED | {"parameter_units": ("kg", "1")}
+    settings = told | {"seed": 7, "spec": {"ranges": {"mass": [0.5, 2.0]}}, "arrays": arrays} | changes
     return PopulationRecord(
         POPULATION, ROBOT, "bench", CHANNELS, ("mass", "friction"), size, shard_size=shard_size, **settings
     )
@@ -40,6 +51,7 @@ def make_shard(start: int, stop: int, seed: int = 0, episodes: int = 2, steps: i
         own_loss=np.array([rng.random() for rng in draws]),
         train_loss=np.array([rng.random() for rng in draws]),
         extra={"falls": np.array([float(rng.integers(5)) for rng in draws])},
+        periods=np.tile(0.02 * np.arange(1, episodes + 1), (stop - start, 1)),
     )
 
 

@@ -1,12 +1,15 @@
 """What goes in comes out, under its id, whenever and however often it was put."""
 
+import json
 import shutil
 
 import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from registry_contents import (
     CHANNELS,
+    COLUMNS,
     POPULATION,
     ROBOT,
     fill,
@@ -64,15 +67,27 @@ def test_one_entry_is_a_row_of_the_stack(registry, number):
     assert entry.own_loss == arrays.own_loss[number] and entry.extra["falls"] == arrays.extra["falls"][number]
 
 
-def test_parquet_shard_is_plain_to_others(registry):
+def test_parquet_shard_explains_itself(registry):
     (path, *_) = sorted((registry.path / "shards").glob("*.parquet"))
-    stream = pq.ParquetFile(path)
-    assert stream.num_row_groups == 4 and stream.metadata.row_group(0).num_rows == 10
-    assert stream.schema_arrow.names == ["episode", "step", *(c.name for c in CHANNELS)]
-    assert stream.schema_arrow.field("arm/velocity").metadata == {b"unit": b"rad/s"}
-    table = stream.read_row_group(2).to_pydict()
-    assert table["episode"] == [0] * 5 + [1] * 5 and table["step"] == [*range(5)] * 2
-    np.testing.assert_array_equal(table["supply"], make_shard(2, 3).states[0, :, :, 2].ravel())
+    table, ids = pq.read_table(path), registry.load("bench", ()).ids
+    assert table.schema.names == ["entry", "number", "episode", "step", "time", *(c.name for c in COLUMNS)]
+    told = {field.name: {k.decode(): v.decode() for k, v in field.metadata.items()} for field in table.schema}
+    assert told["arm/velocity"] == {"role": "state", "unit": "rad/s"}
+    assert told["arm/target"] == {"role": "action", "unit": "rad"}
+    assert told["load"] == {"role": "setting", "unit": "kg"} and told["time"] == {"role": "key", "unit": "s"}
+    about, made = json.loads(table.schema.metadata[b"dynreg"]), make_shard(0, 4)
+    assert about["entries"] == list(ids[:4]) and about["robot"] == {"name": "bench", "hash": ROBOT}
+    assert about["parameters"]["mass"] == {"unit": "kg", "values": made.values[:, 0].tolist()}
+    rows = table.filter(pc.equal(table["entry"], ids[2])).to_pydict()
+    assert rows["number"] == [2] * 10 and rows["episode"] == [0] * 5 + [1] * 5
+    assert rows["step"] == [*range(5)] * 2
+    np.testing.assert_allclose(rows["time"], [0.02 * i for i in range(5)] + [0.04 * i for i in range(5)])
+    np.testing.assert_array_equal(rows["supply"], made.states[2, :, :, 2].ravel())
+    bank = make_population().arrays
+    for e in range(2):
+        one = slice(5 * e, 5 * e + 5)
+        assert rows["arm/target"][one] == [*bank["bank.actions"][e, :, 0].astype(np.float32), None]
+        assert rows["load"][one] == [np.float32(bank["bank.settings"][e, 0])] * 5
 
 
 def test_putting_again_changes_no_file(registry, robot, registry_snapshot):

@@ -14,7 +14,7 @@ from dynreg.data.table import to_parquet
 from dynreg.registry import PopulationRecord, Registry, ShardData
 from dynreg.registry.codec import encode_arrays
 from dynreg.registry.ledger import pages_after, read_page
-from dynreg.registry.shards import encode_states
+from dynreg.registry.shards import encode_rows
 from fuzzer.scratch import held
 
 _ROBOT, POPULATION = "ab" * 32, "cd" * 32
@@ -42,22 +42,10 @@ def _fill(folder: Path) -> None:
     robot = folder.with_name("sound-robot")
     robot.mkdir()
     (robot / "robot.toml").write_text('[robot]\nname = "arm"\n')
-    record = PopulationRecord(
-        POPULATION,
-        _ROBOT,
-        "bench",
-        _CHANNELS,
-        ("mass",),
-        2,
-        shard_size=2,
-        seed=7,
-        spec={},
-        arrays={"a": np.ones(2)},
-    )
     making = folder.with_name("making-registry")
     with Registry.open(making, create=True) as registry:
         registry.put_robot(robot, _ROBOT, "arm")
-        registry.put_population(record)
+        registry.put_population(_population())
         registry.put_shard("bench", 0, _shard())
         recording = registry.put_recording(_made(), _ROBOT, "first run")
         registry.put_result("neighbours", recording, {"k": 5})
@@ -88,6 +76,23 @@ def files() -> tuple[tuple[str, bytes], ...]:
         return tuple((p.relative_to(folder).as_posix(), p.read_bytes()) for p in found)
 
 
+def _population() -> PopulationRecord:
+    return PopulationRecord(
+        POPULATION,
+        _ROBOT,
+        "bench",
+        _CHANNELS,
+        ("mass",),
+        2,
+        shard_size=2,
+        seed=7,
+        spec={},
+        arrays={"bank.actions": np.ones((2, 2, 1))},
+        actions=(Channel("arm/target", "rad"),),
+        parameter_units=("kg",),
+    )
+
+
 def _shard() -> ShardData:
     numbers = np.linspace(0.5, 1.0, 2)
     return ShardData(
@@ -97,13 +102,14 @@ def _shard() -> ShardData:
         own_loss=numbers,
         train_loss=numbers,
         extra={"falls": numbers},
+        periods=np.full((2, 2), 0.02),
     )
 
 
 @cache
 def states() -> bytes:
     """The Parquet file of a shard."""
-    return encode_states(_shard().states.astype(np.float32), _CHANNELS, _HEADER)
+    return encode_rows(_shard(), _population(), 0, _shard().entry_ids(POPULATION))
 
 
 @cache

@@ -1,0 +1,153 @@
+"""Files of older registries, written anew so that they explain themselves: populations, shards, recordings.
+
+Each file has a transaction of its own, so a process that is killed leaves some of the old form, with which the next one
+goes on. The ids of what is in them stay the same. What is damaged, or whose robot is, stays as it is: files of the old
+form can be read, too.
+"""
+
+import tomllib
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Table, select
+
+import dynreg.registry.migrations as migrations
+import dynreg.registry.tables as tables
+from dynreg.data.recording import Channel
+from dynreg.data.table import is_old as is_old_recording
+from dynreg.errors import CorruptError, DynregError, Renewed
+from dynreg.registry.directory import Directory
+from dynreg.registry.entries import states_file
+from dynreg.registry.files import StoredFile, read_regular
+from dynreg.registry.populations import get_population, population_file
+from dynreg.registry.recordings import get_recording, recording_file
+from dynreg.registry.records import PopulationRecord
+from dynreg.registry.robots import robot_folder
+from dynreg.registry.shards import is_old, read_shard, read_states_header
+from dynreg.registry.sweeping import remove_files
+
+Work = tuple[
+    Table, dict[str, Any], str, Callable[[], tuple[StoredFile, bytes]]
+]  # row, column of its file, new file
+
+
+def renew(directory: Directory) -> None:
+    """Bring the files of a registry to the present form, once; of one that may only be read, none.
+
+    Where there is no room for them they stay as they are, and the next opening tries again.
+    """
+    if directory.read_only or not directory.catalog.lacks(migrations.FILES):
+        return
+    with suppress(DynregError):
+        for number, (table, row, column, made) in enumerate(_old(directory)):
+            if not number:
+                what = f"the registry {str(directory.path)!r} is of an older form"
+                warnings.warn(f"{what}: its files are written anew, once", Renewed, 2)
+            with suppress(CorruptError):
+                _replace(directory, table, row, column, *made())
+        directory.catalog.note(migrations.FILES)
+
+
+def _old(directory: Directory) -> Iterator[Work]:
+    """What is of an older form; shards come after the populations, which tell what is in them."""
+    yield from _populations(directory)
+    yield from _shards(directory)
+    yield from _recordings(directory)
+
+
+def _replace(
+    directory: Directory, table: Table, row: dict[str, Any], column: str, file: StoredFile, data: bytes
+) -> None:
+    """Put a file in the place of the one that a row names, if it still does."""
+    keys = [key.name for key in table.primary_key]
+    directory.stage(file, data)
+    with directory.catalog.write() as writing:
+        query = select(table).where(*(table.c[key] == row[key] for key in keys))
+        held = writing.connection.execute(query).first()
+        if held is None or held._asdict()[column] != row[column]:
+            return  # another process has removed or renewed it
+        directory.register(writing, file, data)
+        writing.put(table, held._asdict() | {column: file.path})
+        writing.remove(tables.files, (row[column],))
+    remove_files(directory.path, [row[column]])
+
+
+def _rows(directory: Directory, table: Table) -> list[dict[str, Any]]:
+    with directory.catalog.read() as connection:
+        return [row._asdict() for row in connection.execute(select(table).order_by(*table.primary_key))]
+
+
+def _populations(directory: Directory) -> Iterator[Work]:
+    for row in _rows(directory, tables.populations):
+        with suppress(DynregError, OSError, KeyError, TypeError, ValueError):
+            record = get_population(directory, row["id"])
+            if not record.columns[len(record.channels) :]:
+                told = replace(record, **_told(_robot(directory, record)))
+                if len(told.commanded) == len(told.columns) - len(told.channels):  # its arrays have them
+                    yield tables.populations, row, "path", lambda told=told: population_file(told)
+
+
+def _shards(directory: Directory) -> Iterator[Work]:
+    for row in _rows(directory, tables.shards):
+        with suppress(DynregError, OSError, KeyError, TypeError, ValueError):
+            states, rest = directory.checked(row["states_path"], row["arrays_path"])
+            if is_old(read_states_header(states)):
+                record = get_population(directory, row["population_id"])
+                _, data = read_shard(states, rest)
+                data = replace(data, periods=_periods(_robot(directory, record), record, data.values))
+                ids = data.entry_ids(record.id)
+                yield (
+                    tables.shards,
+                    row,
+                    "states_path",
+                    lambda told=(record, row["start"], data, ids): states_file(*told),
+                )
+
+
+def _recordings(directory: Directory) -> Iterator[Work]:
+    for row in _rows(directory, tables.recordings):
+        with suppress(DynregError):
+            if is_old_recording(*directory.checked(row["path"])):
+                recording = get_recording(directory, row["id"])
+                made = recording, row["robot_hash"]
+                yield tables.recordings, row, "path", lambda made=made: recording_file(*made)
+
+
+def _robot(directory: Directory, record: PopulationRecord) -> Mapping[str, Any]:
+    path = robot_folder(directory, record.robot_hash) / "robot.toml"
+    return tomllib.loads(read_regular(path).decode())
+
+
+def _told(robot: Mapping[str, Any]) -> dict[str, Any]:
+    """What a record lacks, by a robot.toml as it was when records lacked it."""
+    inputs = {one["name"]: one["unit"] for one in robot.get("inputs", ())}
+    enables = dict.fromkeys(drive["enable"] for drive in robot.get("drives", ()) if drive.get("enable"))
+    groups = {
+        "actions": {one["name"]: one["unit"] for one in robot.get("actions", ())},
+        "inputs": inputs | dict.fromkeys(enables, "1"),
+        "settings": {one["name"]: one["unit"] for one in robot.get("settings", ())},
+    }
+    units = tuple(one["unit"] for one in robot.get("parameters", ()))
+    return {
+        group: tuple(Channel(*named) for named in columns.items()) for group, columns in groups.items()
+    } | {"parameter_units": units}
+
+
+def _periods(robot: Mapping[str, Any], record: PopulationRecord, values: np.ndarray) -> np.ndarray:
+    """(n, E) seconds between the rows of entries of parameters (n, P), by a robot.toml of that time."""
+    settings = np.asarray(record.arrays["bank.settings"], dtype=np.float64)
+    shape = len(values), len(settings)
+    if "period" in record.spec:
+        return np.full(shape, float(record.spec["period"]))
+    rate = np.full(shape, float(robot["robot"]["control_rate"]))
+    told = [(one["sets"], values[:, [i]]) for i, one in enumerate(robot.get("parameters", ()))]
+    told += [(one["sets"], settings[None, :, i]) for i, one in enumerate(robot.get("settings", ()))]
+    for sets, value in told:
+        for target, _, op in (text.strip().rpartition(" ") for text in sets):
+            if target.strip() == "control.rate":
+                rate = {"=": lambda r, v: v + 0 * r, "*=": np.multiply, "+=": np.add}[op](rate, value)
+    return 1.0 / rate
