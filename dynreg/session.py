@@ -19,8 +19,12 @@ from dynreg.verbs.trial import TrialSettings, trial
 from dynreg.verbs.verb import Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from dynreg.data.recording import Recording
+    from dynreg.datasets.dataset import Dataset
     from dynreg.distance.population import Training
+    from dynreg.models.dynamics import DynamicsModel
     from dynreg.registry import Registry
     from dynreg.results.changes import Changes
     from dynreg.results.drift import Drift
@@ -216,6 +220,46 @@ class Session:
         from dynreg.verbs.show import stored_result
 
         return stored_result(self.registry, ref)
+
+    def populations(self) -> "Listing":
+        """The populations: ids, robots, numbers of entries."""
+        return self.list("population")
+
+    def population(self, ref: str) -> "pd.DataFrame":
+        """A population's entries by number: id, parameters, losses, links; see `verbs.datasets.population_frame`."""
+        from dynreg.verbs.datasets import population_frame
+
+        return population_frame(self.registry, ref)
+
+    def dataset(self, refs: "str | Sequence[str]") -> "Dataset":
+        """The transitions of entries, populations and recordings of one robot, streamed; see `datasets.Dataset`.
+
+        `.to_numpy()`, `.to_arrow()`, `.to_frame()` and `.to_torch()` give them, with names and units in `.columns`.
+        """
+        from dynreg.verbs.datasets import dataset
+
+        return dataset(self.registry, [refs] if isinstance(refs, str) else refs)
+
+    def model(self, refs: "str | Sequence[str]") -> "DynamicsModel":
+        """The trained models of entries or of a population: `.predict(states, actions)` in numpy, `.torch()` a module.
+
+        One id gives one model; several ids, or a population's, are predicted with at once. See `models.dynamics`.
+        """
+        from dynreg.verbs.models import dynamics_model
+
+        return dynamics_model(self.registry, refs)
+
+    def neighbours(self, ref: str, k: int = 5) -> "pd.DataFrame":
+        """The k entries nearest to an entry, by a walk over its population's graph: id, number, cross-loss distance."""
+        from dynreg.verbs.models import near_entries
+
+        return near_entries(self.registry, ref, k)
+
+    def distance(self, a: str, b: str) -> float:
+        """The cross-loss distance of two entries of one population (paper D); 1 for the same entry."""
+        from dynreg.verbs.models import entry_distance
+
+        return entry_distance(self.registry, a, b)
 
     def remove(self, refs: "str | Sequence[str]", *, dry_run: bool = False) -> "Removal":
         """Remove things by id, prefix or name, with what cannot be used without them; see `verbs.remove`.

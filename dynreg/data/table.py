@@ -1,7 +1,7 @@
 """Recordings as Arrow tables, Parquet, CSV and MCAP files, and back."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,12 @@ import pyarrow as pa
 
 from dynreg.data.maps import LogMap
 from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.trajectories import KEYS, texts
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
 SCHEMA = "dynreg/recording/2"
 _OLD = "dynreg/recording/1"  # had episode, time and the channels alone
-_KEYS = ("entry", "episode", "step", "time")  # columns that say which row it is
 _KEY = b"dynreg"
 _PAUSE = 1.0  # [s] between episodes in an MCAP file
 
@@ -32,8 +32,8 @@ def to_table(recording: Recording) -> pa.Table:
     number = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
     values = np.concatenate([e.values for e in recording.episodes])
     columns = [
-        ("entry", _texts([recording.id], np.zeros(len(number), np.int32)), "key", None),
-        ("episode", _texts([e.name for e in recording.episodes], number), "key", None),
+        ("entry", texts([recording.id], np.zeros(len(number), np.int32)), "key", None),
+        ("episode", texts([e.name for e in recording.episodes], number), "key", None),
         ("step", pa.array(np.concatenate([np.arange(n, dtype=np.int32) for n in rows])), "key", None),
         ("time", pa.array(np.concatenate([e.time for e in recording.episodes])), "key", "s"),
     ]
@@ -41,7 +41,7 @@ def to_table(recording: Recording) -> pa.Table:
         (c.name, pa.array(np.ascontiguousarray(values[:, i])), "channel", c.unit)
         for i, c in enumerate(recording.channels)
     ]
-    taken = {*_KEYS, *recording.names}
+    taken = {*KEYS, *recording.names}
     for name in sorted({s for e in recording.episodes for s in e.settings} - taken):
         told = np.array([e.settings.get(name, np.nan) for e in recording.episodes])
         columns.append((name, pa.array(told[number]), "setting", None))
@@ -62,10 +62,6 @@ def to_table(recording: Recording) -> pa.Table:
     text = json.dumps(about, sort_keys=True, separators=(",", ":"))
     schema = pa.schema(fields, metadata={_KEY: text.encode()})
     return pa.Table.from_arrays([array for _, array, _, _ in columns], schema=schema)
-
-
-def _texts(names: Sequence[str], at: np.ndarray) -> pa.DictionaryArray:
-    return pa.DictionaryArray.from_arrays(pa.array(at), pa.array(list(names), pa.string()))
 
 
 def from_table(table: pa.Table, name: str = "table") -> Recording:

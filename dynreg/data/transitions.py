@@ -41,6 +41,19 @@ class Transitions:
     def __len__(self) -> int:
         return len(self.states)
 
+    def take(self, rows: slice | np.ndarray) -> "Transitions":
+        """These rows (a slice or numbers)."""
+        return Transitions(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+def joined(parts: Sequence[Transitions]) -> Transitions:
+    """The rows of all parts, one after the other; of one part itself."""
+    if len(parts) == 1:
+        return parts[0]
+    return Transitions(
+        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Transitions))
+    )
+
 
 def transitions(
     recording: Recording, states: Sequence[str], actions: Sequence[str], context: Sequence[str] = ()

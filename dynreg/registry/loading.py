@@ -2,12 +2,14 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.tables as tables
+from dynreg.data.trajectories import Trajectories
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
@@ -85,6 +87,76 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
         extra={name: float(value) for name, value in strip(row, "extra/").items()},
         periods=None if header["periods"] is None else header["periods"][position],
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ShardPart:
+    """Some entries of one shard, read when they are asked for; needs no open registry.
+
+    shape : (N, E, T+1, S) of the whole shard. positions : (n,) of the entries in it, in order. numbers : (n,) in the
+    population.
+    """
+
+    path: Path
+    shape: tuple[int, ...]
+    record: PopulationRecord
+    entries: tuple[str, ...]
+    numbers: np.ndarray
+    positions: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        """How many states."""
+        return len(self.entries) * self.shape[1] * self.shape[2]
+
+    @property
+    def count(self) -> int:
+        """How many transitions."""
+        return len(self.entries) * self.shape[1] * (self.shape[2] - 1)
+
+    def read(self) -> tuple[Trajectories]:
+        """What the entries did; CorruptError where the file is lost or damaged."""
+        first, last = int(self.positions[0]), int(self.positions[-1])
+        states = np.empty((last - first + 1, *self.shape[1:]), np.float32)
+        read_states(self.path, states, first)
+        periods = read_states_header(self.path)["periods"]
+        if len(states) > len(self.positions):
+            states = states[self.positions - first]
+        periods = None if periods is None else periods[self.positions]
+        return (self.record.trajectories(self.entries, self.numbers, states, periods),)
+
+
+def shard_parts(
+    directory: Directory, population_id: str, entries: Collection[str] | None = None
+) -> tuple[ShardPart, ...]:
+    """Where the rows of a population's entries are, or of those with these ids, by shard and number.
+
+    Raises as `load_population`.
+    """
+    record = get_population(directory, population_id)
+    with directory.catalog.read() as connection:
+        shards = _shards(connection, population_id)
+        table = tables.entries
+        query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
+        rows = connection.execute(query.order_by(table.c.number)).all()
+    _check_whole(population_id, shards, np.array([row.number for row in rows], dtype=np.int64))
+    paths = directory.checked(*(shard.states_path for shard in shards))
+    wanted, parts = None if entries is None else set(entries), []
+    for shard, path in zip(shards, paths, strict=True):
+        own = [r for r in rows if shard.start <= r.number < shard.stop and (not wanted or r.id in wanted)]
+        if own:
+            numbers = np.array([row.number for row in own])
+            shape = tuple(read_states_header(path)["shape"])
+            ids = tuple(row.id for row in own)
+            parts.append(ShardPart(path, shape, record, ids, numbers, numbers - shard.start))
+    return tuple(parts)
+
+
+def entry_place(directory: Directory, entry_id: str) -> tuple[str, int]:
+    """The id of an entry's population, and its number in it; NoMatchError when unknown."""
+    with directory.catalog.read() as connection:
+        row = require(connection, tables.entries, entry_id, "entry")
+    return row.population_id, row.number
 
 
 def load_shards(directory: Directory, population_id: str) -> Iterator[tuple[int, ShardData]]:

@@ -1,6 +1,7 @@
 """Recordings: what a robot did, stored under the hash of its numbers and under names."""
 
 import re
+from pathlib import Path
 
 from sqlalchemy import Connection, Row, select
 
@@ -86,9 +87,7 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
     """A stored recording; NoMatchError when unknown, CorruptError when its file is damaged."""
     from dynreg.data.table import read_parquet
 
-    with directory.catalog.read() as connection:
-        relative = require(connection, tables.recordings, recording_id, "recording").path
-    (path,) = directory.checked(relative)
+    path = recording_path(directory, recording_id)
     try:
         recording = read_parquet(path)
     except Exception as error:  # whatever a damaged file makes the reader raise
@@ -96,6 +95,13 @@ def get_recording(directory: Directory, recording_id: str) -> Recording:
     if recording.id != recording_id:
         raise unreadable(path, "its numbers are not those that were stored")
     return recording
+
+
+def recording_path(directory: Directory, recording_id: str) -> Path:
+    """Where a recording's file lies, compared with its hash; raises as `get_recording`."""
+    with directory.catalog.read() as connection:
+        relative = require(connection, tables.recordings, recording_id, "recording").path
+    return directory.checked(relative)[0]
 
 
 def list_recordings(directory: Directory, recording_id: str | None = None) -> tuple[RecordingInfo, ...]:

@@ -2,17 +2,17 @@
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from dynreg.data.recording import Channel
+from dynreg.data.trajectories import KEYS, Columns, Trajectories
 from dynreg.errors import RegistryError
 
 _ID = re.compile(r"[0-9a-f]{16,}")
-KEYS = ("entry", "number", "episode", "step", "time")  # columns of a shard that say which row it is
 COMMANDED = ("actions", "inputs", "settings")  # what all entries of a population are told alike
 
 
@@ -55,7 +55,7 @@ class PopulationRecord:
     def __post_init__(self):
         for name in ("channels", "parameters", *COMMANDED, "parameter_units"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        names = [column.name for column in self.columns]
+        names = [column.name for column in self.columns.all]
         if not _ID.fullmatch(self.id) or len({*names, *KEYS}) < len(names) + len(KEYS):
             raise RegistryError(
                 f"population {self.id!r} with the columns {names}",
@@ -70,20 +70,39 @@ class PopulationRecord:
             )
 
     @property
-    def columns(self) -> tuple[Channel, ...]:
-        """States, then actions, inputs and settings: the columns of a shard's rows."""
-        return (*self.channels, *self.actions, *self.inputs, *self.settings)
+    def columns(self) -> Columns:
+        """The columns of a shard's rows; those that are not told are left out."""
+        return Columns(self.channels, self.actions, self.inputs, self.settings)
 
-    @property
-    def commanded(self) -> tuple[tuple[str, Channel, np.ndarray], ...]:
-        """(role, column, (E, T+1) float32 values) of each action, input and setting; NaN where no action follows."""
-        out = []
-        for group in COMMANDED:
-            columns = getattr(self, group)
-            for i, column in enumerate(columns):
-                values = np.asarray(self.arrays[f"bank.{group}"][..., i], np.float32)
-                out.append((group.removesuffix("s"), column, values))
-        return tuple(out)
+    def trajectories(
+        self,
+        entries: Sequence[str],
+        numbers: np.ndarray,
+        states: np.ndarray,
+        periods: np.ndarray | None,
+    ) -> Trajectories:
+        """What entries (n,) did: states (n, E, T+1, S), a period (n, E) [s] apart, under the commands of all."""
+        episodes, rows = states.shape[1:3]
+
+        def told(group: str, shape: tuple[int, ...]) -> np.ndarray:
+            count, out = len(getattr(self, group)), np.full(shape, np.nan, np.float32)
+            out = np.repeat(out[..., None], count, axis=-1)
+            if count:
+                values = self.arrays[f"bank.{group}"]
+                out[tuple(slice(size) for size in values.shape[:-1])] = values
+            return out
+
+        return Trajectories(
+            columns=self.columns,
+            entries=tuple(entries),
+            numbers=numbers,
+            episodes=np.arange(episodes),
+            time=None if periods is None else periods[..., None] * np.arange(rows),
+            states=states,
+            actions=told("actions", (episodes, rows)),
+            inputs=told("inputs", (episodes, rows)),
+            settings=told("settings", (episodes,)),
+        )
 
 
 @dataclass(frozen=True)

@@ -181,6 +181,14 @@ class Registry:
         """One entry with its states and weights."""
         return loading.load_entry(self.directory, self._id(ref, "entry"))
 
+    def parts(self, ref: str, entries: Collection[str] | None = None) -> tuple[loading.ShardPart, ...]:
+        """Where the rows of a population's entries are, or of those with these ids; see `loading.shard_parts`."""
+        return loading.shard_parts(self.directory, self._id(ref, "population"), entries)
+
+    def entry(self, ref: str) -> tuple[str, int]:
+        """The id of an entry's population, and its number in it; the entry is not read."""
+        return loading.entry_place(self.directory, self._id(ref, "entry"))
+
     def put_recording(self, recording: Recording, robot_hash: str, name: str | None = None) -> str:
         """Store a recording, which becomes `@last`; RegistryError when the name stands for other log files."""
         return recordings.put_recording(self.directory, recording, robot_hash, name)
@@ -188,6 +196,10 @@ class Registry:
     def recording(self, ref: str) -> Recording:
         """A stored recording."""
         return recordings.get_recording(self.directory, self._id(ref, "recording"))
+
+    def recording_path(self, ref: str) -> Path:
+        """Where a stored recording lies, after its bytes were compared with their hash."""
+        return recordings.recording_path(self.directory, self._id(ref, "recording"))
 
     def recordings(self) -> tuple[RecordingInfo, ...]:
         """Ids, robots and names of all recordings, the last ingested at the end."""

@@ -25,7 +25,7 @@ from dynreg.registry.entries import states_file
 from dynreg.registry.files import StoredFile, read_regular
 from dynreg.registry.populations import get_population, population_file
 from dynreg.registry.recordings import get_recording, recording_file
-from dynreg.registry.records import PopulationRecord
+from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import robot_folder
 from dynreg.registry.shards import is_old, read_shard, read_states_header
 from dynreg.registry.sweeping import remove_files
@@ -85,10 +85,11 @@ def _populations(directory: Directory) -> Iterator[Work]:
     for row in _rows(directory, tables.populations):
         with suppress(DynregError, OSError, KeyError, TypeError, ValueError):
             record = get_population(directory, row["id"])
-            if not record.columns[len(record.channels) :]:
-                told = replace(record, **_told(_robot(directory, record)))
-                if len(told.commanded) == len(told.columns) - len(told.channels):  # its arrays have them
-                    yield tables.populations, row, "path", lambda told=told: population_file(told)
+            told = replace(record, **_told(_robot(directory, record)))
+            if told.columns != record.columns and all(
+                record.arrays[f"bank.{group}"].shape[-1] == len(getattr(told, group)) for group in COMMANDED
+            ):
+                yield tables.populations, row, "path", lambda told=told: population_file(told)
 
 
 def _shards(directory: Directory) -> Iterator[Work]:

@@ -33,29 +33,10 @@ def encode_rows(data: ShardData, record: PopulationRecord, start: int, ids: Sequ
     ids : of the entries. Times are left out where nobody told them.
     """
     n, episodes, steps, _ = data.states.shape
-    rows = episodes * steps
-    numbers = np.repeat(np.arange(start, start + n, dtype=np.int32), rows)
-    step = np.tile(np.arange(steps, dtype=np.int16), n * episodes)
-    keys: list[tuple[str, pa.Array, str]] = [
-        ("entry", _texts(ids, np.repeat(np.arange(n, dtype=np.int32), rows)), ""),
-        ("number", _numbers(numbers), ""),
-        ("episode", _numbers(np.tile(np.repeat(np.arange(episodes, dtype=np.int16), steps), n)), ""),
-        ("step", _numbers(step), ""),
-    ]
-    if data.periods is not None:
-        keys.append(("time", _numbers(np.repeat(data.periods.ravel(), steps) * step), "s"))
-    fields = [pa.field(name, array.type, metadata=_about("key", unit)) for name, array, unit in keys]
-    columns = [array for _, array, _ in keys]
-    states = np.ascontiguousarray(data.states.reshape(n * rows, -1).T)
-    for channel, values in zip(record.channels, states, strict=True):
-        fields.append(pa.field(channel.name, pa.float32(), metadata=_about("state", channel.unit)))
-        columns.append(_numbers(values))
-    for role, column, told in record.commanded:
-        values = told[:, None].repeat(steps, axis=1) if told.ndim == 1 else told
-        fields.append(pa.field(column.name, pa.float32(), metadata=_about(role, column.unit)))
-        columns.append(_held(values, episodes, steps, n))
-    schema = pa.schema(fields, metadata={"dynreg": canonical_json(_header(data, record, start, ids))})
-    table = pa.Table.from_arrays(columns, schema=schema)
+    numbers = np.arange(start, start + n)
+    table = record.trajectories(ids, numbers, data.states, data.periods).table()
+    header = _header(data, record, start, ids)
+    table = table.replace_schema_metadata({"dynreg": canonical_json(header)})
     # Splitting the bytes of floats makes them smaller and, decoded from the cache, quicker to read.
     encoding = {channel.name: "BYTE_STREAM_SPLIT" for channel in record.channels}
     encoding |= {name: "DELTA_BINARY_PACKED" for name in ("number", "episode", "step")}
@@ -63,7 +44,7 @@ def encode_rows(data: ShardData, record: PopulationRecord, start: int, ids: Sequ
     pq.write_table(
         table,
         sink,
-        row_group_size=TOGETHER * rows,
+        row_group_size=TOGETHER * episodes * steps,
         compression="zstd",
         compression_level=3,
         use_dictionary=[name for name in table.column_names if name not in encoding],
@@ -93,32 +74,6 @@ def _header(data: ShardData, record: PopulationRecord, start: int, ids: Sequence
         "own_loss": data.own_loss.tolist(),
         "periods": None if data.periods is None else data.periods.tolist(),
     }
-
-
-def _about(role: str, unit: str) -> dict[str, str]:
-    return {"role": role, "unit": unit} if unit else {"role": role}
-
-
-def _numbers(values: np.ndarray) -> pa.Array:
-    # pa.array() would load pandas to see whether it was given some of it.
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
-
-
-def _texts(names: Sequence[str], at: np.ndarray) -> pa.Array:
-    return pa.DictionaryArray.from_arrays(_numbers(at), pa.array(list(names), pa.string()))
-
-
-def _held(values: np.ndarray, episodes: int, steps: int, n: int) -> pa.Array:
-    """(n E steps,) the values (E, T or steps) of each entry; where none follows the last state there is a null."""
-    known = values.shape[1]
-    whole = np.zeros((episodes, steps), np.float32)
-    whole[:, :known] = values
-    flat = np.tile(whole.ravel(), n)
-    if known == steps:
-        return _numbers(flat)
-    there = np.tile(np.arange(steps) < known, n * episodes)
-    valid = pa.py_buffer(np.packbits(there, bitorder="little"))
-    return pa.Array.from_buffers(pa.float32(), len(flat), [valid, pa.py_buffer(flat)])
 
 
 def _values(column: pa.Array) -> np.ndarray:

@@ -3,12 +3,12 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dynreg.data.recording import Channel
+from dynreg.data.trajectories import Columns
 from dynreg.distance.embedding import Embedding, fit_embedding
 from dynreg.distance.population import Entries, Population, Shared, Training, cross_loss
 from dynreg.errors import CorruptError, NoMatchError
@@ -65,32 +65,36 @@ def begin(
     with watch.of("base"):
         shared = make_shared(robot, plan.seed, plan.training, plan.threads)
     report("base model", 1, 1)
+    columns = columns_of(robot)
     record = PopulationRecord(
         id=identity,
         robot_hash=robot.hash,
         name=robot.name,
-        channels=tuple(Channel(c.name, c.unit) for c in robot.file.channels),
+        channels=columns.states,
         parameters=robot.space.names,
         size=plan.n,
         seed=plan.seed,
         spec=population_spec(robot, plan.seed, plan.training),
         arrays=shared_arrays(shared),
         shard_size=plan.shard_size,
-        **columns(robot),
+        actions=columns.actions,
+        inputs=columns.inputs,
+        settings=columns.settings,
+        parameter_units=tuple(p.unit for p in robot.space.parameters),
     )
     registry.put_population(record)
     return identity, shared
 
 
-def columns(robot: Robot) -> dict[str, Any]:
-    """The columns of a population's rows beside the states, and the units of its parameters."""
+def columns_of(robot: Robot) -> Columns:
+    """The columns of a robot's rows."""
     units = {t.name: t.unit for t in robot.file.inputs}
-    return {
-        "actions": tuple(Channel(a.name, a.unit) for a in robot.file.actions),
-        "inputs": tuple(Channel(name, units.get(name, "1")) for name in robot.inputs),
-        "settings": tuple(Channel(s.name, s.unit) for s in robot.file.settings),
-        "parameter_units": tuple(p.unit for p in robot.space.parameters),
-    }
+    return Columns(
+        states=tuple(Channel(c.name, c.unit) for c in robot.file.channels),
+        actions=tuple(Channel(a.name, a.unit) for a in robot.file.actions),
+        inputs=tuple(Channel(name, units.get(name, "1")) for name in robot.inputs),
+        settings=tuple(Channel(s.name, s.unit) for s in robot.file.settings),
+    )
 
 
 def _held(registry: Registry, identity: str) -> PopulationRecord | None:

@@ -16,7 +16,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.ports import log_periods
 from dynreg.sim.robot import load_robot
 from dynreg.sim.run import Run
-from dynreg.verbs.populations import columns
+from dynreg.verbs.populations import columns_of
 
 CONTENTS = ("populations", "shards", "recordings", "robots")
 
@@ -31,12 +31,18 @@ def files_of(path: Path) -> set[str]:
     return {f.relative_to(path).as_posix() for c in CONTENTS for f in (path / c).rglob("*") if f.is_file()}
 
 
+def told(robot):
+    columns = columns_of(robot)
+    commanded = {"actions": columns.actions, "inputs": columns.inputs, "settings": columns.settings}
+    return commanded | {"parameter_units": tuple(p.unit for p in robot.space.parameters)}
+
+
 def written_today(path: Path) -> Path:
     def periods(robot, values):
         return {"periods": log_periods(robot, values, Run(np.zeros((2, 3, len(robot.actions)))))}
 
     with Registry.open(path, create=True) as registry:
-        fill(registry, columns, periods)
+        fill(registry, told, periods)
     return path
 
 

@@ -1,0 +1,186 @@
+"""A dataset: transitions of simulators and of real robots over the same columns, read part by part."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import pyarrow as pa
+
+from dynreg.data.trajectories import Columns, Trajectories
+from dynreg.data.transitions import Transitions, joined
+from dynreg.errors import UsageError
+from dynreg.models.normaliser import Normaliser
+from dynreg.rng import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from dynreg.datasets.torch_dataset import TorchDataset
+
+ROWS = 4096  # transitions in a batch
+
+
+class Part(Protocol):
+    """What is read at once, such as a shard. Parts can be sent to other processes.
+
+    entries : ids. rows : states. count : transitions.
+    """
+
+    @property
+    def entries(self) -> Sequence[str]: ...
+
+    @property
+    def rows(self) -> int: ...
+
+    @property
+    def count(self) -> int: ...
+
+    def read(self) -> Sequence[Trajectories]:
+        """All of it; CorruptError where its file is lost or damaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Transitions (state, action, context, next state) of entries, by population and number, and of recordings.
+
+    Nothing is read before it is asked for, and then one part at a time, with the next one read ahead.
+
+    Attributes
+    ----------
+    robot : its name.
+    columns : names and units of states (S,), actions (A,), inputs and settings; the last two are the context (K,).
+    parts : where the rows are.
+    normaliser : that of the population of its entries; None where they are of none, or of several.
+    """
+
+    robot: str
+    columns: Columns
+    parts: tuple[Part, ...]
+    normaliser: Normaliser | None = None
+
+    def __len__(self) -> int:
+        return sum(part.count for part in self.parts)
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Ids of the entries and recordings, in order."""
+        return tuple(entry for part in self.parts for entry in part.entries)
+
+    def __repr__(self) -> str:
+        c = self.columns
+        sizes = f"{len(c.states)} states, {len(c.actions)} actions, {len(c.context)} of context"
+        return f"<Dataset of {self.robot}: {len(self.entries)} entries, {len(self)} transitions, {sizes}>"
+
+    def trajectories(self) -> Iterator[Trajectories]:
+        """What they did, part by part; the next part is read while this one is used."""
+        return (trajectories for part in self._read() for trajectories in part)
+
+    def _read(self) -> Iterator[Sequence[Trajectories]]:
+        with ThreadPoolExecutor(1) as pool:
+            ahead = None
+            for part in self.parts:
+                ready, ahead = ahead, pool.submit(part.read)
+                if ready is not None:
+                    yield ready.result()
+            if ahead is not None:
+                yield ahead.result()
+
+    def batches(self, rows: int = ROWS, *, seed: int | None = None) -> Iterator[Transitions]:
+        """Transitions, about `rows` at a time (whole entries of a part where they are shorter).
+
+        seed : draws an order of the parts and, within each, of its transitions; None keeps theirs.
+        """
+        if rows < 1:
+            raise UsageError(f"batches of {rows} rows", expected="at least 1", do="ask for more")
+        if seed is not None:
+            yield from self._shuffled(rows, seed)
+            return
+        for one in self.trajectories():
+            each = one.states.shape[1] * (one.states.shape[2] - 1)
+            together = max(rows // max(each, 1), 1)
+            for first in range(0, len(one.entries), together):
+                found = one.transitions(slice(first, first + together))
+                for at in range(0, len(found), rows):
+                    yield found if len(found) <= rows else found.take(slice(at, at + rows))
+
+    def _shuffled(self, rows: int, seed: int) -> Iterator[Transitions]:
+        rng = stream(seed, "dataset", "order")
+        order = rng.permutation(len(self.parts))
+        shuffled = Dataset(self.robot, self.columns, tuple(self.parts[i] for i in order), self.normaliser)
+        for part in shuffled._read():
+            found = joined([one.transitions() for one in part])
+            at = rng.permutation(len(found))
+            for first in range(0, len(found), rows):
+                yield found.take(at[first : first + rows])
+
+    def to_numpy(self) -> Transitions:
+        """All transitions: states and next_states (N, S), actions (N, A), context (N, K), episode (N,)."""
+        c, total = self.columns, len(self)
+        shapes = {"states": len(c.states), "actions": len(c.actions), "context": len(c.context)}
+        out = {name: np.empty((total, width), np.float32) for name, width in shapes.items()}
+        out["next_states"], out["episode"] = np.empty_like(out["states"]), np.empty(total, np.int64)
+        at = 0
+        for batch in self.batches():
+            for name, array in out.items():
+                array[at : at + len(batch)] = getattr(batch, name)
+            at += len(batch)
+        return Transitions(**out)
+
+    def to_arrow(self) -> pa.RecordBatchReader:
+        """Its rows as a stream of Arrow batches, a state in each row; `read_all()` makes a table.
+
+        Columns: entry, number (null of a recording), episode (its name), step, time [s], then states, actions, inputs
+        and settings by name, float32. A field's metadata tells its unit and role.
+        """
+        schema = arrow_schema(self.columns)
+
+        def batches() -> Iterator[pa.RecordBatch]:
+            for one in self.trajectories():
+                yield from _as(schema, one.table()).to_batches()
+
+        return pa.RecordBatchReader.from_batches(schema, batches())
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Its rows as a pandas DataFrame, with the columns of `to_arrow`."""
+        return self.to_arrow().read_pandas()
+
+    def to_torch(self, rows: int = ROWS, *, seed: int | None = None) -> "TorchDataset":
+        """A torch `IterableDataset` of batches; give it to `DataLoader(..., batch_size=None)`. See `TorchDataset`."""
+        from dynreg.datasets.torch_dataset import TorchDataset
+
+        return TorchDataset(self, rows, seed)
+
+
+def arrow_schema(columns: Columns) -> pa.Schema:
+    """The schema of `Dataset.to_arrow`."""
+    text, keys = pa.dictionary(pa.int32(), pa.string()), {"role": "key"}
+    fields = [pa.field("entry", text, metadata=keys), pa.field("number", pa.int32(), metadata=keys)]
+    fields += [pa.field("episode", text, metadata=keys), pa.field("step", pa.int32(), metadata=keys)]
+    fields.append(pa.field("time", pa.float64(), metadata=keys | {"unit": "s"}))
+    roles = {
+        "state": columns.states,
+        "action": columns.actions,
+        "input": columns.inputs,
+        "setting": columns.settings,
+    }
+    fields += [
+        pa.field(c.name, pa.float32(), metadata={"role": role, "unit": c.unit})
+        for role, named in roles.items()
+        for c in named
+    ]
+    return pa.schema(fields)
+
+
+def _as(schema: pa.Schema, table: pa.Table) -> pa.Table:
+    """A table of trajectories with the columns of a schema; those that it lacks are null."""
+    columns = []
+    for field in schema:
+        if field.name not in table.column_names:
+            columns.append(pa.nulls(len(table), field.type))
+        elif pa.types.is_dictionary(field.type) and not pa.types.is_dictionary(table[field.name].type):
+            columns.append(table[field.name].cast(pa.string()).dictionary_encode())
+        else:
+            columns.append(table[field.name].cast(field.type))
+    return pa.Table.from_arrays(columns, schema=schema)

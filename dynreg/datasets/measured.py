@@ -1,0 +1,76 @@
+"""A recording as a part of a dataset: its episodes in the columns of its robot."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from dynreg.data.recording import Episode, Recording
+from dynreg.data.table import read_parquet
+from dynreg.data.trajectories import Columns, Trajectories
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingPart:
+    """A stored recording, read when it is asked for.
+
+    path : of its Parquet file. identity : its id. defaults : values of inputs and settings where the log has none, by
+    name.
+    """
+
+    path: Path
+    identity: str
+    columns: Columns
+    defaults: Mapping[str, float]
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Its id alone."""
+        return (self.identity,)
+
+    @cached_property
+    def _sizes(self) -> tuple[int, int]:
+        parts = self.read()
+        return sum(p.states.shape[2] for p in parts), sum(len(p.transitions()) for p in parts)
+
+    @property
+    def rows(self) -> int:
+        """How many states."""
+        return self._sizes[0]
+
+    @property
+    def count(self) -> int:
+        """How many transitions in which everything was measured."""
+        return self._sizes[1]
+
+    def read(self) -> tuple[Trajectories, ...]:
+        """An episode in each; LogError where the file is damaged."""
+        recording = read_parquet(self.path)
+        return tuple(self._episode(recording, episode) for episode in recording.episodes)
+
+    def _episode(self, recording: Recording, episode: Episode) -> Trajectories:
+        columns = self.columns
+
+        def told(names: list[str]) -> np.ndarray:
+            out = np.full((len(episode.time), len(names)), np.nan, np.float32)
+            for i, name in enumerate(names):
+                if name in recording.names:
+                    out[:, i] = episode.values[:, recording.names.index(name)]
+                if name in self.defaults:
+                    out[np.isnan(out[:, i]), i] = self.defaults[name]
+            return out
+
+        settings = [episode.settings.get(c.name, self.defaults.get(c.name, np.nan)) for c in columns.settings]
+        return Trajectories(
+            columns=columns,
+            entries=(self.identity,),
+            numbers=None,
+            episodes=(episode.name,),
+            time=episode.time[None, None],
+            states=told([c.name for c in columns.states])[None, None],
+            actions=told([c.name for c in columns.actions])[None],
+            inputs=told([c.name for c in columns.inputs])[None],
+            settings=np.array(settings, np.float32)[None],
+        )

@@ -1,0 +1,97 @@
+"""Datasets of stored things: which rows they are, and what they share."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dynreg.datasets.dataset import Dataset, Part
+from dynreg.datasets.measured import RecordingPart
+from dynreg.errors import UsageError
+from dynreg.models.normaliser import Normaliser
+from dynreg.registry import PopulationRecord, Registry
+from dynreg.verbs.populations import columns_of
+from dynreg.verbs.simulators import told_last
+from dynreg.verbs.subjects import robot_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from dynreg.sim.robot import Robot
+
+
+def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
+    """The rows of entries, populations and recordings, by id, prefix, name or `@last`.
+
+    Entries come by population and number, each once; recordings after them, in the robot's columns. Raises NoMatchError
+    for a ref that fits nothing, UsageError for none, for things of two robots and for robots with other columns.
+    """
+    if not refs:
+        raise UsageError("a dataset of nothing", expected="at least one id", do="see `dynreg list`")
+    wanted: dict[str, set[str] | None] = {}
+    recordings: dict[str, str] = {}
+    for ref in refs:
+        kind, identity = registry.resolve(told_last(registry, ref), ("population", "entry", "recording"))
+        if kind == "population":
+            wanted[identity] = None
+        elif kind == "entry":
+            population, _ = registry.entry(identity)
+            held = wanted.setdefault(population, set())
+            if held is not None:
+                held.add(identity)
+        else:
+            recordings[identity] = ref
+    records = [registry.population(identity) for identity in wanted]
+    parts: list[Part] = [part for r in records for part in registry.parts(r.id, wanted[r.id])]
+    robots = [robot_of(registry, identity, ref) for identity, ref in recordings.items()]
+    told = [r.columns for r in records] + [columns_of(robot) for robot in robots]
+    names = sorted({*(r.name for r in records), *(robot.name for robot in robots)})
+    if len(names) > 1 or any(columns != told[0] for columns in told):
+        raise UsageError(
+            f"one dataset of {' and '.join(names) if len(names) > 1 else f'versions of {names[0]}'}",
+            expected="things with the same columns",
+            do="make a dataset of each robot",
+        )
+    parts += [
+        _measured(registry, identity, robot) for identity, robot in zip(recordings, robots, strict=True)
+    ]
+    return Dataset(names[0], told[0], tuple(parts), _normaliser(records))
+
+
+def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:
+    defaults = dict(zip(robot.inputs, robot.input_defaults.tolist(), strict=True))
+    defaults |= {setting.name: setting.nominal for setting in robot.file.settings}
+    return RecordingPart(registry.recording_path(identity), identity, columns_of(robot), defaults)
+
+
+def _normaliser(records: Sequence[PopulationRecord]) -> Normaliser | None:
+    """That of the only population."""
+    if len(records) != 1:
+        return None
+    prefix = "normaliser."
+    arrays = {k.removeprefix(prefix): v for k, v in records[0].arrays.items() if k.startswith(prefix)}
+    return Normaliser.from_arrays(arrays)
+
+
+def population_frame(registry: Registry, ref: str) -> "pd.DataFrame":
+    """A population's entries by number: id, parameters in their units, losses, and the numbers that each links to.
+
+    `attrs` of the frame tells the population's id, its robot and the units of the parameters. Raises NoMatchError where
+    there is no such population, or where it has no entries.
+    """
+    import pandas as pd
+
+    from dynreg.verbs.populations import load_graph
+
+    record, held = registry.population(ref), registry.load(ref, ())
+    graph = load_graph(registry, record.id, held.ids)
+    columns = {"id": held.ids} | dict(zip(record.parameters, held.values.T, strict=True))
+    columns |= {"own_loss": held.own_loss, "train_loss": held.train_loss, **held.extra}
+    frame = pd.DataFrame(columns, index=pd.Index(held.numbers, name="number"))
+    if graph is not None:
+        frame["links"] = [tuple(held.numbers[np.asarray(ids)].tolist()) for ids in graph.neighbours]
+    units = (
+        dict(zip(record.parameters, record.parameter_units, strict=True)) if record.parameter_units else {}
+    )
+    frame.attrs = {"population": record.id, "robot": record.name, "units": units}
+    return frame
