@@ -74,6 +74,10 @@ class CorruptError(RegistryError):
     exit_status = 3
 
 
+class DiffersError(RegistryError):
+    """Content that is another one than is stored under the same id or number."""
+
+
 class NoMatchError(DynregError):
     """Nothing found, or nothing close enough (exit status 4)."""
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from dynreg.results.stored import (
         Collection,
         EntrySummary,
+        Import,
         Info,
         Listing,
         PopulationSummary,
@@ -292,6 +293,16 @@ class Session:
         export(self.registry, [told_last(self.registry, ref) for ref in named], destination)
         with Registry.open(destination) as copy:
             return listing(copy, None)
+
+    def import_registry(self, source: str | Path, *, progress: Progress | None = None) -> "Import":
+        """Take everything that another registry holds into this one, by content; ids stay as they are.
+
+        What is here already stays as it is, and what is left out is told. Raises RegistryError where there is no
+        registry at `source`, or this one may not be written.
+        """
+        from dynreg.verbs.import_registry import import_registry
+
+        return import_registry(self.registry, Path(source), progress)
 
     def export_robot(self, ref: str, destination: str | Path) -> "RobotFolder":
         """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `extend`.

@@ -9,7 +9,7 @@ from dynreg.session import DEFAULT
 
 MOST_OFFERED = 1000  # names: more help nobody to choose
 _PLAIN = re.compile(r"[\w@%+=:,./-]+")
-KINDS = ("population", "recording", "simulator", "result", "robot")
+KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 
 
 def robot_names(incomplete: str) -> list[str]:

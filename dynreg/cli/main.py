@@ -18,6 +18,7 @@ from dynreg.cli import (
     gait,
     info,
     ingest,
+    importing,
     listing,
     ordinary,
     populate,
@@ -126,6 +127,7 @@ ordinary.register(
         },
         "The registry": {
             "list": listing.list_,
+            "import": importing.import_,
             "show": show.show,
             "rm": removing.rm,
             "gc": removing.gc,

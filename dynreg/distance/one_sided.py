@@ -17,18 +17,22 @@ AHEAD = 2  # steps long each
 def rank(asked: DistanceQuery, entries: np.ndarray | None = None) -> Ranked:
     """Entries (M',), else all that are allowed, by this distance; raises LogError where there is nothing to judge."""
     population, entries = asked.population, asked.allowed if entries is None else entries
+    stack = population.stack if len(entries) == len(population) else population.stack[entries]
+    return in_order(entries, to_models(asked, stack), len(entries))
+
+
+def to_models(asked: DistanceQuery, stack: MlpStack) -> np.ndarray:
+    """(M,) distances of models of the population; raises LogError where there is nothing to judge."""
+    shared = asked.population.shared
     inputs, targets = _sequences(asked.rows)
-    judged = thin(len(inputs), QUERY_ROWS, population.shared.seed, "query")
+    judged = thin(len(inputs), QUERY_ROWS, shared.seed, "query")
     if not len(judged):
         raise LogError(
             "no usable rows",
             expected="rows in which all is measured, and in the next as well",
             do="record longer, or query with --distance replay",
         )
-    stack = population.stack if len(entries) == len(population) else population.stack[entries]
-    shared = population.shared
-    scores = one_sided(stack, shared.base, inputs[judged], targets[judged], shared.normaliser)
-    return in_order(entries, scores, len(entries))
+    return one_sided(stack, shared.base, inputs[judged], targets[judged], shared.normaliser)
 
 
 def one_sided(

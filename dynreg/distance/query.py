@@ -8,7 +8,7 @@ import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.transitions import Transitions, transitions
-from dynreg.distance.population import Population
+from dynreg.distance.population import Population, Shared
 from dynreg.distance.rows import Rows, recording_rows, thin
 from dynreg.errors import LogError
 from dynreg.index import Graph
@@ -80,9 +80,7 @@ class DistanceQuery:
     @cached_property
     def transitions(self) -> Transitions:
         """Rows of the recording; optional inputs that it lacks take the robot's defaults."""
-        robot = self.robot
-        filled = with_defaults(robot, self.recording)
-        return transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
+        return transitions_of(self.robot, self.recording)
 
     @property
     def sparse(self) -> bool:
@@ -97,23 +95,32 @@ class DistanceQuery:
 
     @cached_property
     def model(self) -> MlpStack:
-        """(1) the recording's own model, trained as the entries' were; raises LogError where rows are too few."""
-        shared = self.population.shared
-        inputs, targets = self.rows.train
-        some = thin(len(inputs), MODEL_ROWS, shared.seed, "own model")
-        if len(some) < FEWEST:
-            raise LogError(
-                f"{len(some)} usable rows",
-                expected=f"at least {FEWEST} rows in which all is measured, and in the next as well",
-                do="record longer, or query with --distance replay",
-            )
-        rows = inputs[None, some], targets[None, some]
-        return shared.training.entries(shared.base, *rows, shared.seed, self.threads)
+        """(1) the recording's own model; raises as `own_model`."""
+        return own_model(self.population.shared, self.rows, self.threads)
 
     @cached_property
     def vector(self) -> np.ndarray:
         """(D',) embedding of the recording's own model."""
         return self.population.embedding.vectors(self.model)[0]
+
+
+def transitions_of(robot: Robot, recording: Recording) -> Transitions:
+    """A recording's transitions in a robot's columns; optional inputs that it lacks take the robot's defaults."""
+    filled = with_defaults(robot, recording)
+    return transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
+
+
+def own_model(shared: Shared, rows: Rows, threads: int = 0) -> MlpStack:
+    """(1) the model of a recording's rows, trained as those of the entries; LogError where they are too few."""
+    inputs, targets = rows.train
+    some = thin(len(inputs), MODEL_ROWS, shared.seed, "own model")
+    if len(some) < FEWEST:
+        raise LogError(
+            f"{len(some)} usable rows",
+            expected=f"at least {FEWEST} rows in which all is measured, and in the next as well",
+            do="record longer, or query with --distance replay",
+        )
+    return shared.training.entries(shared.base, inputs[None, some], targets[None, some], shared.seed, threads)
 
 
 def with_defaults(robot: Robot, recording: Recording) -> Recording:

@@ -4,8 +4,10 @@ from dynreg.registry.collecting import Unneeded, collect
 from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.exporting import export
 from dynreg.registry.files import write_file
+from dynreg.registry.importing import Imported, take_in
 from dynreg.registry.records import (
     EntryRecord,
+    MeasuredEntry,
     PopulationArrays,
     PopulationRecord,
     RecordingInfo,
@@ -20,6 +22,8 @@ from dynreg.registry.verifying import verify
 __all__ = [
     "EntryRecord",
     "Fault",
+    "Imported",
+    "MeasuredEntry",
     "PopulationArrays",
     "PopulationRecord",
     "RecordingInfo",
@@ -34,6 +38,7 @@ __all__ = [
     "export",
     "removal",
     "remove",
+    "take_in",
     "verify",
     "write_file",
 ]

@@ -74,6 +74,7 @@ _FOLDER_KINDS = {
     "populations": "population",
     "shards": "shard",
     "recordings": "recording",
+    "measured": "measured",
     "simulators": "simulator",
     "results": "result",
 }

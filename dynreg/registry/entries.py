@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import Connection, select
 
 import dynreg.registry.tables as tables
-from dynreg.errors import RegistryError
+from dynreg.errors import DiffersError, RegistryError
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name
@@ -99,7 +99,7 @@ def _check_layout(connection: Connection, population_id: str, data: ShardData) -
     layout = canonical_json(data.layout)
     known = require(connection, tables.populations, population_id, "population").layout
     if known not in (None, layout):
-        raise RegistryError(
+        raise DiffersError(
             f"a shard of shapes {layout} in population {population_id[:12]}",
             expected=f"the shapes of its other entries, {known}",
             do="compute the shard with the population's settings",
@@ -117,7 +117,7 @@ def _check_ids(connection: Connection, population_id: str, start: int, ids: Sequ
     held = {row.number: row.id for row in rows}
     changed = [number for number, entry in sorted(held.items()) if entry != ids[number - start]]
     if changed:
-        raise RegistryError(
+        raise DiffersError(
             f"entry {changed[0]} of population {population_id[:12]} is another one than is stored",
             expected=f"entry {held[changed[0]][:12]} under this number, not {ids[changed[0] - start][:12]}",
             do="compute it with the versions and the seed that the population was begun with",
@@ -126,7 +126,7 @@ def _check_ids(connection: Connection, population_id: str, start: int, ids: Sequ
     numbered = [(entry, start + i) for i, entry in enumerate(ids)]
     twice = [(entry, n) for entry, n in numbered if known.setdefault(entry, n) != n]
     if twice:
-        raise RegistryError(
+        raise DiffersError(
             f"number {twice[0][1]} is the same entry as number {known[twice[0][0]]}: {twice[0][0][:12]}",
             expected="entries that differ in their values or their states",
             do="give every entry its own draw of the parameters",

@@ -11,16 +11,17 @@ from dynreg.registry.files import sweep_beside, temporary_folder
 from dynreg.registry.loading import load_shards
 from dynreg.registry.registry import Registry
 
-_KINDS = ("population", "entry", "recording", "robot", "simulator", "result")
+_KINDS = ("population", "entry", "recording", "measured", "robot", "simulator", "result")
+INDEXES = ("graph", "embedding")
 _NAMING = ("answer", "simulator", "calibrated_simulator", "extended_simulator")  # keys of results
 
 
 def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> tuple[str, ...]:
     """Copy what `refs` name, with all it needs, to a new registry at `destination`; returns the ids.
 
-    A population brings its robot, its arrays and all its entries; an entry brings the population's arrays
-    and itself alone; a simulator brings its robot; a result brings its recording and the simulators and entries
-    that it names as its answer and at its stages. Ids stay as they are.
+    A population brings its robot, its arrays and all its entries; an entry brings the population's arrays and itself
+    alone, a measured one its recording; a simulator brings its robot; a result brings its recording and the simulators
+    and entries that it names as its answer and at its stages. Ids stay as they are.
 
     Raises
     ------
@@ -45,6 +46,11 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
     return tuple(identity for _, identity in wanted)
 
 
+def copy_thing(registry: Registry, copy: Registry, kind: str, identity: str) -> None:
+    """Copy one thing with all it needs to another registry."""
+    _COPY[kind](registry, copy, identity)
+
+
 def _copy_robot(registry: Registry, copy: Registry, robot_hash: str) -> None:
     info = registry.robot_info(robot_hash)
     copy.put_robot(registry.robot_folder(robot_hash), robot_hash, info.name, info.version)
@@ -56,6 +62,10 @@ def _copy_population(registry: Registry, copy: Registry, population_id: str) -> 
     copy.put_population(record)
     for start, data in load_shards(registry.directory, population_id):
         put_shard(copy.directory, population_id, start, data)
+    for key in INDEXES:  # they are of these entries, and can be made again where others are there already
+        arrays = registry.index(population_id, key)
+        if arrays is not None:
+            copy.put_index(population_id, key, arrays, registry.load(population_id, ()).ids)
 
 
 def _copy_entry(registry: Registry, copy: Registry, entry_id: str) -> None:
@@ -72,8 +82,18 @@ def _copy_recording(registry: Registry, copy: Registry, recording_id: str) -> No
     for robot_hash in dict.fromkeys((*info.robots, info.robot_hash)):
         _copy_robot(registry, copy, robot_hash)
     for name in info.names[::-1]:  # the name that it got last comes last
-        copy.put_recording(recording, info.robot_as(name), name)
+        if copy.name_holder(name) in (None, recording_id):
+            copy.put_recording(recording, info.robot_as(name), name)
     copy.put_recording(recording, info.robot_hash)
+
+
+def _copy_measured(registry: Registry, copy: Registry, identity: str) -> None:
+    entry = registry.measured(identity)
+    record = registry.population(entry.population_id)
+    _copy_robot(registry, copy, record.robot_hash)
+    copy.put_population(record)
+    _copy_recording(registry, copy, entry.recording_id)
+    copy.put_measured(entry)
 
 
 def _copy_simulator(registry: Registry, copy: Registry, simulator_id: str) -> None:
@@ -110,6 +130,7 @@ _COPY = {
     "population": _copy_population,
     "entry": _copy_entry,
     "recording": _copy_recording,
+    "measured": _copy_measured,
     "simulator": _copy_simulator,
     "result": _copy_result,
 }

@@ -16,7 +16,7 @@ from typing import BinaryIO
 import dynreg.registry.disk as disk
 from dynreg.errors import CorruptError, RegistryError
 
-CONTENTS = ("shards", "populations", "recordings", "robots", "simulators", "results")
+CONTENTS = ("shards", "populations", "recordings", "robots", "measured", "simulators", "results")
 INDEX = "index"  # what indexes computed; the catalogue knows nothing of it
 LEDGER = "ledger"  # what was put, in order
 FOLDERS = (*CONTENTS, INDEX, LEDGER)

@@ -65,6 +65,12 @@ STEPS: dict[str, tuple[str, ...]] = {
            robot_hash TEXT NOT NULL REFERENCES robots (hash))""",
     ),
     FILES: (),
+    "0008_measured": (
+        """CREATE TABLE measured (id TEXT PRIMARY KEY,
+           population_id TEXT NOT NULL REFERENCES populations (id),
+           recording_id TEXT NOT NULL REFERENCES recordings (id),
+           path TEXT NOT NULL REFERENCES files (path))""",
+    ),
 }
 
 

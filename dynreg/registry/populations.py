@@ -11,7 +11,7 @@ from sqlalchemy import Connection, Row, select
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import CorruptError, DiffersError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
@@ -160,7 +160,7 @@ def _check_same(connection: Connection, record: PopulationRecord, path: str) -> 
     require_robot(connection, record.robot_hash)
     known = row_of(connection, tables.populations, record.id)
     if known is not None and known.path != path:
-        raise RegistryError(
+        raise DiffersError(
             f"population {record.id[:12]} ({known.name!r}) is registered with other settings or arrays",
             expected="the same settings under the same id",
             do="give the new settings an id of their own",

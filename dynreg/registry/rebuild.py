@@ -37,7 +37,10 @@ def new_rows(root: Path, held: Rows, found: Found, *, adopt: bool) -> Rows:
 
 def _known(held: Rows, found: Found) -> Found:
     """What was found, without what the rows do not know."""
-    ids = {name: {row["id"] for row in held[name]} for name in ("populations", "recordings", "simulators")}
+    ids = {
+        name: {row["id"] for row in held[name]}
+        for name in ("populations", "recordings", "measured", "simulators")
+    }
     shards = {(row["population_id"], row["start"]): row for row in held["shards"]}
     paths = {row["path"] for row in held["results"]}
     return replace(
@@ -85,6 +88,11 @@ def _rows_of(root: Path, held: Rows, found: Found) -> Rows:
         "recording_names": names,
         "latest_names": [r for r in held["latest_names"] if (r["recording_id"], r["name"]) in called],
         "robots_of_names": own,
+        "measured": [
+            row
+            for row in found.measured.values()
+            if row["population_id"] in alive and row["recording_id"] in stored
+        ],
         "simulators": list(found.simulators.values()),
         "results": _results(held, found, stored),
     }

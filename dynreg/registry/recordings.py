@@ -78,6 +78,15 @@ def name_holder(directory: Directory, name: str) -> str | None:
         return _holder(connection, name)
 
 
+def recordings_of_names(directory: Directory) -> dict[str, str]:
+    """{name: id of the recording that has it}."""
+    table = tables.recording_names
+    with directory.catalog.read() as connection:
+        return dict(
+            connection.execute(select(table.c.name, table.c.recording_id).order_by(table.c.name)).all()
+        )
+
+
 def may_be_called(directory: Directory, recording: Recording, name: str) -> bool:
     """Whether no recording of other log files has this name."""
     return _may_take(directory, recording, name_holder(directory, name))

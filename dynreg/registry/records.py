@@ -244,6 +244,29 @@ class EntryRecord:
 
 
 @dataclass(frozen=True)
+class MeasuredEntry:
+    """The model of a recording in a population: trained as the models of its entries, on what was measured.
+
+    weights : by name. own_loss : on held-out rows of the recording; train_loss on the others.
+    """
+
+    population_id: str
+    recording_id: str
+    weights: Mapping[str, np.ndarray]
+    own_loss: float
+    train_loss: float
+
+    @property
+    def id(self) -> str:
+        """Content hash over the population, the recording and the weights."""
+        digest = hashlib.sha256(f"measured {self.population_id} {self.recording_id}".encode())
+        for name, array in sorted(self.weights.items()):
+            digest.update(f"{name}{array.dtype}{array.shape}".encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
 class RobotInfo:
     """A registered robot: its hash, its name, and which version of the robots of this name it is, from 1 on."""
 

@@ -17,6 +17,7 @@ _ID_COLUMNS = {
     "population": tables.populations.c.id,
     "entry": tables.entries.c.id,
     "recording": tables.recordings.c.id,
+    "measured": tables.measured.c.id,
     "simulator": tables.simulators.c.id,
     "result": tables.results_of_verbs.c.id,
 }

@@ -14,6 +14,7 @@ import dynreg.registry.documents as documents
 import dynreg.registry.entries as entries
 import dynreg.registry.indexes as indexes
 import dynreg.registry.loading as loading
+import dynreg.registry.measured as measured
 import dynreg.registry.populations as populations
 import dynreg.registry.recordings as recordings
 import dynreg.registry.references as references
@@ -29,6 +30,7 @@ from dynreg.registry.hashes import hash_of
 from dynreg.registry.opening import open_directory, take_away
 from dynreg.registry.records import (
     EntryRecord,
+    MeasuredEntry,
     PopulationArrays,
     PopulationRecord,
     RecordingInfo,
@@ -221,6 +223,18 @@ class Registry:
     def holds(self, recording_id: str) -> bool:
         """Whether a recording of this id is stored."""
         return bool(recordings.list_recordings(self.directory, recording_id))
+
+    def put_measured(self, entry: MeasuredEntry) -> str:
+        """Store the model of a recording as an entry of a population; returns its id. See `measured.put_measured`."""
+        return measured.put_measured(self.directory, entry)
+
+    def measured(self, ref: str) -> MeasuredEntry:
+        """The model of a recording in a population."""
+        return measured.get_measured(self.directory, self._id(ref, "measured"))
+
+    def measured_in(self, ref: str) -> dict[str, str]:
+        """{id of a recording: id of its entry} of those that have a model in a population."""
+        return measured.measured_in(self.directory, self._id(ref, "population"))
 
     def put_simulator(self, config: Mapping[str, Any]) -> str:
         """Store a simulator's configuration (plain JSON); returns the hash of its canonical form."""

@@ -22,11 +22,12 @@ from dynreg.registry.writing import Writing
 
 Thing = tuple[str, str]  # kind and id
 Fits = Callable[[str, str], bool]  # says for a recording's id and a robot's hash whether they go together
-KINDS = ("robot", "population", "recording", "simulator", "result")
+KINDS = ("robot", "population", "recording", "measured", "simulator", "result")
 _HOMES = {
     "robot": tables.robots,
     "population": tables.populations,
     "recording": tables.recordings,
+    "measured": tables.measured,
     "simulator": tables.simulators,
     "result": tables.results,
 }
@@ -66,6 +67,7 @@ class _Known:
         columns = {
             "population": ("id", "robot_hash"),
             "recording": ("id", "robot_hash"),
+            "measured": ("id", "population_id", "recording_id"),
             "simulator": ("id",),
             "result": ("id", "recording_id"),
         }
@@ -189,6 +191,9 @@ def _needing(registry: Registry, known: _Known, instead: Mapping[str, RobotInfo]
     for identity, robot in known.rows["recording"]:
         if identity not in instead:
             note(("robot", robot), ("recording", identity))
+    for identity, population, recording in known.rows["measured"]:
+        note(("population", population), ("measured", identity))
+        note(("recording", recording), ("measured", identity))
     for (identity,) in known.rows["simulator"]:
         note(("robot", _told(registry.simulator, identity).get("robot", "")), ("simulator", identity))
     simulators = {identity for (identity,) in known.rows["simulator"]}
@@ -224,7 +229,7 @@ def _of(things: Iterable[Thing], kind: str) -> list[str]:
 
 def _files_of(registry: Registry, connection: Connection, things: Iterable[Thing]) -> Iterator[str]:
     """The files of things, by their paths in the registry; of a robot its folder."""
-    for kind in ("population", "recording", "simulator", "result"):
+    for kind in ("population", "recording", "measured", "simulator", "result"):
         for row in _rows(connection, _HOMES[kind], "id", _of(things, kind)):
             yield row["path"]
     for row in _rows(connection, tables.shards, "population_id", _of(things, "population")):

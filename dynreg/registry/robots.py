@@ -8,7 +8,7 @@ from sqlalchemy import Connection, Row
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, RegistryError, RobotError
+from dynreg.errors import CorruptError, DiffersError, RegistryError, RobotError
 from dynreg.folder import MAPS, Folder, is_hashed, read_folder
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
@@ -100,7 +100,7 @@ def _remove_other_maps(directory: Directory, robot_hash: str) -> None:
 
 def _check_same(known: Row | None, manifest: Mapping[str, str]) -> None:
     if known is not None and _covered(json.loads(known.manifest)) != _covered(manifest):
-        raise RegistryError(
+        raise DiffersError(
             f"robot {known.hash[:12]} ({known.name!r}) has other files than those given",
             expected="the same files under the same hash",
             do="compute the hash of the changed folder anew",

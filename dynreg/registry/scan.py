@@ -32,6 +32,7 @@ from dynreg.registry.files import (
     unreadable,
 )
 from dynreg.registry.indexes import read_index
+from dynreg.registry.measured import measured_of
 from dynreg.registry.opening import MARKER
 from dynreg.registry.populations import record_of
 from dynreg.registry.shards import read_shard, read_states_header
@@ -57,6 +58,7 @@ class Found:
     populations: dict[str, dict[str, Any]] = field(default_factory=dict)
     shards: dict[tuple[str, int], FoundShard] = field(default_factory=dict)
     recordings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    measured: dict[str, dict[str, Any]] = field(default_factory=dict)
     simulators: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, dict[str, Any]] = field(default_factory=dict)
     bad: dict[str, str] = field(default_factory=dict)
@@ -192,6 +194,12 @@ def _read_recording(found: Found, path: Path, file: StoredFile) -> None:
     found.recordings.setdefault(recording_id, {"robot": path.stem.split("-")[1], "path": file.path})
 
 
+def _read_measured(found: Found, path: Path, file: StoredFile) -> None:
+    entry = measured_of(path, decode_arrays(path))
+    row = {"id": entry.id, "population_id": entry.population_id, "recording_id": entry.recording_id}
+    found.measured[entry.id] = row | {"path": file.path}
+
+
 def _read_simulator(found: Found, path: Path, file: StoredFile) -> None:
     _json_object(path)
     found.simulators[file.sha256] = {"id": file.sha256, "path": file.path}
@@ -218,6 +226,7 @@ def _json_object(path: Path) -> None:
 _READERS = {
     "populations": _read_population,
     "recordings": _read_recording,
+    "measured": _read_measured,
     "simulators": _read_simulator,
     "results": _read_result,
 }

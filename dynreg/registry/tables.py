@@ -122,6 +122,16 @@ robots_of_names = Table(
     Column("robot_hash", ForeignKey("robots.hash"), nullable=False),
 )
 
+# Models trained on recordings, as entries of a population beside those that were simulated.
+measured = Table(
+    "measured",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("population_id", ForeignKey("populations.id"), nullable=False),
+    Column("recording_id", ForeignKey("recordings.id"), nullable=False),
+    Column("path", ForeignKey("files.path"), nullable=False),
+)
+
 simulators = Table(
     "simulators",
     metadata,

@@ -14,6 +14,7 @@ from dynreg.results.result import Result
 from dynreg.results.stored import (
     Collection,
     EntrySummary,
+    Import,
     Listing,
     PopulationSummary,
     RecordingSummary,
@@ -115,6 +116,13 @@ def _verification(result: Verification) -> Group:
     state = "sound" if result.clean else count(len(result.faults), "fault")
     lines = [f"{'lost' if fault in result.lost else '-'}: {fault}" for fault in result.faults]
     return Group(Text(f"{result.registry}: {state} ({counts})", style="bold"), *map(Text, lines))
+
+
+@tables.register
+def _import(result: Import) -> Group:
+    rows = [(kind, result.added[kind], result.known[kind]) for kind in result.added]
+    shown = table(("kind", "new", "here before"), rows, f"{result.source} to {result.registry}")
+    return Group(shown, *(Text(f"left out: {one}") for one in result.left_out))
 
 
 @tables.register

@@ -23,6 +23,15 @@ class Neighbour(Result):
     parameters: dict[str, float]
 
 
+class MeasuredNeighbour(Result):
+    """Another recording whose model is registered in the population; distance : as those of the neighbours."""
+
+    entry: str
+    recording: str
+    name: str
+    distance: float
+
+
 class Synthesised(Result):
     """The simulator that the query made from the neighbours."""
 
@@ -77,6 +86,7 @@ class Neighbours(Result):
 
     gain : of the answer over the nominal simulator, on the test part. Like every replay error it counts the scored
     channels alone, each in units of its motion and by its weight.
+    measured : the nearest other recordings in the same population, at most k, where the distance compares models.
     misfit : error of the answer over the nearest neighbours' own spread under the same commands. It is about 1 for a
     robot of the population; the alarm is raised above 3; null where nothing was replayed.
     """
@@ -89,6 +99,7 @@ class Neighbours(Result):
     distance: str
     k: int
     neighbours: tuple[Neighbour, ...]
+    measured: tuple[MeasuredNeighbour, ...] = ()
     synthesised: Synthesised | None
     answer: str
     answer_kind: Literal["neighbour", "synthesised", "nominal"]

@@ -56,7 +56,7 @@ class EntrySummary(Result):
 
     schema_: Literal["dynreg/entry/1"] = Field(default="dynreg/entry/1", alias="schema")
     id: str
-    kind: Literal["entry", "recording", "population", "simulator", "result", "robot"]
+    kind: Literal["entry", "recording", "measured", "population", "simulator", "result", "robot"]
     name: str
     robot: str
     detail: dict[str, Any]
@@ -110,6 +110,24 @@ class Removal(Result):
             {"id": i.id[:12], "kind": i.kind, "name": i.name, "robot": i.robot, **i.detail}
             for i in self.items
         ]
+
+
+class Import(Result):
+    """What `import` brought from another registry.
+
+    added, known : {kind: how many} of its things that are new here, and that were here before. left_out : what was not
+    taken, and why.
+    """
+
+    schema_: Literal["dynreg/import/1"] = Field(default="dynreg/import/1", alias="schema")
+    registry: str
+    source: str
+    added: dict[str, int]
+    known: dict[str, int]
+    left_out: tuple[str, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [{"kind": kind, "added": self.added[kind], "known": self.known[kind]} for kind in self.added]
 
 
 class CollectedFile(Result):

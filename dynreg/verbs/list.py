@@ -8,12 +8,12 @@ from dynreg.registry import Registry
 from dynreg.results.stored import EntrySummary, Listing
 from dynreg.verbs.simulators import made
 
-KINDS = ("population", "recording", "simulator", "result", "robot")
+KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
 
 
 def listing(registry: Registry, kind: str | None = None) -> Listing:
-    """All populations, recordings, simulators, results and robots, or those of one kind."""
+    """All populations, recordings, their entries, simulators, results and robots, or those of one kind."""
     if kind is not None and kind not in KINDS:
         raise UsageError(f"kind {kind!r}", expected=f"one of {list(KINDS)}", do="choose one of them")
     items = [
@@ -53,6 +53,13 @@ def _recordings(registry: Registry) -> Iterator[Row]:
         yield i.id, ", ".join(names), robot.name, {"version": robot.version}
 
 
+def _measured(registry: Registry) -> Iterator[Row]:
+    """The entries of recordings: the models that were trained on them."""
+    for r in registry.populations():
+        for recording, entry in registry.measured_in(r.id).items():
+            yield entry, registry.recording_info(recording).name, r.name, {"population": r.id[:12]}
+
+
 def _simulators(registry: Registry) -> Iterator[Row]:
     configs = [(i, registry.simulator(i)) for i in registry.ids("simulator")]
     return ((i, simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs)
@@ -82,6 +89,7 @@ def _versions(registry: Registry) -> dict[str, int]:
 _ROWS = {
     "population": _populations,
     "recording": _recordings,
+    "measured": _measured,
     "simulator": _simulators,
     "result": _results,
     "robot": _robots,

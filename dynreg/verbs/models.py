@@ -1,33 +1,39 @@
 """The trained models of entries, and how far entries are from each other."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dynreg.distance.population import JUDGED_ON, Shared
+from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
+from dynreg.index import search
 from dynreg.models.dynamics import DynamicsModel
-from dynreg.models.mlp import MlpStack
+from dynreg.models.losses import losses
+from dynreg.models.mlp import MlpStack, stack_of
 from dynreg.registry import Registry
+from dynreg.rng import stream
+from dynreg.verbs.measured import model_of, rows_of
 from dynreg.verbs.populations import load_graph, load_population, shared_of
 from dynreg.verbs.simulators import told_last
 
 if TYPE_CHECKING:
     import pandas as pd
 
-KINDS = ("entry", "population")
+KINDS = ("entry", "measured", "population")
 
 
 def dynamics_model(registry: Registry, refs: str | Sequence[str]) -> DynamicsModel:
-    """The models of entries, in the order of `refs`, or of all entries of a population, by number.
+    """The models of entries, in the order of `refs`, or of all simulators of a population, by number.
 
-    A single id of an entry gives one model alone. Raises NoMatchError for a ref that fits nothing, UsageError for
-    entries of several populations, whose models do not take the same rows.
+    A single id of an entry, also of a recording's, gives one model alone. Raises NoMatchError for a ref that fits
+    nothing, UsageError for entries of several populations, whose models do not take the same rows.
     """
     named = [refs] if isinstance(refs, str) else list(refs)
     found = [registry.resolve(told_last(registry, ref), KINDS) for ref in named]
-    places = {i: registry.entry(i)[0] for kind, i in found if kind == "entry"}
-    populations = list(dict.fromkeys(places.get(identity, identity) for _, identity in found))
+    populations = list(dict.fromkeys(_population_of(registry, *one) for one in found))
     if len(populations) != 1 or len(set(found)) != len(found):
         raise UsageError(
             f"models of {len(found)} things of {len(populations)} populations",
@@ -35,15 +41,23 @@ def dynamics_model(registry: Registry, refs: str | Sequence[str]) -> DynamicsMod
             do="ask for each population by itself",
         )
     record = registry.population(populations[0])
-    held = registry.load(record.id, ("weights",))
-    at = {identity: i for i, identity in enumerate(held.ids)}
-    rows = [i for kind, one in found for i in (range(len(held)) if kind == "population" else [at[one]])]
+    stacks, entries = [], []
+    held = registry.load(record.id, ("weights",)) if any(kind != "measured" for kind, _ in found) else None
+    whole = None if held is None else MlpStack.from_arrays(held.weights)
+    for kind, identity in found:
+        if kind == "measured":
+            stacks.append(model_of(registry, identity))
+            entries.append(identity)
+        else:
+            rows = range(len(held)) if kind == "population" else [held.ids.index(identity)]
+            stacks.append(whole[np.array(rows)])
+            entries += [held.ids[i] for i in rows]
     shared = shared_of(registry, record)
     robot = shared.robot
     return DynamicsModel(
-        entries=tuple(held.ids[i] for i in rows),
-        alone=isinstance(refs, str) and found[0][0] == "entry",
-        stack=MlpStack.from_arrays(held.weights)[np.array(rows)],
+        entries=tuple(entries),
+        alone=isinstance(refs, str) and found[0][0] != "population",
+        stack=stack_of(stacks),
         normaliser=shared.normaliser,
         states=robot.channels,
         actions=robot.actions,
@@ -53,20 +67,17 @@ def dynamics_model(registry: Registry, refs: str | Sequence[str]) -> DynamicsMod
 
 
 def near_entries(registry: Registry, ref: str, k: int) -> "pd.DataFrame":
-    """The k entries nearest to an entry by cross-loss, found by walking the population's graph from it.
+    """The k entries nearest to an entry by cross-loss: simulators by a walk over the graph, recordings all looked at.
 
-    Columns: id, number, distance. Raises UsageError where the population is not linked, NoMatchError where there is no
-    such entry.
+    Columns: id, kind ("entry" or "measured"), name, distance. Raises UsageError where the population is not linked,
+    NoMatchError where there is no such entry.
     """
     import pandas as pd
 
-    from dynreg.index import search
-    from dynreg.rng import stream
-
     if k < 1:
         raise UsageError(f"k = {k}", expected="at least 1", do="ask for one neighbour or more")
-    identity = registry.resolve(told_last(registry, ref), ("entry",))[1]
-    record = registry.population(registry.entry(identity)[0])
+    kind, identity = registry.resolve(told_last(registry, ref), ("entry", "measured"))
+    record = registry.population(_population_of(registry, kind, identity))
     graph = load_graph(registry, record.id)
     if graph is None:
         raise UsageError(
@@ -75,38 +86,73 @@ def near_entries(registry: Registry, ref: str, k: int) -> "pd.DataFrame":
             do="run `dynreg populate` again without --no-link",
         )
     population = load_population(registry, record.id, states=True)
-    own = population.entries.ids.index(identity)
-    distance, count = population.cross_loss, min(k + 1, len(population))
-
-    def to(ids: np.ndarray) -> np.ndarray:
-        return distance.pairs(np.full(len(ids), own), ids)
-
+    own = _judged(registry, population.shared, kind, identity)
+    to = population.cross_loss.query(own.model, own.inputs, own.targets, own.loss)
+    count = min(k + 1, len(population))
     found = search(graph, to, count, stream(record.seed, "neighbours"), ef=max(2 * count, 30))
-    near = [(int(i), float(d)) for i, d in zip(found.ids, found.distances, strict=True) if i != own][:k]
     ids, numbers = population.entries.ids, population.entries.numbers
+    rows = [
+        (float(d), ids[i], "entry", f"{record.name}-{numbers[i]}")
+        for i, d in zip(found.ids.tolist(), found.distances, strict=True)
+    ]
+    for recording, entry in registry.measured_in(record.id).items():
+        apart = _apart(own, _judged(registry, population.shared, "measured", entry))
+        rows.append((apart, entry, "measured", registry.recording_info(recording).name))
+    near = sorted(row for row in rows if row[1] != identity)[:k]
     return pd.DataFrame(
-        {
-            "id": [ids[i] for i, _ in near],
-            "number": [int(numbers[i]) for i, _ in near],
-            "distance": [d for _, d in near],
-        }
+        [(i, kind, name, d) for d, i, kind, name in near], columns=["id", "kind", "name", "distance"]
     )
 
 
 def entry_distance(registry: Registry, a: str, b: str) -> float:
     """The cross-loss distance of two entries of a population: 1 for the same, larger for others (paper D)."""
-    first, second = (registry.load_entry(told_last(registry, ref)) for ref in (a, b))
-    if first.population_id != second.population_id:
+    found = [registry.resolve(told_last(registry, ref), ("entry", "measured")) for ref in (a, b)]
+    first, second = (_population_of(registry, *one) for one in found)
+    if first != second:
         raise UsageError(
-            f"entries of populations {first.population_id[:12]} and {second.population_id[:12]}",
+            f"entries of populations {first[:12]} and {second[:12]}",
             expected="two entries of one population: distances exist only inside one",
             do="see `dynreg show ID` for an entry's population",
         )
-    from dynreg.distance.population import cross_loss
+    shared = shared_of(registry, registry.population(first))
+    return _apart(*(_judged(registry, shared, *one) for one in found))
 
-    shared = shared_of(registry, registry.population(first.population_id))
-    weights = {name: np.stack([first.weights[name], second.weights[name]]) for name in first.weights}
-    states = np.stack([first.states, second.states])
-    return float(
-        cross_loss(shared, states, MlpStack.from_arrays(weights)).pairs(np.array([0]), np.array([1]))[0]
-    )
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """An entry as cross-loss sees it: its model (1), rows (N, D), (N, S) that judge others, and its loss on them."""
+
+    model: MlpStack
+    inputs: np.ndarray
+    targets: np.ndarray
+
+    @property
+    def loss(self) -> float:
+        return self.on(self)
+
+    def on(self, other: "_Judged") -> float:
+        """The loss of its model on the rows of another."""
+        return float(losses(self.model, other.inputs, other.targets)[0])
+
+
+def _judged(registry: Registry, shared: Shared, kind: str, identity: str) -> _Judged:
+    if kind == "measured":
+        entry = registry.measured(identity)
+        model = model_of(registry, identity)
+        inputs, targets = rows_of(shared, registry.recording(entry.recording_id)).held
+    else:
+        entry = registry.load_entry(identity)
+        model = MlpStack.from_arrays({name: array[None] for name, array in entry.weights.items()})
+        inputs, targets = (rows[0] for rows in shared.rows(entry.states[None]).held)
+    some = thin(len(inputs), JUDGED_ON, shared.seed, "judged")
+    return _Judged(model, inputs[some], targets[some])
+
+
+def _apart(a: _Judged, b: _Judged) -> float:
+    return (a.on(b) + b.on(a)) / (a.loss + b.loss)
+
+
+def _population_of(registry: Registry, kind: str, identity: str) -> str:
+    if kind == "population":
+        return identity
+    return registry.entry(identity)[0] if kind == "entry" else registry.measured(identity).population_id

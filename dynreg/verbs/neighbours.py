@@ -12,7 +12,16 @@ from dynreg.neighbours.query import Case, Choice
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.spending import Spending
 from dynreg.replay.judged import gain, traced
-from dynreg.results.neighbours import ChannelError, Neighbour, Neighbours, Nominal, Stage, Synthesised, Trace
+from dynreg.results.neighbours import (
+    ChannelError,
+    MeasuredNeighbour,
+    Neighbour,
+    Neighbours,
+    Nominal,
+    Stage,
+    Synthesised,
+    Trace,
+)
 from dynreg.results.result import Cost, Estimate
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.held_out import held_out_notes
@@ -23,11 +32,15 @@ TRACES = 6  # channels shown in a report
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What a query asks about and the entries that it retrieved. began : its start by `time.perf_counter` [s]."""
+    """What a query asks about, and the entries and recordings that it found near.
+
+    began : its start by `time.perf_counter` [s].
+    """
 
     asked: Recorded
     case: Case
     found: Retrieved
+    measured: tuple[MeasuredNeighbour, ...]
     spending: Spending
     began: float
 
@@ -41,6 +54,7 @@ class Subject:
             recording_name=self.asked.name,
             distance=self.found.distance_name,
             k=self.spending.k,
+            measured=self.measured,
             parts=case.data.named,
             **judged,
         )

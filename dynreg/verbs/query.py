@@ -56,6 +56,8 @@ def query(
     The query replays the recording's commands in them and ranks them by the replay error. It synthesises a simulator
     from the best ones. The answer is the simulator with the lowest error.
 
+    The recording's own model is registered as an entry of the population, by which later recordings find it.
+
     Where held-out data do not show that the answer errs less than the nominal simulator, the headline says so.
 
     Exit status 4: no simulator of the population fits the recording. The result is printed nevertheless.
@@ -68,6 +70,7 @@ def query(
     from dynreg.neighbours.query import case_of, choose, distance_query
     from dynreg.neighbours.retrieve import retrieve
     from dynreg.neighbours.spending import Spending, usual_budget
+    from dynreg.verbs.measured import near_measured, register_measured
     from dynreg.verbs.neighbours import Subject, judged, unjudged
     from dynreg.verbs.populations import load_graph, ready
 
@@ -88,9 +91,12 @@ def query(
     if needs(settings.distance, "graph"):
         graph = load_graph(asked.registry, population.id, population.entries.ids)
     report("retrieve", 0, 1)
-    found = retrieve(distance_query(case, graph, k), settings.distance, guess=settings.synthesise)
+    rows = distance_query(case, graph, k)
+    found = retrieve(rows, settings.distance, guess=settings.synthesise)
     report("retrieve", 1, 1)
-    subject = Subject(asked, case, found, spending, began)
+    measured = near_measured(asked, rows, found.distance_name, k)
+    register_measured(asked, population, threads=settings.threads)
+    subject = Subject(asked, case, found, measured, spending, began)
     if not settings.replay and not settings.synthesise:
         return unjudged(subject)
     return judged(subject, choose(case, found, spending))

@@ -59,6 +59,18 @@ def _name_with(info: RecordingInfo, owner: str) -> str:
     return name if name in info.names else ""
 
 
+def _measured(registry: Registry, identity: str) -> Shown:
+    entry = registry.measured(identity)
+    detail = {
+        "population": entry.population_id,
+        "recording": entry.recording_id,
+        "own_loss": entry.own_loss,
+        "train_loss": entry.train_loss,
+    }
+    robot = registry.population(entry.population_id).name
+    return registry.recording_info(entry.recording_id).name, robot, detail
+
+
 def _population(registry: Registry, identity: str) -> Shown:
     record = registry.population(identity)
     detail = {"entries": registry.count(identity), "planned": record.size, "seed": record.seed}
@@ -85,6 +97,7 @@ def _robot(registry: Registry, identity: str) -> Shown:
 
 _SHOWN = {
     "entry": _entry,
+    "measured": _measured,
     "recording": _recording,
     "population": _population,
     "simulator": _simulator,

@@ -1,0 +1,24 @@
+"""`dynreg import`: another registry taken into this one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call
+
+
+def import_(
+    call: Call,
+    source: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of another registry.")],
+) -> None:
+    """Take everything that another registry holds into this one.
+
+    Ids stay as they are, so results still name their simulators. What is here already stays as it is. A name that
+    means another recording here is left out, and so is what is damaged in DIR: each is listed.
+
+    Example: dynreg import monday-registry
+    """
+    with call.open() as session, call.progress() as progress:
+        result = session.import_registry(source, progress=progress)
+    call.emit(result, hint="dynreg list")

@@ -1,0 +1,14 @@
+"""Import: everything that another registry holds, by content."""
+
+from pathlib import Path
+
+from dynreg.progress import Progress
+from dynreg.registry import Registry, take_in
+from dynreg.results.stored import Import
+
+
+def import_registry(registry: Registry, path: Path, progress: Progress | None = None) -> Import:
+    """Take everything in the registry at `path` into `registry`; raises as `registry.take_in`."""
+    with Registry.open(path) as source:
+        brought = take_in(registry, source, progress or (lambda *_: None))
+    return Import(registry=str(registry.path), source=str(path), **vars(brought))

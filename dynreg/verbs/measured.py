@@ -1,0 +1,63 @@
+"""Real robots as entries: a recording's own model, registered beside those of simulators."""
+
+from dynreg.data.recording import Recording
+from dynreg.distance.population import Population, Shared
+from dynreg.distance.query import DistanceQuery, own_model, transitions_of
+from dynreg.distance.rows import Rows, recording_rows
+from dynreg.distance.table import DISTANCES
+from dynreg.errors import LogError
+from dynreg.models.losses import losses
+from dynreg.models.mlp import MlpStack, stack_of
+from dynreg.registry import MeasuredEntry, Registry
+from dynreg.results.neighbours import MeasuredNeighbour
+from dynreg.verbs.subjects import Recorded
+
+
+def register_measured(asked: Recorded, population: Population, *, threads: int = 0) -> str | None:
+    """The id of a recording's entry in a population: its model, trained on all of it, stored where it was not.
+
+    None where it has no model: its control is timed, too few of its rows were measured, or it is not stored itself.
+    """
+    registry, recording, shared = asked.registry, asked.recording, population.shared
+    if not registry.holds(recording.id):
+        return None
+    held = registry.measured_in(population.id).get(recording.id)
+    if held is not None or registry.read_only or shared.robot.file.robot.control == "timed":
+        return held
+    rows = rows_of(shared, recording)
+    try:
+        model = own_model(shared, rows, threads)
+    except LogError:
+        return None
+    own, trained = (float(losses(model, *part)[0]) for part in (rows.held, rows.train))
+    weights = {name: array[0] for name, array in model.as_arrays().items()}
+    return registry.put_measured(MeasuredEntry(population.id, recording.id, weights, own, trained))
+
+
+def near_measured(
+    asked: Recorded, query: DistanceQuery, distance: str, k: int
+) -> tuple[MeasuredNeighbour, ...]:
+    """The k other recordings of the population that are nearest by a distance; none where it cannot tell."""
+    registry, population = asked.registry, query.population
+    others = {r: e for r, e in registry.measured_in(population.id).items() if r != asked.recording.id}
+    if not others:
+        return ()
+    apart = DISTANCES[distance].to_models(query, stack_of([model_of(registry, e) for e in others.values()]))
+    if apart is None:
+        return ()
+    near = sorted(zip(apart.tolist(), others.items(), strict=True))[:k]
+    return tuple(
+        MeasuredNeighbour(entry=entry, recording=r, name=registry.recording_info(r).name, distance=far)
+        for far, (r, entry) in near
+    )
+
+
+def rows_of(shared: Shared, recording: Recording) -> Rows:
+    """All rows of a recording as the models of a population expect them."""
+    return recording_rows(transitions_of(shared.robot, recording), shared.normaliser)
+
+
+def model_of(registry: Registry, measured: str) -> MlpStack:
+    """(1) the model of a recording's entry."""
+    weights = registry.measured(measured).weights
+    return MlpStack.from_arrays({name: array[None] for name, array in weights.items()})
