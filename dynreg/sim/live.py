@@ -117,7 +117,6 @@ class LiveSimulator:
             self._simulations = made = Simulations(self.robot, self._values, run, threads=1, terms=terms)
             alone = made.alone(self.model, self.data)
             self.model, self.data = alone.model, alone.data
-            self.data.xfrc_applied[:] = 0.0
             alone.forward()  # for who draws it before the first step
             self._steps = made.steps(np.zeros((1, ROOM, len(self.actions))))
         self._count, self._diverged = 0, False
