@@ -1,7 +1,7 @@
 """The Python door to a registry: `dynreg.open(path)` and what can be asked of it."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         Removal,
         Verification,
     )
+    from dynreg.sim.live import LiveSimulator
     from dynreg.sim.robot import Robot
     from dynreg.watch.frames import Frames
 
@@ -345,6 +346,26 @@ class Session:
         from dynreg.verbs.watched import watched
 
         return watched(self.registry, ref, simulator)
+
+    def simulator(
+        self,
+        ref: str,
+        robot: "str | Path | Robot | None" = None,
+        *,
+        settings: Mapping[str, float] | None = None,
+        inputs: Mapping[str, float] | None = None,
+        period: float | None = None,
+        seed: int | None = None,
+    ) -> "LiveSimulator":
+        """A simulator to step by hand on MuJoCo: an entry or a simulator by id or prefix, or a word such as `@answer`.
+
+        robot : whose it has to be; needed for "nominal". The others : of `sim.live.LiveSimulator`.
+        Raises NoMatchError where there is no such simulator, UsageError as `verbs.live`.
+        """
+        from dynreg.verbs.live import live
+
+        told = dict(settings=settings, inputs=inputs, period=period, seed=seed)
+        return live(self.registry, ref, robot, **told)
 
     def info(self) -> "Info":
         """Versions, optional parts, device, cores, and what the registry holds."""

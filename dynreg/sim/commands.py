@@ -22,6 +22,13 @@ def shaped_commands(
     low, high : (n, A) limits of the commands.
     noise : (n, T, A) standard normal draws, times `control.noise` of each simulation; None for none.
     """
+    return noisy(limited(actions, start, low, high, ports), ports, noise)
+
+
+def limited(
+    actions: np.ndarray, start: np.ndarray, low: np.ndarray, high: np.ndarray, ports: Ports
+) -> np.ndarray:
+    """(n, T, A) commands within their limits and largest step; as in `shaped_commands`."""
     commands = np.clip(actions, low[:, None], high[:, None])
     largest = ports.control["max_step"][:, None]
     if np.isfinite(largest).any():
@@ -34,6 +41,9 @@ def shaped_commands(
                 np.abs(step) <= largest, commands[:, t], previous + np.clip(step, -largest, largest)
             )
             commands[:, t] = previous
-    if noise is not None:
-        commands = commands + ports.control["noise"][:, None, None] * noise
     return commands
+
+
+def noisy(commands: np.ndarray, ports: Ports, noise: np.ndarray | None) -> np.ndarray:
+    """(n, T, A) commands with the motor noise of their simulations, from standard normal draws; None for none."""
+    return commands if noise is None else commands + ports.control["noise"][:, None, None] * noise

@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Moment, Terms
 from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed
+from dynreg.sim.engines.alone import Alone
 from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, quiet, told
 from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
@@ -42,8 +43,9 @@ class Simulations:
     ):
         model, self.layout = compiled(robot)
         self.robot = robot
-        self._batch = batch = Batch(model, len(values), nthread=threads)
-        self._ports = ports = configure(robot, batch, model, values, run)
+        batch = Batch(model, len(values), nthread=threads)
+        self._batch: Batch | Alone = batch
+        self.ports = ports = configure(robot, batch, model, values, run)
         self._active = acting(robot, terms)
         configure_terms(robot, self._active, ports, batch.expand)
         if slope:
@@ -53,7 +55,7 @@ class Simulations:
             gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * ahead
         self._inputs = episode_inputs(robot, run)
         self._drives = Drives(batch, self.layout, ports)
-        self._drives.apply(servo_law(ports, self._inputs[:, 0]))
+        self.power(self._inputs[:, 0])
         batch.set_const()
         self._period, self._begin = clock_of(ports, run)
         self._h = self._period / robot.substeps(self._period)  # each divides its own period between commands
@@ -75,7 +77,7 @@ class Simulations:
         states = observe(
             self.layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(self.robot.channels)
         )
-        states = observed(self.robot, self._active, states, self._ports, steps.clock.period)
+        states = self.logged(states)
         states[_diverged(trace_v)] = np.nan
         down = np.zeros(trace_q.shape[:2], dtype=bool)
         if self.layout.base_qpos >= 0:
@@ -93,6 +95,23 @@ class Simulations:
         poses = np.swapaxes(trace_q, 0, 1)
         poses[_diverged(trace_v)] = np.nan
         return poses
+
+    def logged(self, states: np.ndarray) -> np.ndarray:
+        """(n, T+1, S) what the log holds of true states since the start, by its sensors; may change `states`."""
+        return observed(self.robot, self._active, states, self.ports, self._period)
+
+    def power(self, inputs: np.ndarray) -> None:
+        """Let the drives follow the law that inputs (n, I) make, from here on."""
+        self._drives.apply(servo_law(self.ports, inputs))
+
+    def alone(self, model: mujoco.MjModel | None = None, data: mujoco.MjData | None = None) -> Alone:
+        """Move the one simulation, as it is, into a model and data of its own; `steps` and `power` go on there.
+
+        model, data : to write it into, from an earlier `alone` of the same robot; new ones by default.
+        """
+        self._batch = Alone(self._batch.get_model(0, model), self._batch.get_data(0, data))
+        self._drives = self._drives.on(self._batch)
+        return self._batch
 
     def model(self, simulation: int) -> mujoco.MjModel:
         """A copy of the MuJoCo model of a simulation (its number), with its parameters and effects in the fields."""
@@ -127,10 +146,10 @@ class Simulations:
         trace_q = np.empty((count + 1, *qpos.shape))
         trace_v = np.empty((count + 1, *qvel.shape))
         trace_q[0], trace_v[0] = qpos, qvel
-        changed = law_changes(self._ports, self._inputs)
+        changed = law_changes(self.ports, self._inputs)
         for t in range(count):
             if t in changed:
-                self._drives.apply(servo_law(self._ports, self._inputs[:, t]))
+                self.power(self._inputs[:, t])
             steps.hold(t)
             trace_q[t + 1], trace_v[t + 1] = qpos, qvel
         return trace_q, trace_v
@@ -144,14 +163,18 @@ class Simulations:
             for a, memory in zip(self._active, self._memory, strict=True):
                 a.moment = Moment(memory=copy.deepcopy(memory))
             self._drives.rub(self._drives.plain)
-            self._drives.apply(servo_law(self._ports, self._inputs[:, 0]))
+            self.power(self._inputs[:, 0])
         self._used = True
         q = batch.bind("qpos")[:, self.layout.action_qpos]
-        commands = told(self.layout, self._ports, run, q)
-        clock = Clock(commands, self._period, self._h, self._begin, run.draws)
+        return self.steps(told(self.layout, self.ports, run, q), run.draws)
+
+    def steps(self, commands: np.ndarray, draws: np.ndarray | None = None) -> Steps:
+        """Every simulation as it is, with commands (n, T, A) before it, as the drives are told them."""
+        batch = self._batch
+        clock = Clock(commands, self._period, self._h, self._begin, draws)
         if not len(self._busy):
             return Steps(batch, self.layout, self._drives, clock, self._busy)
-        effects = (self._active, self._ports, self._inertia)
+        effects = (self._active, self.ports, self._inertia)
         return EffectSteps(batch, self.layout, self._drives, clock, self._busy, *effects)
 
 

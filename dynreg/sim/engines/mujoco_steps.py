@@ -1,9 +1,12 @@
 """How the mujoco engine holds a command: many time steps at once, one at a time where effects act in between."""
 
+import copy
+
 import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.sim.engines.acting import Acting, Clock, bound, commanded, driven, has_sensors, on, prepare
+from dynreg.sim.engines.alone import Alone
 from dynreg.sim.layout import Layout
 from dynreg.sim.ports import Ports, ServoLaw, slice_of
 
@@ -20,12 +23,21 @@ class Drives:
     def __init__(self, batch: Batch, layout: Layout, ports: Ports):
         self._at = layout.action_actuator
         self._dof = slice_of(layout.action_dof)
-        self._gain, self._bias = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
-        self._range = batch.expand("actuator_forcerange")
-        self._damping, self._friction = batch.expand("dof_damping"), batch.expand("dof_frictionloss")
+        self._write_to(batch)
         self._viscous = self._damping[:, self._dof] + ports.friction["viscous"]
         self.plain = self._friction[:, self._dof] + ports.friction["coulomb"]
         self.rub(self.plain)
+
+    def on(self, batch: Batch | Alone) -> "Drives":
+        """The same drives, written into another batch, whose model fields hold what these fields hold now."""
+        moved = copy.copy(self)
+        moved._write_to(batch)
+        return moved
+
+    def _write_to(self, batch: Batch | Alone) -> None:
+        self._gain, self._bias = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
+        self._range = batch.expand("actuator_forcerange")
+        self._damping, self._friction = batch.expand("dof_damping"), batch.expand("dof_frictionloss")
 
     def apply(self, law: ServoLaw) -> None:
         """Let every drive follow `law` from here on."""
@@ -56,7 +68,7 @@ class Steps:
     clock : the commands (n, T, A) and where the rollout is in them. busy : numbers of the other simulations.
     """
 
-    def __init__(self, batch: Batch, layout: Layout, drives: Drives, clock: Clock, busy: np.ndarray):
+    def __init__(self, batch: Batch | Alone, layout: Layout, drives: Drives, clock: Clock, busy: np.ndarray):
         self._batch, self._drives, self.clock = batch, drives, clock
         self._ctrl, self._actuators = batch.bind("ctrl"), layout.action_actuator
         self._idle = np.setdiff1d(np.arange(batch.nsim), busy)
@@ -91,7 +103,7 @@ class EffectSteps(Steps):
 
     def __init__(
         self,
-        batch: Batch,
+        batch: Batch | Alone,
         layout: Layout,
         drives: Drives,
         clock: Clock,
