@@ -63,7 +63,6 @@ class DynamicsModel:
             raise UsageError(f"{steps} steps", expected="at least 1", do="ask for one step or more")
         now = self._rows("states", states, 1, len(self.states))
         told = self._rows("actions", actions, steps, len(self.actions))
-        about = np.broadcast_to(self._context(context, steps), (*told.shape[:3], len(self.context)))
         now, out = now[:, :, 0], []
         if now.shape[1] != told.shape[1]:
             raise UsageError(
@@ -71,6 +70,7 @@ class DynamicsModel:
                 expected="as many of each",
                 do="give each state its actions",
             )
+        about = self._context(context, told.shape[:3])
         for step in range(steps):
             rows = max(len(now), len(told))
             inputs = self.normaliser.inputs(
@@ -78,7 +78,8 @@ class DynamicsModel:
                 np.broadcast_to(told[:, :, step], (rows, *told[:, :, step].shape[1:])),
                 np.broadcast_to(about[:, :, step], (rows, *about[:, :, step].shape[1:])),
             )
-            now = self.normaliser.next_states(now, predict(self.stack, inputs, threads=threads))
+            delta = predict(self.stack, inputs, threads=threads)
+            now = self.normaliser.next_states(np.broadcast_to(now, delta.shape), delta)
             out.append(now)
         found = out[0] if steps == 1 else np.stack(out, axis=2)
         return found[0] if self.alone else found
@@ -103,13 +104,15 @@ class DynamicsModel:
             )
         return rows
 
-    def _context(self, values: ndarray | None, steps: int) -> ndarray:
-        """Context that broadcasts to (M, N, steps, K): of all rows, of each, or of each step of each."""
+    def _context(self, values: ndarray | None, shape: tuple[int, ...]) -> ndarray:
+        """(1 or M, N, steps, K) context: the same for all rows, for each, or for each step of each."""
         rows = np.asarray(self.usual if values is None else values, dtype=np.float64)
-        if not 1 <= rows.ndim <= 3 or rows.shape[-1] != len(self.context):
+        rows = rows[:, None] if rows.ndim == 2 else rows
+        try:
+            return np.broadcast_to(rows, (*shape, len(self.context)))
+        except ValueError:
             raise UsageError(
-                f"context of shape {rows.shape}",
-                expected=f"(..., {len(self.context)})",
+                f"context of shape {np.shape(values)}",
+                expected=f"(K,), (N, K) or (N, steps, K) with K = {len(self.context)} and N = {shape[1]}",
                 do=f"give the columns {', '.join(self.context) or '(none)'}",
-            )
-        return rows[:, None] if rows.ndim == 2 else rows
+            ) from None

@@ -23,6 +23,9 @@ def put_measured(directory: Directory, entry: MeasuredEntry) -> str:
     Raises NoMatchError where the population or the recording is unknown.
     """
     get_population(directory, entry.population_id)
+    held = measured_in(directory, entry.population_id).get(entry.recording_id)
+    if held is not None:
+        return held
     told = (entry.population_id, entry.recording_id, entry.own_loss, entry.train_loss)
     data = encode_arrays(dict(entry.weights), dict(zip(_HEADER, told, strict=True)))
     stem = f"{entry.population_id[:16]}-{entry.recording_id[:16]}"

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from registry_contents import ROBOT, fill, make_recording, make_robot
+from registry_contents import ROBOT, fill, make_measured, make_recording, make_robot
 
 from dynreg.registry import Registry
 
@@ -26,6 +26,7 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with Registry.open(folder / "registry", create=True) as registry:
         fill(registry, make_robot(folder / "robot"))
         recording = registry.put_recording(make_recording(1), ROBOT, "first run")
+        registry.put_measured(make_measured(recording))
         registry.put_result("neighbours", recording, {"k": 5})
         registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
         registry.put_index("bench", "landmarks", {"losses": registry.load("bench").values})

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from registry_contents import ROBOT, fill, make_recording, make_robot
+from registry_contents import ROBOT, fill, make_measured, make_recording, make_robot
 
 from dynreg.errors import DynregError
 from dynreg.registry import Registry, verify
@@ -37,6 +37,7 @@ def make(folder: Path) -> Path:
         registry.put_recording(make_recording(2), OTHER, "second run")
         registry.put_recording(make_recording(2), ROBOT)  # the name keeps the other robot
         registry.put_recording(make_recording(1), ROBOT, "again")
+        registry.put_measured(make_measured(recording))
         registry.put_result("neighbours", recording, {"k": 5})
         registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
         registry.put_index("bench", "landmarks", {"losses": registry.load("bench").values})
@@ -93,6 +94,10 @@ def answers(path: Path) -> dict[str, Any]:
             "recordings": [
                 (i.id, i.robot_hash, i.names, i.robots, registry.recording(i.id).id)
                 for i in registry.recordings()
+            ],
+            "measured": [
+                (_digest(registry.measured(e).weights), registry.measured(e).own_loss, r)
+                for r, e in registry.measured_in("bench").items()
             ],
             "last": (registry.resolve("@last"), registry.latest().document),
             "results": [str(registry.result(one)) for one in registry.ids("result")],

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.registry import PopulationRecord, Registry, ShardData
+from dynreg.registry import MeasuredEntry, PopulationRecord, Registry, ShardData
 from dynreg.rng import stream
 
 ROBOT = "ab" * 32
@@ -61,6 +61,12 @@ def make_recording(seed: int) -> Recording:
         Episode(f"run{i}", np.arange(20) * 0.01, rng.normal(size=(20, 3)), {"kp": 32.0 + i}) for i in range(2)
     ]
     return Recording(CHANNELS, tuple(episodes), provenance={"source": f"log{seed}.csv"})
+
+
+def make_measured(recording: str) -> MeasuredEntry:
+    shard = make_shard(0, 1, seed=1)
+    weights = {name: array[0] for name, array in shard.weights.items()}
+    return MeasuredEntry(POPULATION, recording, weights, own_loss=0.5, train_loss=0.25)
 
 
 def fill(registry: Registry, robot: Path, size: int = 10) -> None:

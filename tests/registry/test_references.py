@@ -62,7 +62,8 @@ def test_only_the_kinds_asked_for_are_found(registry):
     )
     with pytest.raises(RegistryError, match="recording"):
         registry.resolve("bench", ("log",))
-    assert set(references.KINDS) == {"robot", "population", "entry", "recording", "simulator", "result"}
+    kinds = {"robot", "population", "entry", "recording", "measured", "simulator", "result"}
+    assert set(references.KINDS) == kinds
 
 
 def test_there_is_no_last_recording_in_an_empty_registry(tmp_path):

@@ -34,14 +34,14 @@ def newer(registry: Registry, tmp_path: Path) -> None:
 def test_a_dry_run_lists_and_changes_nothing(registry, registry_snapshot):
     before = registry_snapshot(registry.path)
     plan = removal(registry, ["first run"])
-    assert kinds(plan) == ["recording", "result"] and plan.size > 0
+    assert kinds(plan) == ["measured", "recording", "result"] and plan.size > 0
     assert registry_snapshot(registry.path) == before
 
 
 def test_a_recording_goes_with_its_results_and_names(registry):
     before = files(registry.path)
     plan = remove(registry, ["first run"])
-    assert before - files(registry.path) == set(plan.files) and len(plan.files) == 2
+    assert before - files(registry.path) == set(plan.files) and len(plan.files) == 3
     assert registry.recordings() == () and registry.ids("result") == () and len(registry.load("bench")) == 10
     with pytest.raises(NoMatchError):
         registry.resolve("first run")
@@ -52,7 +52,7 @@ def test_a_recording_goes_with_its_results_and_names(registry):
 def test_a_population_goes_with_entries_index_and_what_names_it(registry):
     registry.put_result("neighbours", "first run", {"population": POPULATION})
     plan = remove(registry, ["bench"])
-    assert kinds(plan) == ["population", "result"]
+    assert kinds(plan) == ["measured", "population", "result"]
     assert not any(name.startswith(("shards", "populations", "index")) for name in files(registry.path))
     assert len(registry.ids("result")) == 1 and not verify(registry.path).faults
 
@@ -68,7 +68,7 @@ def test_a_simulator_goes_with_the_results_that_name_it(registry):
 def test_a_recording_outlives_a_version_of_its_robot(registry, tmp_path):
     newer(registry, tmp_path)
     plan = remove(registry, [ROBOT])
-    assert kinds(plan) == ["population", "robot", "simulator"]
+    assert kinds(plan) == ["measured", "population", "robot", "simulator"]
     (info,) = registry.recordings()
     assert info.robot_hash == OTHER and plan.moved[info.id].version == 2
     assert not (registry.path / "robots" / ROBOT).exists() and not verify(registry.path).faults
@@ -120,7 +120,7 @@ def cut_short(registry) -> set[str]:
 def test_a_removal_that_was_cut_short_is_finished_by_gc(registry, cut_short):
     there = collect(registry, dry_run=True)
     assert {one.path for one in there} == {
-        n for n in cut_short if n.startswith(("sh", "pop", "rec", "res", "index"))
+        n for n in cut_short if n.startswith(("sh", "pop", "rec", "mea", "res", "index"))
     }
     assert files(registry.path) == cut_short
     assert collect(registry) == there and collect(registry) == ()

@@ -1,0 +1,178 @@
+"""Datasets of stored things: the same rows through every door, part by part."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+import tiny_registry
+
+import dynreg
+from dynreg.data.transitions import Transitions
+from dynreg.errors import NoMatchError, UsageError
+
+torch = pytest.importorskip("torch")
+
+
+@pytest.fixture(scope="module")
+def reg(registry_folder: Path, tmp_path_factory: pytest.TempPathFactory):
+    """The tiny registry, in shards of three."""
+    folder = tmp_path_factory.mktemp("datasets") / "registry"
+    shutil.copytree(registry_folder, folder)
+    with dynreg.open(folder) as reg:
+        reg.populate("servo_pendulum", 8, seed=3, training=tiny_registry.QUICK, shard_size=3, link=False)
+        reg.three = next(p.id for p in reg.populations().items if p.detail["seed"] == 3)
+        reg.linked = next(p.id for p in reg.populations().items if p.detail["seed"] == 0)
+        yield reg
+
+
+def stacked(reg, population: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States, actions and context as the store holds them: what every door must give."""
+    held, record = reg.registry.load(population), reg.registry.population(population)
+    shape = held.states.shape[:2] + (held.states.shape[2] - 1,)
+    actions = np.broadcast_to(record.arrays["bank.actions"], (*shape, 1))
+    settings = np.repeat(record.arrays["bank.settings"][:, None], shape[2], axis=1)
+    context = np.concatenate([record.arrays["bank.inputs"], settings], axis=-1)
+    return held.states, actions.astype(np.float32), np.broadcast_to(context, (*shape, 4)).astype(np.float32)
+
+
+def flat(values: np.ndarray) -> np.ndarray:
+    return values.reshape(-1, values.shape[-1])
+
+
+def test_the_same_numbers_through_every_door(reg):
+    states, actions, context = stacked(reg, reg.three)
+    data = reg.dataset(reg.three)
+    assert len(data) == 8 * 40 * 50 and [len(part.entries) for part in data.parts] == [3, 3, 2]
+
+    whole = data.to_numpy()
+    np.testing.assert_array_equal(whole.states, flat(states[:, :, :-1]))
+    np.testing.assert_array_equal(whole.next_states, flat(states[:, :, 1:]))
+    np.testing.assert_array_equal(whole.actions, flat(actions))
+    np.testing.assert_array_equal(whole.context, flat(context))
+    assert (whole.episode.reshape(8, 40, 50) == np.arange(40)[:, None]).all()
+
+    batches = list(data.to_torch(rows=1000))
+    assert max(len(b.state) for b in batches) <= 1000 and batches[0].state.dtype == torch.float32
+    for name, right in (("state", whole.states), ("action", whole.actions), ("context", whole.context)):
+        np.testing.assert_array_equal(torch.cat([getattr(b, name) for b in batches]).numpy(), right)
+
+    frame = data.to_frame()
+    names = [c.name for c in data.columns.all]
+    assert list(frame.columns) == ["entry", "number", "episode", "step", "time", *names]
+    np.testing.assert_array_equal(frame[["arm/position", "arm/velocity"]].to_numpy(), flat(states))
+    told = frame[frame.step < 50]
+    np.testing.assert_array_equal(told[["arm/target"]].to_numpy(), flat(actions))
+    np.testing.assert_array_equal(told[names[3:]].to_numpy(), flat(context))
+    assert frame[frame.step == 50]["arm/target"].isna().all() and frame["kp"].notna().all()
+    np.testing.assert_allclose(frame["time"], frame["step"] / 100.0)
+    ids = reg.population(reg.three).id
+    assert (frame["entry"].astype(str).to_numpy().reshape(8, -1)[:, 0] == ids.to_numpy()).all()
+
+    on_disk = sorted((reg.path / "shards").glob(f"{reg.three[:16]}*.parquet"))
+    pd.testing.assert_frame_equal(
+        pd.concat([pq.read_table(path).to_pandas() for path in on_disk], ignore_index=True)[names],
+        frame[names],
+    )
+    schema = data.to_arrow().schema
+    assert schema.field("arm/velocity").metadata == {b"role": b"state", b"unit": b"rad/s"}
+
+
+def test_entries_of_a_shard_are_their_rows_of_the_whole(reg):
+    frame = reg.population(reg.three)
+    some = reg.dataset([frame.id[6], frame.id[1], frame.id[2][:20]])
+    assert some.entries == (frame.id[1], frame.id[2], frame.id[6])
+    states = stacked(reg, reg.three)[0][[1, 2, 6]]
+    np.testing.assert_array_equal(some.to_numpy().states, flat(states[:, :, :-1]))
+    assert set(some.to_frame()["number"]) == {1, 2, 6}
+
+
+def test_an_order_is_drawn_from_a_seed_and_loses_no_row(reg):
+    data = reg.dataset(reg.three)
+
+    def rows(seed):
+        return np.concatenate([b.states for b in data.batches(777, seed=seed)])
+
+    whole = data.to_numpy().states
+    np.testing.assert_array_equal(rows(1), rows(1))
+    assert (rows(1) != rows(2)).any() and (rows(1) != whole).any()
+    for drawn in (rows(1), rows(2)):
+        np.testing.assert_array_equal(np.sort(drawn[:, 0]), np.sort(whole[:, 0]))
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_workers_of_a_loader_share_the_parts(reg, workers):
+    from torch.utils.data import DataLoader
+
+    loader = DataLoader(reg.dataset(reg.three).to_torch(rows=500), batch_size=None, num_workers=workers)
+    found = torch.cat([batch.state for batch in loader]).numpy()
+    whole = reg.dataset(reg.three).to_numpy().states
+    np.testing.assert_array_equal(np.sort(found[:, 0]), np.sort(whole[:, 0]))
+
+
+def test_a_recording_comes_in_its_robots_columns_beside_simulators(reg):
+    frame = reg.population(reg.three)
+    both = reg.dataset(["bench", frame.id[0]])
+    measured = reg.recording("bench")
+    assert both.entries == (frame.id[0], measured.id)
+    rows = both.to_frame()
+    own = rows[rows.entry == measured.id]
+    assert own["number"].isna().all() and list(own.episode.astype(str).unique()) == [
+        "e0",
+        "e1",
+        "e2",
+        "e3",
+        "e4",
+    ]
+    expected = measured.to_frame()
+    np.testing.assert_array_equal(own["arm/position"], expected["arm/position"].astype(np.float32))
+    np.testing.assert_array_equal(own["time"], expected["time"])
+    assert (own["arm/enabled"] == 1.0).all(), "what the log does not hold is the robot's default"
+    assert len(both) == 40 * 50 + 5 * 199 == len(both.to_numpy())
+
+
+def test_rows_in_which_something_was_not_measured_are_no_transitions(reg, tmp_path):
+    def edit(i, row):
+        return [*row[:1], "", *row[2:]] if i == 50 else row
+
+    (tmp_path / "gap.csv").write_text(tiny_registry.bench_csv(edit))
+    reg.ingest(tmp_path / "gap.csv", "servo_pendulum", name="gap")
+    data = reg.dataset("gap").to_numpy()
+    assert isinstance(data, Transitions) and len(data) == len(reg.dataset("gap")) <= 5 * 199
+    assert np.isfinite(data.states).all() and np.isfinite(data.next_states).all()
+
+
+def test_the_frame_of_a_population_tells_its_entries(reg):
+    frame = reg.population(reg.three)
+    held = reg.registry.load(reg.three, ())
+    assert list(frame.index) == list(range(8)) and tuple(frame.id) == held.ids
+    np.testing.assert_array_equal(frame[list(held.parameters)].to_numpy(), held.values)
+    np.testing.assert_array_equal(frame.own_loss, held.own_loss)
+    assert frame.attrs["robot"] == "servo_pendulum" and frame.attrs["units"]["tip_mass"] == "kg"
+    assert "links" not in frame
+    assert all(
+        set(links) <= set(range(8)) and i not in links
+        for i, links in reg.population(reg.linked).links.items()
+    )
+
+
+def test_what_cannot_be_one_dataset_is_refused(reg, tmp_path):
+    with pytest.raises(UsageError, match="nothing"):
+        reg.dataset([])
+    with pytest.raises(NoMatchError):
+        reg.dataset("no such thing")
+    with pytest.raises(UsageError, match="at least 1"):
+        next(reg.dataset(reg.three).batches(0))
+    reg.populate("leg", 2, training=tiny_registry.QUICK, link=False)
+    with pytest.raises(UsageError, match="leg and servo_pendulum"):
+        reg.dataset(["leg", reg.three])
+
+
+def test_one_population_gives_its_normaliser_and_several_none(reg):
+    data = reg.dataset(reg.three)
+    inputs = data.normaliser.inputs(*(getattr(data.to_numpy(), n) for n in ("states", "actions", "context")))
+    assert abs(float(inputs[:, 0].mean())) < 1.0 and data.to_torch().normaliser is data.normaliser
+    assert reg.dataset([reg.three, reg.linked]).normaliser is None
+    assert len(reg.dataset([reg.three, reg.linked])) == 2 * len(data)

@@ -1,0 +1,103 @@
+"""What another registry holds comes in by content; what is here stays."""
+
+import numpy as np
+import pytest
+from registry_contents import (
+    POPULATION,
+    ROBOT,
+    make_measured,
+    make_population,
+    make_recording,
+    make_robot,
+    make_shard,
+)
+
+from dynreg.errors import RegistryError
+from dynreg.registry import Registry, export, remove, take_in, verify
+
+
+@pytest.fixture
+def here(tmp_path):
+    with Registry.open(tmp_path / "here", create=True) as registry:
+        yield registry
+
+
+def everything(registry):
+    return registry.content_hash(), registry.recordings(), registry.ids("result"), registry.ids("simulator")
+
+
+def test_an_empty_registry_becomes_the_same(registry, here):
+    brought = take_in(here, registry)
+    assert everything(here) == everything(registry) and verify(here.path).faults == ()
+    assert here.latest() == registry.latest() and here.measured_in("bench") == registry.measured_in("bench")
+    assert brought.left_out == () and not any(brought.known.values())
+    assert brought.added["entry"] == 10 and brought.added["measured"] == brought.added["result"] == 1
+    np.testing.assert_array_equal(here.load("bench").states, registry.load("bench").states)
+
+
+def test_a_second_import_changes_no_file(registry, here, registry_snapshot):
+    take_in(here, registry)
+    before = {k: v for k, v in registry_snapshot(here.path).items() if "catalog" not in k}
+    brought = take_in(here, registry)
+    after = {k: v for k, v in registry_snapshot(here.path).items() if "catalog" not in k}
+    contents = ("shards/", "populations/", "recordings/", "results/", "simulators/", "measured/", "robots/")
+    assert {k for k in after if k.startswith(contents)} == {k for k in before if k.startswith(contents)}
+    assert not any(brought.added.values()) and brought.known["entry"] == 10
+
+
+def test_missing_entries_are_added_to_those_that_are_here(registry, here, tmp_path):
+    export(registry, [registry.load("bench").ids[i] for i in (1, 6)], tmp_path / "some")
+    with Registry.open(tmp_path / "some") as some:
+        take_in(here, some)
+    assert here.count("bench") == 2
+    assert take_in(here, registry).added["entry"] == 8
+    assert here.load("bench").ids == registry.load("bench").ids
+
+
+def test_what_differs_or_is_damaged_is_left_out_and_all_else_is_taken(registry, here, tmp_path):
+    here.put_robot(make_robot(tmp_path / "other"), ROBOT, "arm")
+    here.put_population(make_population(seed=8))
+    here.put_recording(make_recording(2), ROBOT, "first run")
+    next((registry.path / "simulators").glob("*.json")).write_text("{}")
+    brought = take_in(here, registry)
+    told = "; ".join(brought.left_out)
+    assert f"population {POPULATION[:12]}" in told and "other settings" in told
+    assert "the name 'first run'" in told and "simulator" in told
+    assert here.count("bench") == 0 and len(here.recordings()) == 2 and len(here.ids("result")) == 1
+    assert here.recording("first run").id == make_recording(2).id and verify(here.path).faults == ()
+
+
+def test_entries_that_others_computed_otherwise_are_left_out(registry, here, tmp_path):
+    here.put_robot(make_robot(tmp_path / "other"), ROBOT, "arm")
+    here.put_population(make_population())
+    here.put_shard("bench", 0, make_shard(0, 4, seed=5))
+    own = here.load("bench").ids
+    assert "another one than is stored" in take_in(here, registry).left_out[0]
+    assert here.load("bench").ids == own
+
+
+def test_itself_and_what_is_no_registry_are_refused(registry, tmp_path):
+    with pytest.raises(RegistryError, match="is the registry itself"):
+        take_in(registry, registry)
+    with pytest.raises(RegistryError, match="there is no registry"):
+        Registry.open(tmp_path / "nothing")
+
+
+def test_a_measured_entry_is_one_for_a_recording_and_goes_with_it(registry):
+    (recording,), entry = [r.id for r in registry.recordings()], make_measured("0" * 64)
+    assert registry.put_measured(make_measured(recording)) == registry.measured_in("bench")[recording]
+    other = make_measured(recording)
+    object.__setattr__(other, "own_loss", 7.0)
+    held = registry.measured(registry.put_measured(other))
+    assert held.own_loss == 0.5 and entry.id != held.id
+    gone = remove(registry, [recording])
+    assert {kind for kind, _ in gone.things} == {"recording", "measured", "result"}
+    assert registry.measured_in("bench") == {} and not list((registry.path / "measured").iterdir())
+
+
+def test_a_measured_entry_is_exported_with_what_it_needs(registry, tmp_path):
+    ((recording, entry),) = registry.measured_in("bench").items()
+    export(registry, [entry], tmp_path / "out")
+    with Registry.open(tmp_path / "out") as copy:
+        assert copy.measured(entry).id == registry.measured(entry).id
+        assert [i.id for i in copy.recordings()] == [recording] and copy.count("bench") == 0
