@@ -19,6 +19,6 @@ def import_(
 
     Example: dynreg import monday-registry
     """
-    with call.open() as session, call.progress() as progress:
+    with call.open(create=True) as session, call.progress() as progress:
         result = session.import_registry(source, progress=progress)
     call.emit(result, hint="dynreg list")

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -57,7 +58,7 @@ class Trajectories:
     inputs: np.ndarray
     settings: np.ndarray
 
-    @property
+    @cached_property
     def context(self) -> np.ndarray:
         """(E, T+1, I+K) inputs and settings of each row."""
         steps = self.inputs.shape[1]
@@ -81,8 +82,8 @@ class Trajectories:
             flat(states[:, :, 1:]),
             number,
         )
-        # one sum finds a NaN without an array of flags; infinities do not get here
-        if np.isfinite(sum(float(column.sum(dtype=np.float64)) for column in columns)):
+        # a sum that is finite has no NaN in it, and costs no array of flags
+        if all(np.isfinite(a.sum()) for a in (states, self.actions[:, :-1], self.context[:, :-1])):
             return Transitions(*columns)
         good = np.logical_and.reduce([np.isfinite(column).all(axis=-1) for column in columns[:4]])
         return Transitions(*(column[good] for column in columns))
