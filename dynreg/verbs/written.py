@@ -59,6 +59,33 @@ def new_folder(path: Path) -> Iterator[Path]:
         raise _unwritten(path, error.strerror or str(error), new=True) from error
 
 
+@contextmanager
+def new_file_of(path: Path) -> Iterator[Path]:
+    """A folder to fill in the block: its file `path.name` becomes `path`, others whose names begin so stand beside it.
+
+    Those go first, so that what is at `path` is whole. Raises UsageError where a name is taken (but by the same bytes,
+    which a killed run may have left beside it) or cannot be written.
+    """
+    require_new(path)
+    moved: list[Path] = []
+    try:
+        sweep_beside(path.absolute())
+        with temporary_folder(path.absolute()) as hidden:
+            yield hidden
+            for file in sorted(hidden.iterdir(), key=lambda file: file.name == path.name):
+                target = path.with_name(file.name)
+                if not (target != path and target.is_file() and target.read_bytes() == file.read_bytes()):
+                    require_new(target)
+                    os.rename(file, target)
+                    moved.append(target)
+    except BaseException as error:
+        for target in moved:
+            target.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _unwritten(path, error.strerror or str(error), new=True) from error
+        raise
+
+
 def _unwritten(path: Path, why: str, new: bool = False) -> UsageError:
     name = "a name that is not taken," if new else "a name"
     return UsageError(
