@@ -95,7 +95,7 @@ def export(
 
     --as registry: a new registry with the things and all that they need.
 
-    Entries, populations and recordings of one robot as a dataset for other programs, with a card that tells what is in it:
+    Entries, populations and recordings of one robot as a dataset for other programs, with a card:
 
     DATASETS
 
@@ -106,7 +106,7 @@ def export(
     and its residual. Foxglove gets an MCAP log, Rerun an .rrd file. A result means its recording and the simulator
     that it recommends.
 
-    --as csv, mcap, python: the joint commands of a gait. ID is the gait's id, its JSON file or @last, the last gait.
+    --as csv, mcap, python of a gait: its joint commands. ID is the gait's id, its JSON file or @last, the last gait.
 
     --as gif, png: a picture of a gait in the simulator in which it walks least. A gait as foxglove is its run there.
 

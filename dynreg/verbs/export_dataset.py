@@ -16,7 +16,7 @@ from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.results.stored import DatasetExport
 from dynreg.verbs.datasets import dataset
-from dynreg.verbs.written import new_file_of, new_folder, require_new
+from dynreg.verbs.written import new_file_of, new_folder, require_new, write_out
 
 VERSIONS = ("dynreg", "mujoco", "torch")
 
@@ -56,7 +56,7 @@ def _write(told: Export, form: Format, folder: Path, name: str) -> int:
     form.write(told, folder, name)
     size = _size(folder)
     text = card(told, form, name, size).encode()
-    (folder / (f"{name}.md" if form.is_file(told) else "README.md")).write_bytes(text)
+    write_out(folder / (f"{name}.md" if form.is_file(told) else "README.md"), text)
     return size + len(text)
 
 

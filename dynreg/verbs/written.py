@@ -25,7 +25,7 @@ def write_out(path: Path, data: bytes) -> None:
             sweep_beside(target)
             write_file(target, data)
     except OSError as error:
-        raise _unwritten(path, error.strerror or str(error)) from error
+        raise _unwritten(path, _why(error)) from error
     except RegistryError as error:
         raise _unwritten(path, error.problem.rpartition(": ")[2]) from error
 
@@ -56,7 +56,7 @@ def new_folder(path: Path) -> Iterator[Path]:
             yield hidden / "made"
             os.rename(hidden / "made", path)
     except OSError as error:
-        raise _unwritten(path, error.strerror or str(error), new=True) from error
+        raise _unwritten(path, _why(error), new=True) from error
 
 
 @contextmanager
@@ -82,8 +82,13 @@ def new_file_of(path: Path) -> Iterator[Path]:
         for target in moved:
             target.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise _unwritten(path, error.strerror or str(error), new=True) from error
+            raise _unwritten(path, _why(error), new=True) from error
         raise
+
+
+def _why(error: OSError) -> str:
+    """What the system says; Arrow tells its own words around that."""
+    return str(error) if error.errno is None else os.strerror(error.errno)
 
 
 def _unwritten(path: Path, why: str, new: bool = False) -> UsageError:

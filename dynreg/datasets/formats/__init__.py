@@ -137,7 +137,7 @@ print(dataset[0]["observation.state"], dataset[0]["action"])
                 "An episode here is one episode of one entry; entry_index is its row in meta/entries.parquet.",
                 "timestamp is frame_index / fps, as LeRobot asks for; time has the times as they were.",
                 "observation.environment_state holds inputs and settings.",
-                "An episode has one state more than commands: the last frame repeats the command and the inputs before it.",
+                "An episode has one state more than commands: the last frame repeats what was told before it.",
             ),
         ),
         Format(
