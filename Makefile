@@ -23,7 +23,7 @@ SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo docs reference pages notebooks test test-wheel slow fuzz golden bench $(BENCHES) lint clean
+.PHONY: help env demo docs reference pages notebooks test test-wheel test-loaders slow fuzz golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        from an empty registry to the cause that a real (or simulated) servo hides, and its page'
@@ -33,6 +33,7 @@ help:
 	@echo 'make notebooks   runs the notebooks and writes their outputs (minutes)'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
 	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
+	@echo 'make test-loaders  exported datasets, read by other projects in an environment of their own (1.6 GB)'
 	@echo 'make slow        the longer runs, that one included'
 	@echo 'make fuzz        odd inputs for every reader; SECONDS=3600 TARGETS=mcap,csv JOBS=2, findings under .fuzz/'
 	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
@@ -81,6 +82,18 @@ test: $(STAMP)
 test-wheel: $(STAMP)
 	@$(BIN)/python -m pytest -m 'slow or not slow' tests/test_wheel.py $(ARGS)
 
+# Hugging Face, DuckDB, Minari and LeRobot read what dynreg exports; they share no environment with it.
+LOADERS := .venv-loaders
+$(LOADERS)/ready: tests/loaders/requirements.txt tests/loaders/lerobot.txt constraints.txt
+	@echo "installing into $(LOADERS) (minutes)"
+	@$(PYTHON) -m venv --clear $(LOADERS)
+	@$(subst $(BIN),$(LOADERS)/bin,$(PIP)) -r tests/loaders/requirements.txt
+	@$(subst $(BIN),$(LOADERS)/bin,$(PIP)) --no-deps -r tests/loaders/lerobot.txt
+	@touch $@
+
+test-loaders: $(STAMP) $(LOADERS)/ready
+	@$(BIN)/python -m pytest -m slow -s tests/loaders $(ARGS)
+
 slow: $(STAMP)
 	@$(BIN)/python -m pytest -m slow $(ARGS)
 
@@ -107,5 +120,5 @@ lint: $(STAMP)
 	@$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) build dist demo site *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) $(LOADERS) build dist demo site *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

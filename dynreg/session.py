@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from dynreg.results.robots import RobotFolder
     from dynreg.results.stored import (
         Collection,
+        DatasetExport,
         EntrySummary,
         Import,
         Info,
@@ -304,6 +305,21 @@ class Session:
         from dynreg.verbs.import_registry import import_registry
 
         return import_registry(self.registry, Path(source), progress)
+
+    def export_dataset(
+        self, refs: "str | Sequence[str]", destination: str | Path, form: str, licence: str | None = None
+    ) -> "DatasetExport":
+        """Write entries, populations and recordings of one robot in another project's format, with a dataset card.
+
+        form : parquet, csv, mcap, lerobot, minari or safetensors (the trained models); see `datasets.formats`.
+        licence : what the card states, such as "apache-2.0".
+        Raises UsageError for things that the form cannot hold or a name that is taken, NoMatchError for a ref that fits
+        nothing; nothing is left behind then.
+        """
+        from dynreg.verbs.export_dataset import export_dataset
+
+        named = [refs] if isinstance(refs, str) else [str(ref) for ref in refs]
+        return export_dataset(self.registry, named, Path(destination), form, licence)
 
     def export_robot(self, ref: str, destination: str | Path) -> "RobotFolder":
         """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `extend`.

@@ -16,6 +16,7 @@ from dynreg.results import (
     CollectedFile,
     Collection,
     Cost,
+    DatasetExport,
     DraftedMap,
     EntrySummary,
     Estimate,
@@ -242,6 +243,20 @@ def removal() -> Removal:
     )
 
 
+def dataset_export() -> DatasetExport:
+    """A population as a folder of Parquet files."""
+    return DatasetExport(
+        place="bench_monday",
+        form="parquet",
+        robot="servo_pendulum",
+        entries=1000,
+        recordings=1,
+        episodes=40_005,
+        transitions=2_000_995,
+        bytes=24_000_000,
+    )
+
+
 def collection() -> Collection:
     """A file that nothing names."""
     file = CollectedFile(path="results/neighbours-b7-c1.json", why="nothing names it", bytes=2048)
@@ -390,5 +405,6 @@ def every_kind() -> tuple[Result, ...]:
             ),
         ),
         ReportFile(result="@last", path="report.html", bytes=81234),
+        dataset_export(),
         information(),
     )

@@ -1,4 +1,4 @@
-"""`dynreg export`: a part of the registry as a new one, a simulator as a robot folder, a gait as commands."""
+"""`dynreg export`: stored things as a new registry, a dataset, a robot folder, a log, a picture or commands."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -8,26 +8,16 @@ import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import stored_names
+from dynreg.datasets.formats import FORMATS
 from dynreg.errors import UsageError, command
 from dynreg.verbs.simulators import NAMES
 
 if TYPE_CHECKING:
     from dynreg.session import Session
 
-
-class Form(StrEnum):
-    """What an export is."""
-
-    registry = "registry"
-    robot = "robot"
-    csv = "csv"
-    mcap = "mcap"
-    python = "python"
-    foxglove = "foxglove"
-    rerun = "rerun"
-    gif = "gif"
-    png = "png"
-
+# csv and mcap are forms of a gait and of a dataset: what is named decides
+_GAITS = ("csv", "mcap", "python", "foxglove", "gif", "png")
+Form = StrEnum("Form", list(dict.fromkeys(("registry", "robot", *FORMATS, *_GAITS, "rerun"))))
 
 _PLAYED = "play it, then `dynreg ingest LOG --robot ROBOT --gait @last`"
 _OPENED = {Form.rerun: "rerun FILE", Form.foxglove: "open it in Foxglove; plot /channels/NAME.residual"}
@@ -40,6 +30,30 @@ def _is_run(session: "Session", ref: str, simulator: str | None) -> bool:
     return simulator is not None or (ref != "@last" and is_run(session.registry, ref))
 
 
+def _is_dataset(session: "Session", refs: list[str], form: Form) -> bool:
+    """Whether a dataset is meant, and not a gait."""
+    from dynreg.verbs.gaits import is_gait
+
+    if form not in FORMATS:
+        return False
+    return form not in _GAITS or len(refs) > 1 or not is_gait(session.registry, refs[0])
+
+
+def _check(refs: list[str], form: Form, simulator: str | None, licence: str | None) -> None:
+    """UsageError for options that do not go together."""
+    if form not in (Form.registry, *FORMATS) and len(refs) != 1:
+        what = "simulator" if form is Form.robot else "thing"
+        raise UsageError(
+            f"--as {form} with {len(refs)} things", expected=f"one {what}", do="export them one by one"
+        )
+    if simulator is not None and form not in (Form.foxglove, Form.rerun):
+        raise UsageError(f"--with and --as {form}", expected="--as foxglove or rerun", do="leave --with out")
+    if licence is not None and form not in FORMATS:
+        raise UsageError(
+            f"--licence and --as {form}", expected=f"--as {', '.join(FORMATS)}", do="leave --licence out"
+        )
+
+
 def export(
     call: Call,
     refs: Annotated[
@@ -50,7 +64,12 @@ def export(
             autocompletion=stored_names,
         ),
     ],
-    to: Annotated[Path, typer.Option(help="New folder of a registry or a robot; new file of anything else.")],
+    to: Annotated[
+        Path,
+        typer.Option(
+            help="New folder of a registry, a robot or a dataset; new file of csv, mcap and anything else."
+        ),
+    ],
     form: Annotated[
         Form,
         typer.Option("--as", help="What is written; see above."),
@@ -64,10 +83,21 @@ def export(
             "  [default: what the result recommends, else nominal]",
         ),
     ] = None,
+    licence: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TEXT",
+            help="Of a dataset: what its card states, such as apache-2.0.  [default: that none is stated]",
+        ),
+    ] = None,
 ) -> None:
-    """Write stored things to a new registry, robot folder or file.
+    """Write stored things to a new registry, dataset, robot folder or file.
 
     --as registry: a new registry with the things and all that they need.
+
+    Entries, populations and recordings of one robot as a dataset for other programs, with a card:
+
+    DATASETS
 
     --as robot: a simulator as a robot folder: robot.toml with its parameters and effects, and one MJCF file. A result
     means the simulator that it recommends. A warning lists what robot.toml cannot express.
@@ -76,7 +106,7 @@ def export(
     and its residual. Foxglove gets an MCAP log, Rerun an .rrd file. A result means its recording and the simulator
     that it recommends.
 
-    --as csv, mcap, python: the joint commands of a gait. ID is the gait's id, its JSON file or @last, the last gait.
+    --as csv, mcap, python of a gait: its joint commands. ID is the gait's id, its JSON file or @last, the last gait.
 
     --as gif, png: a picture of a gait in the simulator in which it walks least. A gait as foxglove is its run there.
 
@@ -84,17 +114,14 @@ def export(
 
     Example: dynreg export monday --to monday-registry
     """
-    if form is not Form.registry and len(refs) != 1:
-        what = "simulator" if form is Form.robot else "thing"
-        raise UsageError(
-            f"--as {form} with {len(refs)} things", expected=f"one {what}", do="export them one by one"
-        )
-    if simulator is not None and form not in (Form.foxglove, Form.rerun):
-        raise UsageError(f"--with and --as {form}", expected="--as foxglove or rerun", do="leave --with out")
+    _check(refs, form, simulator, licence)
     with call.open() as session:
         if form is Form.rerun or (form is Form.foxglove and _is_run(session, refs[0], simulator)):
             session.export_run(refs[0], to, form.value, simulator)
             call.emit(session.show(refs[0]), f"{to}: written", hint=_OPENED[form])
+            return
+        if _is_dataset(session, refs, form):
+            call.emit(session.export_dataset(refs, to, form.value, licence))
             return
         if form not in (Form.registry, Form.robot):
             hint = None if form in (Form.gif, Form.png, Form.foxglove) else _PLAYED
@@ -106,3 +133,8 @@ def export(
             return
         result = session.export(refs, to)
     call.emit(result, hint=command("list", "--registry", to))
+
+
+export.__doc__ = (export.__doc__ or "").replace(
+    "DATASETS", "\n\n    ".join(f"--as {one.id}: {one.writes}." for one in FORMATS.values())
+)

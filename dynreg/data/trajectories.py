@@ -1,7 +1,7 @@
 """What several simulators or one robot did in the same episodes: states with the commands that they were given."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,6 +87,19 @@ class Trajectories:
             return Transitions(*columns)
         good = np.logical_and.reduce([np.isfinite(column).all(axis=-1) for column in columns[:4]])
         return Transitions(*(column[good] for column in columns))
+
+    def split(self, rows: int) -> Iterator["Trajectories"]:
+        """The same for some entries at a time: about `rows` states, at least one entry."""
+        together = max(rows // max(self.states.shape[1] * self.states.shape[2], 1), 1)
+        for first in range(0, len(self.entries), together):
+            some = slice(first, first + together)
+            yield replace(
+                self,
+                entries=self.entries[some],
+                numbers=None if self.numbers is None else self.numbers[some],
+                time=None if self.time is None else self.time[some],
+                states=self.states[some],
+            )
 
     def table(self) -> pa.Table:
         """A row for each state: the keys, then states, actions, inputs and settings by name.

@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     from dynreg.datasets.torch_dataset import TorchDataset
 
 ROWS = 4096  # transitions in a batch
+GROUP = 65536  # states in a batch of Arrow: few enough that a big shard is not copied as a whole
 
 
 class Part(Protocol):
     """What is read at once, such as a shard. Parts can be sent to other processes.
 
-    entries : ids. rows : states. count : transitions.
+    entries : ids. rows : states. count : transitions. periods : (episodes,) seconds from a state to the next, NaN where
+    nobody told them.
     """
 
     @property
@@ -36,6 +38,9 @@ class Part(Protocol):
 
     @property
     def count(self) -> int: ...
+
+    @property
+    def periods(self) -> np.ndarray: ...
 
     def read(self) -> Sequence[Trajectories]:
         """All of it; CorruptError where its file is lost or damaged."""
@@ -67,6 +72,11 @@ class Dataset:
     def entries(self) -> tuple[str, ...]:
         """Ids of the entries and recordings, in order."""
         return tuple(entry for part in self.parts for entry in part.entries)
+
+    @property
+    def periods(self) -> np.ndarray:
+        """Seconds from a state to the next in each episode of each entry (episodes,), NaN where nobody told them."""
+        return np.concatenate([part.periods for part in self.parts])
 
     def __repr__(self) -> str:
         c = self.columns
@@ -138,7 +148,8 @@ class Dataset:
 
         def batches() -> Iterator[pa.RecordBatch]:
             for one in self.trajectories():
-                yield from _as(schema, one.table()).to_batches()
+                for some in one.split(GROUP):
+                    yield from _as(schema, some.table()).to_batches()
 
         return pa.RecordBatchReader.from_batches(schema, batches())
 

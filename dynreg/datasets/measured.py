@@ -31,9 +31,14 @@ class RecordingPart:
         return (self.identity,)
 
     @cached_property
-    def _sizes(self) -> tuple[int, int]:
+    def _sizes(self) -> tuple[int, int, np.ndarray]:
         parts = self.read()
-        return sum(p.states.shape[2] for p in parts), sum(len(p.transitions()) for p in parts)
+        periods = [np.median(np.diff(p.time)) if p.time.shape[2] > 1 else np.nan for p in parts]
+        return (
+            sum(p.states.shape[2] for p in parts),
+            sum(len(p.transitions()) for p in parts),
+            np.array(periods),
+        )
 
     @property
     def rows(self) -> int:
@@ -44,6 +49,11 @@ class RecordingPart:
     def count(self) -> int:
         """How many transitions in which everything was measured."""
         return self._sizes[1]
+
+    @property
+    def periods(self) -> np.ndarray:
+        """(E,) seconds from a row to the next, the median of each episode; NaN of a single row."""
+        return self._sizes[2]
 
     def read(self) -> tuple[Trajectories, ...]:
         """An episode in each; LogError where the file is damaged."""

@@ -114,6 +114,14 @@ class ShardPart:
         """How many transitions."""
         return len(self.entries) * self.shape[1] * (self.shape[2] - 1)
 
+    @property
+    def periods(self) -> np.ndarray:
+        """(n E,) seconds from a state to the next, NaN where nobody told them; CorruptError as `read`."""
+        told = read_states_header(self.path)["periods"]
+        if told is None:
+            return np.full(len(self.entries) * self.shape[1], np.nan)
+        return told[self.positions].ravel()
+
     def read(self) -> tuple[Trajectories]:
         """What the entries did; CorruptError where the file is lost or damaged."""
         first, last = int(self.positions[0]), int(self.positions[-1])
@@ -150,6 +158,22 @@ def shard_parts(
             ids = tuple(row.id for row in own)
             parts.append(ShardPart(path, shape, record, ids, numbers, numbers - shard.start))
     return tuple(parts)
+
+
+def load_weights(
+    directory: Directory, population_id: str, entries: Collection[str]
+) -> Iterator[dict[str, np.ndarray]]:
+    """Weights of the models of these entries by name, each (n, ...), a shard at a time and by number.
+
+    Raises as `load_population`.
+    """
+    record = get_population(directory, population_id)
+    with directory.catalog.read() as connection:
+        shards = {shard.start: shard for shard in _shards(connection, population_id)}
+    for part in shard_parts(directory, population_id, entries):
+        (path,) = directory.checked(shards[int(part.numbers[0] - part.positions[0])].arrays_path)
+        weights = strip(_rest(path, part.shape[0], record), "weights/")
+        yield {name: array[part.positions] for name, array in weights.items()}
 
 
 def entry_place(directory: Directory, entry_id: str) -> tuple[str, int]:

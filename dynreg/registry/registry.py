@@ -1,7 +1,7 @@
 """The store of populations, entries, recordings and results: one directory that can be moved."""
 
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -186,6 +186,10 @@ class Registry:
     def parts(self, ref: str, entries: Collection[str] | None = None) -> tuple[loading.ShardPart, ...]:
         """Where the rows of a population's entries are, or of those with these ids; see `loading.shard_parts`."""
         return loading.shard_parts(self.directory, self._id(ref, "population"), entries)
+
+    def weights(self, ref: str, entries: Collection[str]) -> Iterator[dict[str, np.ndarray]]:
+        """The models of a population's entries with these ids, a shard at a time; see `loading.load_weights`."""
+        return loading.load_weights(self.directory, self._id(ref, "population"), entries)
 
     def entry(self, ref: str) -> tuple[str, int]:
         """The id of an entry's population, and its number in it; the entry is not read."""

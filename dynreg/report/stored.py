@@ -13,6 +13,7 @@ from dynreg.report.words import count, number
 from dynreg.results.result import Result
 from dynreg.results.stored import (
     Collection,
+    DatasetExport,
     EntrySummary,
     Import,
     Listing,
@@ -157,6 +158,20 @@ def _size(many: int) -> str:
         if many >= size:
             return f"{many / size:.3g} {unit}"
     return f"{many} bytes"
+
+
+@tables.register
+def _dataset(result: DatasetExport) -> Text:
+    what = [
+        count(many, one)
+        for many, one in ((result.entries, "simulator"), (result.recordings, "recording"))
+        if many
+    ]
+    return Text(
+        f"{result.place}: {' and '.join(what)} of {result.robot} as {result.form}, "
+        f"{count(result.episodes, 'episode')}, {count(result.transitions, 'transition')}, {_size(result.bytes)}",
+        style="bold",
+    )
 
 
 @tables.register

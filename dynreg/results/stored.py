@@ -160,6 +160,20 @@ class ReportFile(Result):
     bytes: int
 
 
+class DatasetExport(Result):
+    """A dataset that was written for other projects. form : its format. bytes : of all its files, the card included."""
+
+    schema_: Literal["dynreg/dataset-export/1"] = Field(default="dynreg/dataset-export/1", alias="schema")
+    place: str
+    form: str
+    robot: str
+    entries: int
+    recordings: int
+    episodes: int
+    transitions: int
+    bytes: int
+
+
 class Info(Result):
     """Versions, machine, and what the registry holds (counts by kind, simulators of all populations).
 

@@ -41,6 +41,14 @@ def gait_of(registry: Registry, ref: str | Path) -> Gait:
     return gait
 
 
+def is_gait(registry: Registry, ref: str) -> bool:
+    """Whether a gait is meant by a ref: `@last`, the path of a JSON document, or a result.
+
+    NoMatchError where nothing stored is called so.
+    """
+    return ref == "@last" or Path(ref).is_file() or registry.resolve(ref)[0] == "result"
+
+
 def genes_of(gait: Gait) -> dict[str, float]:
     """{name: value} of a gait."""
     return {name: gene.value for name, gene in gait.genes.items()}

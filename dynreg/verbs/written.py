@@ -25,7 +25,7 @@ def write_out(path: Path, data: bytes) -> None:
             sweep_beside(target)
             write_file(target, data)
     except OSError as error:
-        raise _unwritten(path, error.strerror or str(error)) from error
+        raise _unwritten(path, _why(error)) from error
     except RegistryError as error:
         raise _unwritten(path, error.problem.rpartition(": ")[2]) from error
 
@@ -56,7 +56,39 @@ def new_folder(path: Path) -> Iterator[Path]:
             yield hidden / "made"
             os.rename(hidden / "made", path)
     except OSError as error:
-        raise _unwritten(path, error.strerror or str(error), new=True) from error
+        raise _unwritten(path, _why(error), new=True) from error
+
+
+@contextmanager
+def new_file_of(path: Path) -> Iterator[Path]:
+    """A folder to fill in the block: its file `path.name` becomes `path`, others whose names begin so stand beside it.
+
+    Those go first, so that what is at `path` is whole. Raises UsageError where a name is taken (but by the same bytes,
+    which a killed run may have left beside it) or cannot be written.
+    """
+    require_new(path)
+    moved: list[Path] = []
+    try:
+        sweep_beside(path.absolute())
+        with temporary_folder(path.absolute()) as hidden:
+            yield hidden
+            for file in sorted(hidden.iterdir(), key=lambda file: file.name == path.name):
+                target = path.with_name(file.name)
+                if not (target != path and target.is_file() and target.read_bytes() == file.read_bytes()):
+                    require_new(target)
+                    os.rename(file, target)
+                    moved.append(target)
+    except BaseException as error:
+        for target in moved:
+            target.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _unwritten(path, _why(error), new=True) from error
+        raise
+
+
+def _why(error: OSError) -> str:
+    """What the system says; Arrow tells its own words around that."""
+    return str(error) if error.errno is None else os.strerror(error.errno)
 
 
 def _unwritten(path: Path, why: str, new: bool = False) -> UsageError:

@@ -29,6 +29,7 @@ LINES = {
     "report": ("report", "@last", "--out", "page.html"),
     "export": ("export", "bench", "--to", "copy"),
     "export gait": ("export", "walk", "--as", "csv", "--to", "copy.csv"),
+    "export dataset": ("export", "bench", "--as", "parquet", "--to", "copy"),
     "export robot": ("export", "5555", "--as", "robot", "--to", "copy"),
     "info": ("info",),
 }
@@ -42,12 +43,14 @@ def strangers(session):
         "gait": made_up_gait.gait(),
         "drift": made_up_drift.drift(),
         "export_gait": made_up_gait.gait(),
+        "export_dataset": made_up_results.dataset_export(),
         "export_robot": made_up_results.robot_folder(),
     }
     for verb, answer in (session.answers | more).items():
         if isinstance(answer, tuple):
             answer = (answer[0], poisoned(answer[1]))
         session.answers[verb] = answer if isinstance(answer, Exception) else poisoned(answer)
+    session.answers["resolve"] = ("result", "ab" * 32)  # what is named for a csv is a gait
     # `info` is answered as plain data
     session.answers["info"] = poisoned(made_up_results.information())
     return session

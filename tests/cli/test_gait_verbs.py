@@ -86,7 +86,8 @@ def test_an_interrupted_search_exits_130(dynreg, asked) -> None:
         ("gait yard --rollouts 0", "--rollouts 0"),
         ("gait yard --film walk.mp4", "ends in .gif or .png"),
         ("gait yard --film nowhere/walk.gif", "cannot write 'nowhere/walk.gif'"),
-        ("export a b --as csv --to c", "one thing"),
+        ("export a b --as python --to c", "one thing"),
+        ("export a --as python --licence mit --to c", "leave --licence out"),
         ("export a --as svg --to c", "svg"),
     ],
 )

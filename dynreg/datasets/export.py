@@ -1,0 +1,120 @@
+"""What is exported: a dataset, with what is known of its entries and recordings."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from dynreg.data.recording import Channel, Recording
+from dynreg.data.trajectories import Columns
+from dynreg.datasets.dataset import Dataset
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """Entries of one population.
+
+    Attributes
+    ----------
+    population : its id. spec : plain JSON: ranges, excitation, training.
+    columns : of its entries. parameters : (P,) with their units.
+    entries : (n,) ids. numbers : (n,). values : (n, P) in those units. own_loss : (n,).
+    usual : nominal inputs and settings, in the order of `columns.context`.
+    weights : reads those of the models by name, each (n', ...), some entries at a time and in order.
+    """
+
+    population: str
+    spec: Mapping[str, Any]
+    columns: Columns
+    parameters: tuple[Channel, ...]
+    entries: tuple[str, ...]
+    numbers: np.ndarray
+    values: np.ndarray
+    own_loss: np.ndarray
+    usual: np.ndarray
+    weights: Callable[[], Iterator[Mapping[str, np.ndarray]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """One recording: its id and name, whether it was measured, the names of its log files, and how to read it."""
+
+    id: str
+    name: str
+    measured: bool
+    files: tuple[str, ...]
+    read: Callable[[], Recording]
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """A dataset, where its rows come from, and what a card tells of it.
+
+    Attributes
+    ----------
+    dataset : the rows, simulated ones first.
+    robots : hashes of the robot's versions. licence : None where nobody stated one.
+    versions : of dynreg and of what it simulates and trains with, by name.
+    """
+
+    dataset: Dataset
+    robots: tuple[str, ...]
+    populations: tuple[Simulated, ...]
+    recordings: tuple[Recorded, ...]
+    licence: str | None
+    versions: Mapping[str, str]
+
+    @property
+    def count(self) -> int:
+        """How many entries and recordings."""
+        return len(self.dataset.entries)
+
+    @property
+    def episodes(self) -> int:
+        """How many episodes, of all entries and recordings."""
+        return len(self.dataset.periods)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Plain JSON: the robot, the populations with their spec, and the recordings."""
+        return {
+            "robot": {"name": self.dataset.robot, "hashes": list(self.robots)},
+            "populations": [
+                {
+                    "id": p.population,
+                    "spec": dict(p.spec),
+                    "parameters": [[c.name, c.unit] for c in p.parameters],
+                }
+                for p in self.populations
+            ],
+            "recordings": [{"id": r.id, "name": r.name, "files": list(r.files)} for r in self.recordings],
+            "versions": dict(self.versions),
+        }
+
+    def table(self) -> pa.Table:
+        """A row for each entry and recording: id, kind, number, population, parameters by name, own_loss.
+
+        A parameter's unit is in the metadata of its field. What a recording has not is null.
+        """
+        named = {c.name: c for p in self.populations for c in p.parameters}
+        keys = {"id": pa.string(), "kind": pa.string(), "number": pa.int32(), "population": pa.string()}
+        fields = [pa.field(name, kind) for name, kind in keys.items()]
+        fields += [pa.field(n, pa.float64(), metadata={"unit": c.unit}) for n, c in named.items()]
+        rows = [row for p in self.populations for row in _rows(p)]
+        rows += [{"id": r.id, "kind": "measured" if r.measured else "simulated"} for r in self.recordings]
+        return pa.Table.from_pylist(rows, pa.schema([*fields, pa.field("own_loss", pa.float64())]))
+
+
+def _rows(told: Simulated) -> Iterator[dict[str, Any]]:
+    names = [c.name for c in told.parameters]
+    for i, identity in enumerate(told.entries):
+        yield {
+            "id": identity,
+            "kind": "simulated",
+            "number": int(told.numbers[i]),
+            "population": told.population,
+            **dict(zip(names, told.values[i].tolist(), strict=True)),
+            "own_loss": float(told.own_loss[i]),
+        }

@@ -1,0 +1,203 @@
+"""The formats of other projects in which a dataset is written: one row and one module each.
+
+A module has `write(export, folder, name)`, which puts its files into an empty folder, the main one of a single file
+under `name`; `is_file(export)` where that may be one file; and `check(export)` where it cannot take everything. It
+writes part by part, and the same export gives the same bytes.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dynreg.errors import UsageError
+
+if TYPE_CHECKING:
+    from dynreg.datasets.export import Export
+
+RECORDINGS, ENTRIES = "recordings", "entries and populations"
+
+
+@dataclass(frozen=True)
+class Format:
+    """A form of a dataset.
+
+    Attributes
+    ----------
+    id : the word for it, and its module here.
+    writes : what there is afterwards. takes : what it can hold.
+    loader : what reads it, as pip installs it. read : how, in Python; PLACE stands for the name of what was written.
+    notes : what a reader must know of how the rows stand in it, a sentence each.
+    configs : its tables for Hugging Face, the usual one first, with their files.
+    """
+
+    id: str
+    writes: str
+    takes: tuple[str, ...]
+    loader: str
+    read: str
+    notes: tuple[str, ...] = ()
+    configs: tuple[tuple[str, str], ...] = ()
+
+    def is_file(self, export: "Export") -> bool:
+        """Whether it is one file and not a folder."""
+        told = getattr(self._module, "is_file", None)
+        return told is not None and told(export)
+
+    def check(self, export: "Export") -> None:
+        """UsageError for an export that it cannot hold."""
+        kinds = {RECORDINGS: export.recordings, ENTRIES: export.populations}
+        odd = [kind for kind, some in kinds.items() if some and kind not in self.takes]
+        if odd:
+            others = [one.id for one in FORMATS.values() if odd[0] in one.takes]
+            raise UsageError(
+                f"{odd[0]} as {self.id}",
+                expected=" or ".join(self.takes),
+                do=f"leave them out, or choose one of {', '.join(others)}",
+            )
+        getattr(self._module, "check", lambda _: None)(export)
+
+    def write(self, export: "Export", folder: Path, name: str) -> None:
+        """Write it into an empty folder; a single file is called `name`, what goes beside it begins with that."""
+        self._module.write(export, folder, name)
+
+    @property
+    def _module(self):
+        return import_module(f"{__name__}.{self.id}_files")
+
+
+_ALL = (RECORDINGS, ENTRIES)
+_LAST = "An episode has one state more than commands: the last state has none."
+FORMATS: dict[str, Format] = {
+    one.id: one
+    for one in (
+        Format(
+            "parquet",
+            "a folder: rows in data/, entries.parquet with the parameters, a card",
+            _ALL,
+            "datasets",
+            """\
+from datasets import load_dataset
+
+rows = load_dataset("./PLACE", "rows", split="train")        # entry, episode, step, time, and each column by name
+entries = load_dataset("./PLACE", "entries", split="train")  # parameters of each entry
+print(rows[0])
+""",
+            (_LAST, "Its command is null.", "What was not measured is NaN, or null."),
+            (("rows", "data/*.parquet"), ("entries", "entries.parquet")),
+        ),
+        Format(
+            "csv",
+            "a file, with its card beside it",
+            _ALL,
+            "pandas",
+            """\
+import pandas as pd
+
+rows = pd.read_csv("PLACE")
+print(rows.groupby("episode").size())
+""",
+            (
+                _LAST,
+                "Its command is empty.",
+                "Numbers have as many digits as they need to be read back exactly.",
+            ),
+        ),
+        Format(
+            "mcap",
+            "a log with its map and card beside it; of several things a folder of these",
+            _ALL,
+            "mcap",
+            """\
+import json
+from mcap.reader import make_reader
+
+for schema, channel, message in make_reader(open("PLACE", "rb")).iter_messages():
+    print(channel.topic, message.log_time, json.loads(message.data))
+""",
+            (
+                "Messages are JSON.",
+                "The column arm/position is the field position of the topic /arm.",
+                "Episodes follow each other with a pause of 1 s; /episode tells where each begins.",
+                "`dynreg ingest FILE --map MAP` reads it back.",
+            ),
+        ),
+        Format(
+            "lerobot",
+            "a folder: a LeRobot dataset, version 3.0",
+            _ALL,
+            "lerobot",
+            """\
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+dataset = LeRobotDataset("PLACE", root="PLACE")
+print(dataset[0]["observation.state"], dataset[0]["action"])
+""",
+            (
+                "An episode here is one episode of one entry; entry_index is its row in meta/entries.parquet.",
+                "timestamp is frame_index / fps, as LeRobot asks for; time has the times as they were.",
+                "observation.environment_state holds inputs and settings.",
+                "An episode has one state more than commands: the last frame repeats what was told before it.",
+            ),
+        ),
+        Format(
+            "minari",
+            "a folder: a Minari dataset, in Arrow",
+            _ALL,
+            "'minari[arrow]'",
+            """\
+import minari
+
+dataset = minari.MinariDataset("PLACE/data")
+episode = dataset[0]
+print(episode.observations.shape, episode.actions.shape)
+""",
+            (
+                "There is no task: all rewards are 0.",
+                "No episode is terminated, also where a robot fell; each is truncated at its end.",
+                "infos holds the times, the inputs and the settings.",
+                "An episode's metadata.json tells its entry.",
+            ),
+        ),
+        Format(
+            "safetensors",
+            "a folder: the trained models of all entries in one file",
+            (ENTRIES,),
+            "safetensors",
+            '''\
+import json
+import numpy as np
+from safetensors import safe_open
+
+file = safe_open("PLACE/models.safetensors", framework="numpy")
+about = json.loads(file.metadata()["dynreg"])
+scale = {name: file.get_tensor(name) for name in ("input_mean", "input_std", "delta_mean", "delta_std")}
+
+
+def predict(entry, states, actions, context=about["usual"]):
+    """States (N, S) that follow states (N, S) under actions (N, A), by the model of an entry (0, 1, ...)."""
+    context = np.broadcast_to(context, (len(states), len(about["context"])))
+    x = np.concatenate([states, actions, context], axis=1, dtype=np.float64)
+    x = ((x - scale["input_mean"]) / scale["input_std"]).astype(np.float32)
+    for layer in range(about["layers"]):
+        weight, bias = (file.get_slice(f"{kind}{layer}")[entry] for kind in ("weight", "bias"))
+        x = x @ weight.astype(np.float32) + bias.astype(np.float32)
+        x = np.maximum(x, 0) if layer < about["layers"] - 1 else x
+    return states + x * scale["delta_std"].astype(np.float64) + scale["delta_mean"]
+''',
+            (
+                "weight0 to weight3 are (entries, in, out), bias0 to bias3 (entries, out), float16 as they are kept.",
+                "The metadata tells ids, columns and units, and the nominal context.",
+            ),
+        ),
+    )
+}
+
+
+def format_of(word: str) -> Format:
+    """The row of a form; UsageError where there is none."""
+    if word not in FORMATS:
+        raise UsageError(
+            f"form {word!r} of a dataset", expected=f"one of {list(FORMATS)}", do="choose one of them"
+        )
+    return FORMATS[word]

@@ -1,0 +1,27 @@
+"""Rows as one CSV file: those of a dataset, or a recording as a log that needs no map."""
+
+from pathlib import Path
+
+import pyarrow as pa
+from pyarrow import csv
+
+from dynreg.data.table import to_csv
+from dynreg.datasets.export import Export
+from dynreg.datasets.formats.parquet_files import plain
+
+
+def is_file(export: Export) -> bool:
+    """Always."""
+    return True
+
+
+def write(export: Export, folder: Path, name: str) -> None:
+    """The columns of `Dataset.to_arrow`; a recording alone has those of its log, which `dynreg ingest` reads."""
+    if not export.populations and len(export.recordings) == 1:
+        (folder / name).write_bytes(to_csv(export.recordings[0].read()))
+        return
+    rows = export.dataset.to_arrow()
+    schema = plain(rows.schema)
+    with csv.CSVWriter(folder / name, schema) as file:
+        for batch in rows:
+            file.write_table(pa.Table.from_batches([batch]).cast(schema))

@@ -1,0 +1,92 @@
+"""The trained models of entries in one safetensors file, with what is needed to predict from them."""
+
+import json
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from dynreg.data.recording import Channel
+from dynreg.datasets.export import Export, Simulated
+from dynreg.errors import UsageError
+
+SCHEMA = "dynreg/models/1"
+_NAMES = {"float16": "F16", "float32": "F32"}  # of a number, in the file's header
+
+
+def check(export: Export) -> None:
+    """UsageError for entries of several populations: their models do not take the same rows."""
+    if len(export.populations) != 1:
+        raise UsageError(
+            f"models of {len(export.populations)} populations",
+            expected="entries of one population",
+            do="export each population by itself",
+        )
+
+
+def write(export: Export, folder: Path, name: str) -> None:
+    """`models.safetensors`: normaliser and weights stacked over the entries, as they are kept.
+
+    Its metadata tells, as JSON under `dynreg`, the ids and numbers of the entries, the columns with their units and the
+    nominal context. `entries.parquet` tells their parameters.
+    """
+    (told,) = export.populations
+    layers = next(iter(told.weights()))
+    count, scale = len(told.entries), export.dataset.normaliser.as_arrays()
+    shapes = {key: (str(a.dtype), a.shape) for key, a in scale.items()}
+    shapes |= {key: (str(a.dtype), (count, *a.shape[1:])) for key, a in sorted(layers.items())}
+    # The library's writer wants all weights in memory; this one puts each shard's in their place.
+    with open(folder / "models.safetensors", "wb") as file:
+        begins = _head(file, shapes, _about(export, told, len(layers) // 2))
+        for key, array in scale.items():
+            file.seek(begins[key])
+            file.write(array.tobytes())
+        done = 0
+        for weights in told.weights():
+            for key, array in weights.items():
+                file.seek(begins[key] + done * array[0].nbytes)
+                file.write(np.ascontiguousarray(array).data)
+            done += len(array)
+    pq.write_table(export.table(), folder / "entries.parquet", compression="zstd")
+
+
+def _about(export: Export, told: Simulated, layers: int) -> dict[str, Any]:
+    def named(columns: tuple[Channel, ...]) -> list[list[str]]:
+        return [[c.name, c.unit] for c in columns]
+
+    return {
+        "schema": SCHEMA,
+        **export.about,
+        "entries": list(told.entries),
+        "numbers": told.numbers.tolist(),
+        "layers": layers,
+        "states": named(told.columns.states),
+        "actions": named(told.columns.actions),
+        "context": named(told.columns.context),
+        "usual": told.usual.tolist(),
+    }
+
+
+def _head(
+    file: Any, shapes: Mapping[str, tuple[str, tuple[int, ...]]], about: Mapping[str, Any]
+) -> dict[str, int]:
+    """Write the header of a safetensors file; where each array begins in it."""
+    header: dict[str, Any] = {
+        "__metadata__": {"dynreg": json.dumps(about, sort_keys=True, separators=(",", ":"))}
+    }
+    at, begins = 0, {}
+    # the widest numbers first, as the library does: so all are aligned
+    for key in sorted(shapes, key=lambda key: (-np.dtype(shapes[key][0]).itemsize, key)):
+        kind, shape = shapes[key]
+        size = int(np.prod(shape)) * np.dtype(kind).itemsize
+        header[key] = {"dtype": _NAMES[kind], "shape": list(shape), "data_offsets": [at, at + size]}
+        begins[key] = at
+        at += size
+    text = json.dumps(header, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)
+    file.write(struct.pack("<Q", len(text)) + text)
+    file.truncate(8 + len(text) + at)
+    return {key: 8 + len(text) + begin for key, begin in begins.items()}

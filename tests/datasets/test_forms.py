@@ -1,0 +1,207 @@
+"""Every form of a dataset holds the numbers of the registry, and is what its own library expects."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+from safetensors import safe_open
+
+from dynreg.data.readers import ReadOptions
+from dynreg.data.readers.lerobot import read as read_lerobot
+from dynreg.data.recording import Recording
+from dynreg.datasets.formats import FORMATS
+
+STATES = ["arm/position", "arm/velocity"]
+ACTION = "arm/target"
+Rows = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def of_frame(frame: pd.DataFrame) -> Rows:
+    return {
+        entry: (rows[STATES].to_numpy(np.float32), rows[ACTION].to_numpy(np.float32))
+        for entry, rows in frame.groupby("entry")
+    }
+
+
+def parquet(place: Path) -> Rows:
+    return of_frame(pd.read_parquet(place / "data"))
+
+
+def csv(place: Path) -> Rows:
+    return of_frame(pd.read_csv(place))
+
+
+def mcap(place: Path) -> Rows:
+    rows: Rows = {}
+    ids = {identity[:12]: identity for identity in csv(place.parent / "csv")}
+    for file in sorted(place.glob("*.mcap")):
+        with open(file, "rb") as stream:
+            messages = [
+                json.loads(m.data) for _, channel, m in make_reader(stream).iter_messages(topics=["/arm"])
+            ]
+        states = [[m["position"], m["velocity"]] for m in messages]
+        actions = [m.get("target", np.nan) for m in messages]
+        rows[ids[file.stem[4:]]] = (np.array(states, np.float32), np.array(actions, np.float32))
+    return rows
+
+
+def lerobot(place: Path) -> Rows:
+    frame = pd.read_parquet(place / "data")
+    entries = pd.read_parquet(place / "meta" / "entries.parquet")["id"]
+    return {
+        entries[i]: (np.stack(rows["observation.state"]), rows["action"].to_numpy())
+        for i, rows in frame.groupby("entry_index")
+    }
+
+
+def minari(place: Path) -> Rows:
+    rows: dict[str, list] = {}
+    for i in range(json.loads((place / "data" / "metadata.json").read_text())["total_episodes"]):
+        entry = json.loads((place / "data" / str(i) / "metadata.json").read_text())["entry"]
+        table = pa.ipc.open_file(place / "data" / str(i) / "part-0.arrow").read_all()
+        states, actions = (np.stack(table[name].to_pylist()) for name in ("observations", "actions"))
+        rows.setdefault(entry, []).append((states, actions[:, 0]))
+    return {entry: tuple(map(np.concatenate, zip(*some, strict=True))) for entry, some in rows.items()}
+
+
+DOORS: dict[str, Callable[[Path], Rows]] = {f.__name__: f for f in (parquet, csv, mcap, lerobot, minari)}
+
+
+@pytest.mark.parametrize("form", [form for form in FORMATS if form != "safetensors"])
+def test_the_same_numbers_go_through_every_door(form: str, exported) -> None:
+    found = DOORS[form](exported.folder / form)
+    registry = exported.opened.registry
+    held, told = registry.load(exported.population), registry.population(exported.population)
+    assert set(found) == set(held.ids) and len(found) == 8
+    for i, identity in enumerate(held.ids):
+        states, actions = found[identity]
+        episodes, rows = held.states.shape[1:3]
+        assert np.array_equal(states.astype(np.float32).reshape(held.states.shape[1:]), held.states[i])
+        commands = actions.reshape(episodes, rows)[:, :-1]
+        bank = told.arrays["bank.actions"][:, : rows - 1, 0]
+        assert np.array_equal(commands.astype(np.float32), bank.astype(np.float32))
+
+
+def test_a_parquet_file_explains_itself(exported) -> None:
+    schema = pq.read_schema(exported.folder / "parquet" / "data" / "train-00000.parquet")
+    assert schema.field("arm/velocity").metadata == {b"unit": b"rad/s", b"role": b"state"}
+    about = json.loads(schema.metadata[b"dynreg"])
+    assert about["schema"] == "dynreg/dataset/1" and about["robot"]["name"] == "servo_pendulum"
+    assert about["populations"][0]["id"] == exported.population
+    assert about["populations"][0]["spec"]["excitation"]["episodes"] == 40
+    entries = pq.read_table(exported.folder / "parquet" / "entries.parquet")
+    frame = exported.opened.population(exported.population)
+    assert entries.schema.field("resistance").metadata == {b"unit": b"ohm"}
+    for name in ("id", "resistance", "own_loss"):
+        assert entries[name].to_pylist() == frame[name].tolist()
+    rows = pd.read_parquet(exported.folder / "parquet" / "data")
+    assert rows[ACTION].isna().sum() == 8 * 40 and rows["time"].max() == pytest.approx(0.5)
+
+
+def test_a_csv_has_the_columns_of_the_dataset(exported) -> None:
+    frame = pd.read_csv(exported.folder / "csv")
+    assert list(frame) == exported.opened.dataset(exported.population).to_arrow().schema.names
+    assert len(frame) == 8 * 40 * 51 and frame["number"].nunique() == 8
+
+
+def numbers_of(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    return (
+        np.concatenate([e.values for e in recording.episodes]),
+        np.concatenate([e.time - e.time[0] for e in recording.episodes]),
+    )
+
+
+@pytest.mark.parametrize("form", ["csv", "mcap"])
+def test_a_recording_is_ingested_again(form: str, exported, tmp_path: Path) -> None:
+    opened, place = exported.opened, tmp_path / f"bench.{form}"
+    opened.export_dataset("bench", place, form)
+    log_map = tmp_path / "bench.mcap.toml" if form == "mcap" else None
+    again = opened.ingest(place, "servo_pendulum", log_map=log_map, name=f"again as {form}")
+    first, second = opened.recording("bench"), opened.recording(again.recording)
+    assert first.channels == second.channels
+    assert [e.settings for e in first.episodes] == [e.settings for e in second.episodes]
+    for one, other in zip(numbers_of(first), numbers_of(second), strict=True):
+        assert np.allclose(one, other, rtol=0, atol=1e-9)
+
+
+def test_an_entry_is_ingested_from_its_log(exported, tmp_path: Path) -> None:
+    opened = exported.opened
+    entry = opened.registry.load(exported.population, ()).ids[2]
+    opened.export_dataset(entry, tmp_path / "one.mcap", "mcap")
+    told = opened.ingest(
+        tmp_path / "one.mcap", "servo_pendulum", log_map=tmp_path / "one.mcap.toml", name="an entry"
+    )
+    assert told.episodes == 40 and told.rate == pytest.approx(100.0)
+    first = opened.recording(told.recording).episodes[0]
+    states = opened.registry.load_entry(entry).states[
+        0, :-1
+    ]  # no command follows the last: it is no row of a log
+    assert np.allclose(first.values[:, :2], states, rtol=0, atol=1e-9)
+
+
+def test_a_lerobot_dataset_is_one_by_its_structure_and_for_dynreg(exported) -> None:
+    place = exported.folder / "lerobot"
+    info = json.loads((place / "meta" / "info.json").read_text())
+    assert info["codebase_version"] == "v3.0" and info["fps"] == 100 and info["splits"] == {"train": "0:320"}
+    assert info["features"]["observation.state"] == {"dtype": "float32", "shape": [2], "names": STATES}
+    rows = pq.read_table(place / info["data_path"].format(chunk_index=0, file_index=0))
+    assert rows.schema.names == list(info["features"]) and rows.num_rows == info["total_frames"] == 16320
+    assert rows["index"].to_pylist() == list(range(16320))
+    assert np.allclose(rows["timestamp"].to_numpy(), rows["frame_index"].to_numpy() / 100)
+    assert np.isfinite(np.stack(rows["observation.environment_state"].to_pylist())).all()
+    episodes = pq.read_table(place / "meta" / "episodes" / "chunk-000" / "file-000.parquet").to_pylist()
+    assert [e["episode_index"] for e in episodes] == list(range(320))
+    for before, after in zip(episodes, episodes[1:], strict=False):
+        assert before["dataset_to_index"] == after["dataset_from_index"]
+    assert all(e["dataset_to_index"] - e["dataset_from_index"] == e["length"] == 51 for e in episodes)
+    stats = json.loads((place / "meta" / "stats.json").read_text())["observation.state"]
+    states = np.stack(rows["observation.state"].to_pylist())
+    assert np.allclose(stats["std"], states.std(axis=0)) and stats["count"] == [16320]
+    assert np.allclose(stats["max"], states.max(axis=0))
+    assert pd.read_parquet(place / "meta" / "tasks.parquet").iloc[0].name == "follow the commands"
+    log = read_lerobot(place, ReadOptions())
+    assert log.metadata["fps"] == 100 and log.metadata["episode_column"] == "episode_index"
+    assert np.array_equal(log.sources["observation.state[arm/velocity]"].values, states[:, 1])
+
+
+def test_a_minari_dataset_is_one_by_its_structure(exported) -> None:
+    place = exported.folder / "minari" / "data"
+    about = json.loads((place / "metadata.json").read_text())
+    assert about["data_format"] == "arrow" and about["total_steps"] == 320 * 50
+    assert json.loads(about["observation_space"])["shape"] == [2]
+    table = pa.ipc.open_file(place / "7" / "part-0.arrow").read_all()
+    assert (
+        table.num_rows == 51 and json.loads((place / "7" / "metadata.json").read_text())["total_steps"] == 50
+    )
+    assert table["observations"].type == pa.list_(pa.float32(), 2)
+    assert table["truncations"].to_pylist() == [False] * 49 + [True, False]
+    assert not any(table["terminations"].to_pylist()) and not any(table["rewards"].to_pylist())
+    assert {f.name for f in table["infos"].type} == {"time", "supply", "arm/enabled", "kp", "added_mass"}
+
+
+def test_the_models_predict_without_dynreg_as_with_it(exported, monkeypatch) -> None:
+    """By the card's own words, run as they stand there."""
+    monkeypatch.chdir(exported.folder)
+    card = (exported.folder / "safetensors" / "README.md").read_text(encoding="utf-8")
+    (code,) = (part.partition("```")[0] for part in card.split("```python\n")[1:])
+    names: dict = {}
+    exec(code, names)
+    assert "dynreg" not in code.replace('["dynreg"]', "")
+    model = exported.opened.model(exported.population)
+    rng = np.random.default_rng(0)
+    states, actions = rng.normal(size=(20, 2)), rng.normal(size=(20, 1))
+    expected = model.predict(np.tile(states, (8, 1, 1)), actions)
+    for i in range(8):
+        assert np.allclose(names["predict"](i, states, actions), expected[i], rtol=1e-5, atol=1e-6)
+    with safe_open(exported.folder / "safetensors" / "models.safetensors", framework="numpy") as file:
+        about = json.loads(file.metadata()["dynreg"])
+        held = exported.opened.registry.load(exported.population, ("weights",))
+        assert about["entries"] == list(held.ids) and about["states"][1] == ["arm/velocity", "rad/s"]
+        for name, array in held.weights.items():
+            assert np.array_equal(file.get_tensor(name), array) and file.get_tensor(name).dtype == array.dtype
