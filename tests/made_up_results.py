@@ -21,6 +21,7 @@ from dynreg.results import (
     EntrySummary,
     Estimate,
     Gain,
+    Import,
     Info,
     Listing,
     LogContents,
@@ -243,6 +244,17 @@ def removal() -> Removal:
     )
 
 
+def imported() -> Import:
+    """A registry of eight simulators that came in, with a name that was taken."""
+    return Import(
+        registry="dynreg-registry",
+        source="monday-registry",
+        added={"population": 1, "entry": 8},
+        known={"population": 0, "entry": 0},
+        left_out=("the name 'bench' of recording b7b7b7b7b7b7: here it means recording c1c1c1c1c1c1",),
+    )
+
+
 def dataset_export() -> DatasetExport:
     """A population as a folder of Parquet files."""
     return DatasetExport(
@@ -349,6 +361,7 @@ def every_kind() -> tuple[Result, ...]:
         listing(),
         verification(),
         removal(),
+        imported(),
         collection(),
         calibration(),
         made_up_diagnosis.diagnosis(),

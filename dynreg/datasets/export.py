@@ -49,12 +49,28 @@ class Recorded:
 
 
 @dataclass(frozen=True, eq=False)
+class Measured:
+    """The entry of a recording in a population: its id, that population, its own loss, and its model's weights by name.
+
+    columns, usual : as those of `Simulated`.
+    """
+
+    id: str
+    population: str
+    columns: Columns
+    usual: np.ndarray
+    own_loss: float
+    weights: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
 class Export:
     """A dataset, where its rows come from, and what a card tells of it.
 
     Attributes
     ----------
     dataset : the rows, simulated ones first.
+    measured : entries of recordings whose models were asked for; their rows are those of the recordings.
     robots : hashes of the robot's versions. licence : None where nobody stated one.
     versions : of dynreg and of what it simulates and trains with, by name.
     """
@@ -63,6 +79,7 @@ class Export:
     robots: tuple[str, ...]
     populations: tuple[Simulated, ...]
     recordings: tuple[Recorded, ...]
+    measured: tuple[Measured, ...]
     licence: str | None
     versions: Mapping[str, str]
 

@@ -20,18 +20,23 @@ if TYPE_CHECKING:
     from dynreg.sim.robot import Robot
 
 
+KINDS = ("population", "entry", "measured", "recording")
+
+
 def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     """The rows of entries, populations and recordings, by id, prefix, name or `@last`.
 
-    Entries come by population and number, each once; recordings after them, in the robot's columns. Raises NoMatchError
-    for a ref that fits nothing, UsageError for none, for things of two robots and for robots with other columns.
+    Entries come by population and number, each once; recordings after them, in the robot's columns. The entry of a
+    recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none, for things of
+    two robots and for robots with other columns.
     """
     if not refs:
         raise UsageError("a dataset of nothing", expected="at least one id", do="see `dynreg list`")
     wanted: dict[str, set[str] | None] = {}
     recordings: dict[str, str] = {}
+    others: set[str] = set()  # populations of the entries of recordings
     for ref in refs:
-        kind, identity = registry.resolve(told_last(registry, ref), ("population", "entry", "recording"))
+        kind, identity = registry.resolve(told_last(registry, ref), KINDS)
         if kind == "population":
             wanted[identity] = None
         elif kind == "entry":
@@ -39,6 +44,10 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
             held = wanted.setdefault(population, set())
             if held is not None:
                 held.add(identity)
+        elif kind == "measured":
+            entry = registry.measured(identity)
+            recordings[entry.recording_id] = entry.recording_id
+            others.add(entry.population_id)
         else:
             recordings[identity] = ref
     records = [registry.population(identity) for identity in wanted]
@@ -55,7 +64,8 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     parts += [
         _measured(registry, identity, robot) for identity, robot in zip(recordings, robots, strict=True)
     ]
-    return Dataset(names[0], told[0], tuple(parts), _normaliser(records))
+    shared = [*records, *(registry.population(one) for one in sorted(others - set(wanted)))]
+    return Dataset(names[0], told[0], tuple(parts), _normaliser(shared))
 
 
 def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:

@@ -9,13 +9,14 @@ import numpy as np
 
 from dynreg.data.recording import Channel
 from dynreg.datasets.card import card
-from dynreg.datasets.export import Export, Recorded, Simulated
+from dynreg.datasets.export import Export, Measured, Recorded, Simulated
 from dynreg.datasets.formats import Format, format_of
 from dynreg.datasets.measured import RecordingPart
 from dynreg.errors import UsageError
-from dynreg.registry import Registry
+from dynreg.registry import PopulationRecord, Registry
 from dynreg.results.stored import DatasetExport
-from dynreg.verbs.datasets import dataset
+from dynreg.verbs.datasets import KINDS, dataset
+from dynreg.verbs.simulators import told_last
 from dynreg.verbs.written import new_file_of, new_folder, require_new, write_out
 
 VERSIONS = ("dynreg", "mujoco", "torch")
@@ -77,23 +78,38 @@ def contents(registry: Registry, refs: Sequence[str], licence: str | None = None
     populations = tuple(_simulated(registry, p, entries) for p, entries in by_population.items())
     robots = [registry.population(p).robot_hash for p in by_population]
     robots += [registry.recording_info(r.id).robot_hash for r in recordings]
+    measured = [registry.resolve(told_last(registry, ref), KINDS) for ref in refs]
+    models = tuple(_measured(registry, identity) for kind, identity in measured if kind == "measured")
     return Export(
         dataset=rows,
         robots=tuple(dict.fromkeys(robots)),
         populations=populations,
         recordings=tuple(recordings),
+        measured=models,
         licence=licence,
         versions={name: version(name) for name in VERSIONS},
     )
 
 
-def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> Simulated:
+def _measured(registry: Registry, identity: str) -> Measured:
+    entry = registry.measured(identity)
+    record = registry.population(entry.population_id)
+    usual = _usual(registry, record)
+    return Measured(identity, record.id, record.columns, usual, entry.own_loss, entry.weights)
+
+
+def _usual(registry: Registry, record: PopulationRecord) -> np.ndarray:
+    """Nominal inputs and settings of a population's robot."""
     from dynreg.sim.robot import load_robot
 
+    robot = load_robot(registry.robot_folder(record.robot_hash))
+    return np.array([*robot.input_defaults, *(s.nominal for s in robot.file.settings)])
+
+
+def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> Simulated:
     record, held = registry.population(population), registry.load(population, ())
     at = {identity: i for i, identity in enumerate(held.ids)}
     rows = np.array([at[identity] for identity in entries])
-    robot = load_robot(registry.robot_folder(record.robot_hash))
     units = record.parameter_units or ("",) * len(record.parameters)
     return Simulated(
         population=population,
@@ -104,7 +120,7 @@ def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> S
         numbers=held.numbers[rows],
         values=held.values[rows],
         own_loss=held.own_loss[rows],
-        usual=np.array([*robot.input_defaults, *(s.nominal for s in robot.file.settings)]),
+        usual=_usual(registry, record),
         weights=partial(registry.weights, population, entries),
     )
 

@@ -89,6 +89,7 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         "result": made_up_results.neighbours(),
         "export": made_up_results.listing(),
         "verify": made_up_results.verification(),
+        "import_registry": made_up_results.imported(),
         "remove": made_up_results.removal(),
         "collect": made_up_results.collection(),
         "info": made_up_results.information(),

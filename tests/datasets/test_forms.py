@@ -16,6 +16,7 @@ from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.lerobot import read as read_lerobot
 from dynreg.data.recording import Recording
 from dynreg.datasets.formats import FORMATS
+from dynreg.errors import UsageError
 
 STATES = ["arm/position", "arm/velocity"]
 ACTION = "arm/target"
@@ -205,3 +206,22 @@ def test_the_models_predict_without_dynreg_as_with_it(exported, monkeypatch) -> 
         assert about["entries"] == list(held.ids) and about["states"][1] == ["arm/velocity", "rad/s"]
         for name, array in held.weights.items():
             assert np.array_equal(file.get_tensor(name), array) and file.get_tensor(name).dtype == array.dtype
+
+
+def test_the_model_of_a_recording_is_exported_beside_those_of_simulators(exported, tmp_path):
+    reg = exported.opened
+    reg.query("bench", replay=False, synthesise=False)
+    recording = reg.recording("bench").id
+    (own,) = [one for one in reg.list("measured").items if reg.show(one.id).detail["recording"] == recording]
+    entry = reg.population(exported.population).id[3]
+    made = reg.export_dataset([own.id, entry], tmp_path / "models", "safetensors")
+    assert (made.entries, made.recordings) == (1, 1)
+    with safe_open(tmp_path / "models" / "models.safetensors", framework="numpy") as file:
+        about = json.loads(file.metadata()["dynreg"])
+        weights = file.get_tensor("weight0")
+    assert about["entries"] == [entry, own.id] and about["numbers"] == [3, None]
+    models = reg.model([entry, own.id])
+    np.testing.assert_array_equal(weights.astype(np.float32), models.stack.weights[0])
+    with pytest.raises(UsageError, match="simulated or measured"):
+        reg.export_dataset(["bench"], tmp_path / "nothing", "safetensors")
+    assert not (tmp_path / "nothing").exists()

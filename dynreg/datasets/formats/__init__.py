@@ -161,8 +161,8 @@ print(episode.observations.shape, episode.actions.shape)
         ),
         Format(
             "safetensors",
-            "a folder: the trained models of all entries in one file",
-            (ENTRIES,),
+            "a folder: the trained models of entries, also of those of recordings, in one file",
+            _ALL,
             "safetensors",
             '''\
 import json

@@ -2,7 +2,7 @@
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from dynreg.data.recording import Channel
-from dynreg.datasets.export import Export, Simulated
+from dynreg.datasets.export import Export
 from dynreg.errors import UsageError
 
 SCHEMA = "dynreg/models/1"
@@ -18,12 +18,14 @@ _NAMES = {"float16": "F16", "float32": "F32"}  # of a number, in the file's head
 
 
 def check(export: Export) -> None:
-    """UsageError for entries of several populations: their models do not take the same rows."""
-    if len(export.populations) != 1:
+    """UsageError for recordings without a model, and for entries of several populations, which take other rows."""
+    populations = {one.population for one in (*export.populations, *export.measured)}
+    bare = len(export.recordings) != len(export.measured)
+    if bare or len(populations) != 1:
         raise UsageError(
-            f"models of {len(export.populations)} populations",
-            expected="entries of one population",
-            do="export each population by itself",
+            "recordings as safetensors" if bare else f"models of {len(populations)} populations",
+            expected="entries of one population, simulated or measured",
+            do="export each population by itself; `dynreg list --kind measured` has the entries of recordings",
         )
 
 
@@ -33,19 +35,18 @@ def write(export: Export, folder: Path, name: str) -> None:
     Its metadata tells, as JSON under `dynreg`, the ids and numbers of the entries, the columns with their units and the
     nominal context. `entries.parquet` tells their parameters.
     """
-    (told,) = export.populations
-    layers = next(iter(told.weights()))
-    count, scale = len(told.entries), export.dataset.normaliser.as_arrays()
+    layers = next(_weights(export))
+    count, scale = len(_entries(export)), export.dataset.normaliser.as_arrays()
     shapes = {key: (str(a.dtype), a.shape) for key, a in scale.items()}
     shapes |= {key: (str(a.dtype), (count, *a.shape[1:])) for key, a in sorted(layers.items())}
     # The library's writer wants all weights in memory; this one puts each shard's in their place.
     with open(folder / "models.safetensors", "wb") as file:
-        begins = _head(file, shapes, _about(export, told, len(layers) // 2))
+        begins = _head(file, shapes, _about(export, len(layers) // 2))
         for key, array in scale.items():
             file.seek(begins[key])
             file.write(array.tobytes())
         done = 0
-        for weights in told.weights():
+        for weights in _weights(export):
             for key, array in weights.items():
                 file.seek(begins[key] + done * array[0].nbytes)
                 file.write(np.ascontiguousarray(array).data)
@@ -53,15 +54,31 @@ def write(export: Export, folder: Path, name: str) -> None:
     pq.write_table(export.table(), folder / "entries.parquet", compression="zstd")
 
 
-def _about(export: Export, told: Simulated, layers: int) -> dict[str, Any]:
+def _entries(export: Export) -> list[str]:
+    simulated = [identity for one in export.populations for identity in one.entries]
+    return [*simulated, *(one.id for one in export.measured)]
+
+
+def _weights(export: Export) -> Iterator[Mapping[str, np.ndarray]]:
+    """Of all entries, some at a time."""
+    for one in export.populations:
+        yield from one.weights()
+    for one in export.measured:
+        yield {name: array[None] for name, array in one.weights.items()}
+
+
+def _about(export: Export, layers: int) -> dict[str, Any]:
+    told = (*export.populations, *export.measured)[0]
+    numbers = [number for one in export.populations for number in one.numbers.tolist()]
+
     def named(columns: tuple[Channel, ...]) -> list[list[str]]:
         return [[c.name, c.unit] for c in columns]
 
     return {
         "schema": SCHEMA,
         **export.about,
-        "entries": list(told.entries),
-        "numbers": told.numbers.tolist(),
+        "entries": _entries(export),
+        "numbers": [*numbers, *(None for _ in export.measured)],
         "layers": layers,
         "states": named(told.columns.states),
         "actions": named(told.columns.actions),
