@@ -103,8 +103,9 @@ def _scale_link(batch, model: mujoco.MjModel, body: int, assignment: Assignment,
         if model.geom_type[g] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
     ]
     if long:
-        batch.expand("geom_size")[:, long, 1] *= ratio[:, None]
-        batch.expand("geom_rbound")[:, long] *= np.maximum(ratio, 1.0)[:, None]
+        size = batch.expand("geom_size")
+        size[:, long, 1] *= ratio[:, None]
+        batch.expand("geom_rbound")[:, long] = size[:, long, 0] + size[:, long, 1]
     batch.expand("body_ipos")[:, body] *= ratio[:, None]
     batch.expand("body_mass")[:, body] *= ratio
     batch.expand("body_inertia")[:, body] *= ratio[:, None] ** 3
