@@ -20,6 +20,7 @@ class Form(StrEnum):
 
     registry = "registry"
     robot = "robot"
+    ranges = "ranges"
     csv = "csv"
     mcap = "mcap"
     python = "python"
@@ -72,6 +73,9 @@ def export(
     --as robot: a simulator as a robot folder: robot.toml with its parameters and effects, and one MJCF file. A result
     means the simulator that it recommends. A warning lists what robot.toml cannot express.
 
+    --as ranges: what a log leaves open, for training: the posterior of a query or a diagnosis with its correlations,
+    and the fields of a MuJoCo model that each parameter sets. A recording means its newest such result.
+
     --as foxglove, rerun: a recording beside a simulator under the same commands, with both robots, every channel
     and its residual. Foxglove gets an MCAP log, Rerun an .rrd file. A result means its recording and the simulator
     that it recommends.
@@ -95,6 +99,12 @@ def export(
         if form is Form.rerun or (form is Form.foxglove and _is_run(session, refs[0], simulator)):
             session.export_run(refs[0], to, form.value, simulator)
             call.emit(session.show(refs[0]), f"{to}: written", hint=_OPENED[form])
+            return
+        if form is Form.ranges:
+            ranges = session.export_ranges(refs[0], to)
+            call.emit(
+                ranges, hint=command("export", ranges.simulator[:12], "--as", "robot", "--to", "FOLDER")
+            )
             return
         if form not in (Form.registry, Form.robot):
             hint = None if form in (Form.gif, Form.png, Form.foxglove) else _PLAYED

@@ -75,27 +75,32 @@ def estimates(
     return out
 
 
-def gaussian(c: Coordinates, draws: Posterior, untold: tuple[str, ...] = ()) -> Gaussian:
-    """The normal distribution with the draws' 90 % intervals and correlations, of free parameters and of effects.
+def gaussian(c: Coordinates, point: Point, draws: Posterior, untold: tuple[str, ...] = ()) -> Gaussian:
+    """The normal distribution with the 90 % intervals and the correlations of draws about a point: of its parameters,
+    and of the sizes of its effects.
 
-    Its coordinates run from 0 to 1 between the bounds of a fit. Weights of draws are flattened where few carry them, so
-    a correlation is uncertain by about 0.15. untold : names of parameters of which the recording tells nothing.
+    As in `estimates`, an interval holds the point's own value. Coordinates run from 0 to 1 between the bounds of a fit.
+    Weights are flattened where few draws carry them, so a correlation is uncertain by about 0.15. untold : names of
+    parameters of which the recording tells nothing.
     """
     names, scales, limits = free_quantities(c, draws.hypothesis)
-    z, free = draws.z, len(c)
-    values = [c.values(z[:, :free])[:, c.free], *c.effect_values(draws.hypothesis, z[:, free:])]
-    at = coordinates(scales, limits, np.clip(np.concatenate(values, axis=1), *limits.T))
+
+    def placed(z: np.ndarray) -> np.ndarray:
+        values = [c.values(z[:, : len(c)])[:, c.free], *c.effect_values(draws.hypothesis, z[:, len(c) :])]
+        return coordinates(scales, limits, np.clip(np.concatenate(values, axis=1), *limits.T))
+
+    at, (own,) = placed(draws.z), placed(point.z[None])
     low, high = draws.quantiles(at)
+    low, high = np.minimum(low, own), np.maximum(high, own)
     apart = at - draws.weights @ at
-    covariance = (apart * draws.weights[:, None]).T @ apart
     return Gaussian(
-        names,
-        scales,
-        limits,
-        (low + high) / 2,
-        (high - low) / (2 * NORMAL_90),
-        correlations_of(covariance),
-        untold,
+        names=names,
+        scales=scales,
+        limits=limits,
+        centre=(low + high) / 2,
+        deviations=(high - low) / (2 * NORMAL_90),
+        correlations=correlations_of((apart * draws.weights[:, None]).T @ apart),
+        untold=untold,
     )
 
 

@@ -89,7 +89,9 @@ class Formula:
         return not self < other
 
     def _lifted(self, other: Any) -> "Formula":
-        return other if isinstance(other, Formula) else Formula({(): float(other)} if other else {}, self.ranges)
+        return (
+            other if isinstance(other, Formula) else Formula({(): float(other)} if other else {}, self.ranges)
+        )
 
     def _sign(self, other: Any, strict: bool) -> int:
         """-1 where it is below another everywhere (or equal, if strict), 1 where it never is; else Untold."""

@@ -15,7 +15,6 @@ from dynreg.extend.formula import Formula, Untold
 from dynreg.extend.plain import says, write_drives
 from dynreg.sim.effects import Site, Terms
 from dynreg.sim.engines.acting import Acting, acting
-from dynreg.sim.engines.mujoco_model import assign
 from dynreg.sim.fields import names_of
 from dynreg.sim.ports import nominal_ports, servo_law
 from dynreg.sim.robot import Robot
@@ -105,9 +104,9 @@ def _parameters(
 def _effects(
     robot: Robot, fields: Fields, terms: Terms, ranges: Ranges, held: dict[str, tuple[str, str]]
 ) -> dict[tuple[str, int], Any]:
-    """Let effects that act before anything moves write; {(id, action): first value} of those on the move that MJCF says.
+    """Let effects that act before anything moves write, in the order of the engines.
 
-    Each in the order in which engines let them act.
+    {(id, action): first value} of those that act while the robot moves, and that MJCF says.
     """
     moving: dict[tuple[str, int], Any] = {}
     for one in acting(robot, terms):
@@ -125,7 +124,9 @@ def _effects(
         else:
             why = _tried(fields, lambda o=one, s=symbols: _configured(robot, fields, o, s))
             if why:
-                _configured(robot, fields, one, {k: float(v[0, 0]) for k, v in one.values.items()}, kind=float)
+                _configured(
+                    robot, fields, one, {k: float(v[0, 0]) for k, v in one.values.items()}, kind=float
+                )
                 held[key] = (why, ENGINE if robot.planar or one.effect.acts_on == "sensor" else MODEL)
     return moving
 
@@ -165,7 +166,9 @@ def _tried(fields: Fields, write: Callable[[], None]) -> str:
     return why
 
 
-def _configured(robot: Robot, fields: Fields, one: Acting, symbols: Mapping[str, Any], kind: Any = object) -> None:
+def _configured(
+    robot: Robot, fields: Fields, one: Acting, symbols: Mapping[str, Any], kind: Any = object
+) -> None:
     """Let an effect write with these values of its parameters, before anything moves."""
     values = {name: np.array([[value]], dtype=kind) for name, value in symbols.items()}
     one.effect.configure(Site(robot, fields.ports, one.rows, one.joints, fields.expand, {}), values)

@@ -155,7 +155,10 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
 def _estimates(
     case: Case, replays: Replays, synthesis: Made | None, made: int
 ) -> tuple[dict[str, Interval], Gaussian]:
-    """Intervals and posterior of the parameters of what was made, by the linear model about it or, without it, one that is regressed."""
+    """Intervals and posterior of the parameters of what was made.
+
+    By the linear model about it or, without it, one that is regressed.
+    """
     unit, values_of = replays.unit[made], case.data.values_of
     if synthesis is None or synthesis.local is None:
         source = replays if synthesis is None else synthesis.replays

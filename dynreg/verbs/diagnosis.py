@@ -84,7 +84,9 @@ def document(
         threshold_nats=limit.nats,
         threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
         parameters=of_robot,
-        posterior=posterior_told(gaussian(model.coordinates, seen.draws, seen.unidentified.alone)),
+        posterior=posterior_told(
+            gaussian(model.coordinates, found.current, seen.draws, seen.unidentified.alone)
+        ),
         moved=_moved(made) if found.accepted else (),
         error=errors[int(worst)],
         errors=errors,

@@ -30,6 +30,7 @@ LINES = {
     "export": ("export", "bench", "--to", "copy"),
     "export gait": ("export", "walk", "--as", "csv", "--to", "copy.csv"),
     "export robot": ("export", "5555", "--as", "robot", "--to", "copy"),
+    "export ranges": ("export", "5555", "--as", "ranges", "--to", "ranges.toml"),
     "info": ("info",),
 }
 NAME = HOSTILE.replace("\x00", "")  # as no argument of a command can hold
@@ -43,6 +44,7 @@ def strangers(session):
         "drift": made_up_drift.drift(),
         "export_gait": made_up_gait.gait(),
         "export_robot": made_up_results.robot_folder(),
+        "export_ranges": made_up_results.ranges_file(),
     }
     for verb, answer in (session.answers | more).items():
         if isinstance(answer, tuple):
