@@ -4,10 +4,10 @@
     dynreg export diagnosed --as robot --to robot          # the command that `made_by` in ranges.toml shows
     python examples/randomise_playground.py ranges.toml robot/mujoco.xml -n 64
 
-In a training script:
+In a training script, with one key for each simulator:
 
-    randomize = functools.partial(domain_randomize, ranges=read("ranges.toml"))
-    train(..., randomization_fn=functools.partial(randomize, rng=keys))
+    randomise = functools.partial(domain_randomize, rng=keys, ranges=read("ranges.toml"))
+    wrapper.BraxDomainRandomizationVmapWrapper(environment, randomise)
 """
 
 import argparse
