@@ -83,6 +83,19 @@ def test_draws_have_the_intervals_of_the_result(servos, asked, example, tmp_path
     assert exact
 
 
+def test_what_is_clipped_takes_along_what_makes_up_for_it(example) -> None:
+    """Of two quantities only their sum is known: it stays as it is where one of them meets the end of its range."""
+    one = {"scale": "linear", "limits": [0.0, 1.0], "draw": "normal"}
+    free = [
+        one | {"name": "a", "centre": 0.8, "deviation": 0.3},
+        one | {"name": "b", "centre": 0.4, "deviation": 0.15},
+    ]
+    told = {"free": free, "correlations": [[1.0, -1.0], [-1.0, 1.0]]}
+    a, b = columns(example.draw(told, 500, stream(0, "clipped")), told).T
+    assert 50 < (a == 1.0).sum() < 200
+    np.testing.assert_allclose(0.5 * a + b, 0.8, atol=1e-6)
+
+
 def test_draws_with_their_correlations_replay_the_log_better_than_the_box(
     servos, asked, example, tmp_path: Path
 ) -> None:
@@ -240,7 +253,7 @@ def test_what_is_no_posterior_is_refused(servos, asked, changed, tmp_path: Path)
     assert not (tmp_path / "none.toml").exists()
 
 
-def test_the_example_for_playground_draws_the_same(servos, tmp_path: Path) -> None:
+def test_the_example_for_playground_draws_the_same(servos, asked, tmp_path: Path) -> None:
     """In JAX, where that is installed: fields of 200 draws are those that MuJoCo's example makes of them."""
     pytest.importorskip("jax", reason="no jax: the example for MuJoCo Playground is not run")
     pytest.importorskip("mujoco.mjx", reason="no mujoco-mjx: the example for MuJoCo Playground is not run")
