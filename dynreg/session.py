@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dynreg.results.effects import EffectsList
     from dynreg.results.experiment import Experiment
     from dynreg.results.gait import Gait
+    from dynreg.results.ranges import RangesFile
     from dynreg.results.result import Result
     from dynreg.results.robots import RobotFolder
     from dynreg.results.stored import (
@@ -329,6 +330,12 @@ class Session:
         from dynreg.verbs.export_robot import export_simulator
 
         return export_simulator(self.registry, ref, Path(destination))
+
+    def export_ranges(self, ref: str, destination: str | Path) -> "RangesFile":
+        """Write the posterior of a query or a diagnosis to a new file, for training; see `verbs.export_ranges`."""
+        from dynreg.verbs.export_ranges import export_ranges
+
+        return export_ranges(self.registry, ref, Path(destination))
 
     def export_gait(self, ref: "str | Path | Gait", destination: str | Path, form: str = "csv") -> "Gait":
         """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.

@@ -11,6 +11,7 @@ import made_up_gait
 from dynreg.results import (
     Calibration,
     CalibrationStep,
+    CarriedBy,
     CarriedEffect,
     ChannelError,
     CollectedFile,
@@ -20,6 +21,7 @@ from dynreg.results import (
     DraftedMap,
     EntrySummary,
     Estimate,
+    FreeQuantity,
     Gain,
     Import,
     Info,
@@ -31,6 +33,7 @@ from dynreg.results import (
     Neighbours,
     Nominal,
     PopulationSummary,
+    RangesFile,
     RecordingSummary,
     Removal,
     ReportFile,
@@ -330,6 +333,33 @@ def robot_folder() -> RobotFolder:
     )
 
 
+def ranges_file() -> RangesFile:
+    """Ranges of a servo that no simulator fits, with an effect that no model can say."""
+    mass = {"name": "tip_mass", "unit": "kg", "value": 0.5, "low": 0.4, "high": 0.6}
+    noise = {"name": "motor_noise", "unit": "rad", "value": 0.01, "low": 0.005, "high": 0.02}
+    return RangesFile(
+        robot="servo_pendulum",
+        recording_name="bench_monday",
+        result="c1" * 32,
+        kind="diagnosis",
+        simulator="5" * 64,
+        file="ranges.toml",
+        correlated=False,
+        reliable=False,
+        warning="Do not rely on these intervals: the model is not complete.",
+        free=(
+            FreeQuantity(**mass, draw="normal", told="by the log", reaches=("body_mass",)),
+            FreeQuantity(**noise, draw="uniform", told="not by the log", at_bound=True),
+        ),
+        fixed=("control_rate",),
+        effects=(
+            CarriedBy(effect="load_friction", carried_by="engine", why="it acts while the robot moves"),
+        ),
+        left_out={"motor_noise": "nothing in the simulator depends on it"},
+        notes=("correlations are not known",),
+    )
+
+
 def robot_draft() -> RobotDraft:
     """A folder drafted from an arm's model and a log that lacks one joint."""
     return RobotDraft(
@@ -371,6 +401,7 @@ def every_kind() -> tuple[Result, ...]:
         made_up_diagnosis.experiment(),
         robot_draft(),
         robot_folder(),
+        ranges_file(),
         made_up_gait.gait(),
         made_up_changes.changes(),
         made_up_drift.drift(),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # csv and mcap are forms of a gait and of a dataset: what is named decides
 _GAITS = ("csv", "mcap", "python", "foxglove", "gif", "png")
-Form = StrEnum("Form", list(dict.fromkeys(("registry", "robot", *FORMATS, *_GAITS, "rerun"))))
+Form = StrEnum("Form", list(dict.fromkeys(("registry", "robot", "ranges", *FORMATS, *_GAITS, "rerun"))))
 
 _PLAYED = "play it, then `dynreg ingest LOG --robot ROBOT --gait @last`"
 _OPENED = {Form.rerun: "rerun FILE", Form.foxglove: "open it in Foxglove; plot /channels/NAME.residual"}
@@ -102,6 +102,9 @@ def export(
     --as robot: a simulator as a robot folder: robot.toml with its parameters and effects, and one MJCF file. A result
     means the simulator that it recommends. A warning lists what robot.toml cannot express.
 
+    --as ranges: what a log leaves open, for training: the posterior of a query or a diagnosis with its correlations,
+    and the fields of a MuJoCo model that each parameter sets. A recording means its newest such result.
+
     --as foxglove, rerun: a recording beside a simulator under the same commands, with both robots, every channel
     and its residual. Foxglove gets an MCAP log, Rerun an .rrd file. A result means its recording and the simulator
     that it recommends.
@@ -122,6 +125,12 @@ def export(
             return
         if _is_dataset(session, refs, form):
             call.emit(session.export_dataset(refs, to, form.value, licence))
+            return
+        if form is Form.ranges:
+            ranges = session.export_ranges(refs[0], to)
+            call.emit(
+                ranges, hint=command("export", ranges.simulator[:12], "--as", "robot", "--to", "FOLDER")
+            )
             return
         if form not in (Form.registry, Form.robot):
             hint = None if form in (Form.gif, Form.png, Form.foxglove) else _PLAYED

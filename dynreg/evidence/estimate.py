@@ -6,12 +6,15 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
+from dynreg.evidence.gaussian import Gaussian, coordinates, correlations_of
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.evidence.interval import NINETY, Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point, bounds
 from dynreg.sim.effects import EffectParameter, Term
 from dynreg.sim.robot import Robot
 
+NORMAL_90 = 1.645  # standard deviations to each side of a normal distribution that hold 90 %
 EDGE = 1e-3  # of a coordinate: nearer to a bound is on it; no fit tells so little
 ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
     {
@@ -70,6 +73,49 @@ def estimates(
             sizes=(p.weak * scale, p.medium * scale, p.strong * scale),
         )
     return out
+
+
+def gaussian(c: Coordinates, point: Point, draws: Posterior, untold: tuple[str, ...] = ()) -> Gaussian:
+    """The normal distribution with the 90 % intervals and the correlations of draws about a point: of its parameters,
+    and of the sizes of its effects.
+
+    As in `estimates`, an interval holds the point's own value. Coordinates run from 0 to 1 between the bounds of a fit.
+    Weights are flattened where few draws carry them, so a correlation is uncertain by about 0.15. untold : names of
+    parameters of which the recording tells nothing.
+    """
+    names, scales, limits = free_quantities(c, draws.hypothesis)
+
+    def placed(z: np.ndarray) -> np.ndarray:
+        values = [c.values(z[:, : len(c)])[:, c.free], *c.effect_values(draws.hypothesis, z[:, len(c) :])]
+        return coordinates(scales, limits, np.clip(np.concatenate(values, axis=1), *limits.T))
+
+    at, (own,) = placed(draws.z), placed(point.z[None])
+    low, high = draws.quantiles(at)
+    low, high = np.minimum(low, own), np.maximum(high, own)
+    apart = at - draws.weights @ at
+    return Gaussian(
+        names=names,
+        scales=scales,
+        limits=limits,
+        centre=(low + high) / 2,
+        deviations=(high - low) / (2 * NORMAL_90),
+        correlations=correlations_of((apart * draws.weights[:, None]).T @ apart),
+        untold=untold,
+    )
+
+
+def free_quantities(
+    c: Coordinates, hypothesis: Hypothesis
+) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
+    """Names (D,), scales (D,) and limits (D, 2) of free parameters and of the effects' sizes, as in `Gaussian`."""
+    own = [c.robot.space.parameters[i] for i in c.free]
+    sizes = [(term, p) for term in hypothesis.terms for p in term.effect.parameters]
+    names = [p.name for p in own] + [f"{term.key}.{p.name}" for term, p in sizes]
+    scales = [p.scale for p in own]
+    scales += ["log" if p.shape else "inverse" if p.inverse else "linear" for _, p in sizes]
+    ends = c.effect_values(hypothesis, effect_bounds(hypothesis).T)
+    limits = [c.robot.space.bounds[c.free], *(np.sort(one.T, axis=1) for one in ends)]
+    return tuple(names), tuple(scales), np.concatenate(limits)
 
 
 def unit_of(robot: Robot, term: Term, parameter: EffectParameter) -> str:

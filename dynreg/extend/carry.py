@@ -6,16 +6,18 @@ The changes of model fields and ports are read off the effect itself, so a plugi
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from dynreg.sim.effects import Effect, Term, Terms
 from dynreg.sim.engines.acting import acting, configure_terms
-from dynreg.sim.engines.mujoco_model import configure
+from dynreg.sim.engines.mujoco_model import assign, configure
 from dynreg.sim.fields import names_of
 from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+from dynreg.sim.sets import Assignment
 
 MOVING = ("command", "drive", "friction", "roll", "observe")  # ports that no parameter can stand for
 SAME = 1e-12  # relative: values that one parameter can set
@@ -36,11 +38,15 @@ ADDED = MappingProxyType(  # what effects add to, and its unit; elsewhere they s
 
 @dataclass
 class Fields:
-    """Model fields and ports of one simulator, as an engine would set them; `changed` fields by name, each (1, ...)."""
+    """Model fields and ports of one simulator, as an engine would set them; `changed` fields by name, each (1, ...).
+
+    kind : of their elements; numbers, or objects that stand for numbers.
+    """
 
     robot: Robot
     changed: dict[str, np.ndarray]
     ports: Ports
+    kind: type = float
 
     @classmethod
     def of(cls, robot: Robot, values: np.ndarray) -> "Fields":
@@ -56,8 +62,12 @@ class Fields:
             owner, name = self.robot.model, field
             if field.startswith("opt."):
                 owner, name = owner.opt, field[4:]
-            self.changed[field] = np.array(getattr(owner, name), dtype=float)[None]
+            self.changed[field] = np.array(getattr(owner, name), dtype=float).astype(self.kind)[None]
         return self.changed[field]
+
+    def write(self, assignment: Assignment, value: Any) -> None:
+        """Let one number, or what stands for it, do what an entry of `sets` says."""
+        assign(self, self.robot.model, self.ports, assignment, np.array([value], dtype=self.kind))
 
     def apply(self, terms: Terms) -> None:
         """Let the effects of one simulator write what they write before anything moves."""

@@ -1,6 +1,8 @@
 """A simulator as one MJCF file for MuJoCo alone: parameters, drives and the effects that MJCF can say, written out."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -49,11 +51,11 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     fields.apply(Terms(tuple(terms.terms[i] for i in still), tuple(terms.values[i] for i in still)))
     law = servo_law(fields.ports, robot.input_defaults[None])
     _shape_actuators(robot, spec, layout, law, terms)
+    write_drives(robot, fields, law, lambda key, action: _value(robot, terms, key, action))
     model = spec.compile()
     for name, array in fields.changed.items():
         owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
         getattr(owner, field)[...] = array[0].reshape(np.shape(getattr(owner, field)))
-    _write_drives(robot, model, layout, fields, law, terms)
     model.opt.timestep, model.opt.integrator = _time_step(robot), robot.model.opt.integrator
     try:
         spec.copy_back(model)
@@ -92,18 +94,32 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
             one.nsample = int(np.ceil(delay / step)) + 2
 
 
-def _write_drives(
-    robot: Robot, model: mujoco.MjModel, layout: Layout, fields: Fields, law: ServoLaw, terms: Terms
-) -> None:
-    at, dof, friction = layout.action_actuator, layout.action_dof, fields.ports.friction
-    more = np.array([_value(robot, terms, "command_gain", a) for a in range(len(at))])
-    model.actuator_gainprm[at, 0] = law.gain[0] * (1.0 + more)
-    push = np.array([_value(robot, terms, "force_offset", a) for a in range(len(at))])
-    model.actuator_biasprm[at, :3] = np.stack([law.bias[0] + push, -law.stiffness[0], -law.rate[0]], axis=1)
-    model.dof_damping[dof] += law.damping[0] + friction["viscous"][0]
-    model.dof_frictionloss[dof] += friction["coulomb"][0]
+def write_drives(robot: Robot, fields: Fields, law: ServoLaw, size: Callable[[str, int], Any]) -> None:
+    """Write the drives' law, friction and the effects on them that MJCF can say into the fields of one simulator.
+
+    size : the first value of an effect (its id) on an action (its number); 0 where that does not have it.
+    """
+    layout, friction = layout_of(robot), fields.ports.friction
+    at, dof, field = layout.action_actuator, layout.action_dof, lambda name: fields.expand(name)[0]
+    more, push, drag, lag = (
+        np.array([size(key, a) for a in range(len(at))])
+        for key in ("command_gain", "force_offset", "quadratic_drag", "command_lag")
+    )
+    field("actuator_gainprm")[at, 0] = law.gain[0] * (1.0 + more)
+    bias = field("actuator_biasprm")
+    bias[at, 0], bias[at, 1], bias[at, 2] = law.bias[0] + push, -law.stiffness[0], -law.rate[0]
+    limits = field("actuator_forcerange")
+    limits[at, 0], limits[at, 1] = push - law.limit[0], push + law.limit[0]
+    field("dof_damping")[dof] += law.damping[0] + friction["viscous"][0]
+    field("dof_frictionloss")[dof] += friction["coulomb"][0]
     for a, d in enumerate(dof):
-        model.dof_dampingpoly[d, 0] += _value(robot, terms, "quadratic_drag", a)
+        joint = robot.model.dof_jntid[d]
+        if robot.model.jnt_actfrclimited[joint]:
+            field("jnt_actfrcrange")[joint] += push[a]
+        if drag[a] != 0.0:
+            field("dof_dampingpoly")[d, 0] += drag[a]
+        if lag[a] != 0.0:
+            field("actuator_dynprm")[at[a], 0] = lag[a]
 
 
 def _value(robot: Robot, terms: Terms, key: str, action: int) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.distance.population import Population
 from dynreg.distance.query import DistanceQuery
+from dynreg.evidence.gaussian import Gaussian
 from dynreg.index import Graph
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
 from dynreg.neighbours.judge import misfit
@@ -79,9 +80,10 @@ class Choice:
     candidates : the nominal, what was found, and what was made of it, if anything was; replays : their parameters and
     errors. begun : how many of them before the synthesis. spent : simulators run to choose. nearest : the k nearest
     entries. best : of the entries; made : what was made, else the guess, None without either; answer : the best of
-    nominal, entries and `made`, whose search begins with the guess. intervals : of the parameters of `made`. tests :
-    (W_test,) errors by simulator. judged : (W',) windows that judge, the test part where there is one, in which nominal
-    and answer have states (2, W', T+1, S) and errors by channel (2, S).
+    nominal, entries and `made`, whose search begins with the guess. intervals : of the parameters of `made`;
+    posterior : of the free ones, None without it. tests : (W_test,) errors by simulator. judged : (W',) windows that
+    judge, the test part where there is one, in which nominal and answer have states (2, W', T+1, S) and errors by
+    channel (2, S).
     misfit : see `judge.misfit`. rollouts : those, and all that was run for the retrieval, the intervals and the motor
     noise.
     """
@@ -95,6 +97,7 @@ class Choice:
     made: int | None
     answer: int
     intervals: dict[str, Interval]
+    posterior: Gaussian | None
     tests: dict[int, np.ndarray]
     judged: np.ndarray
     states: np.ndarray
@@ -122,7 +125,7 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     if made is not None and score[made] <= score[answer]:
         answer = made
     told = sorted({0, *nearest, best, answer, made} - {None})
-    intervals = {} if made is None else _intervals(case, replays, synthesis, made)
+    intervals, posterior = ({}, None) if made is None else _estimates(case, replays, synthesis, made)
     values = case.data.values_of(replays.unit)
     test = np.flatnonzero(case.data.parts.test)
     tests = errors(case.replayer.residuals(values[told], test)) if len(test) else np.zeros((len(told), 0))
@@ -139,6 +142,7 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         made=made,
         answer=answer,
         intervals=intervals,
+        posterior=posterior,
         tests=dict(zip(told, tests, strict=True)),
         judged=judged,
         states=states,
@@ -148,8 +152,13 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     )
 
 
-def _intervals(case: Case, replays: Replays, synthesis: Made | None, made: int) -> dict[str, Interval]:
-    """Of the parameters of what was made, by the linear model about it or, without it, one that is regressed."""
+def _estimates(
+    case: Case, replays: Replays, synthesis: Made | None, made: int
+) -> tuple[dict[str, Interval], Gaussian]:
+    """Intervals and posterior of the parameters of what was made.
+
+    By the linear model about it or, without it, one that is regressed.
+    """
     unit, values_of = replays.unit[made], case.data.values_of
     if synthesis is None or synthesis.local is None:
         source = replays if synthesis is None else synthesis.replays

@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.experiment import *
     from dynreg.results.gait import *
     from dynreg.results.neighbours import *
+    from dynreg.results.posterior import *
+    from dynreg.results.ranges import *
     from dynreg.results.refit import *
     from dynreg.results.result import *
     from dynreg.results.robots import *

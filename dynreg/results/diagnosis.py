@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, model_validator
 
 from dynreg.axes import axes_for
+from dynreg.results.posterior import Posterior
 from dynreg.results.refit import Refit
 from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, plot_curves
 
@@ -236,6 +237,8 @@ class Diagnosis(Result):
     null without causes or where nothing was held out. over_start : of the simulator that it leaves (the extended one,
     else the calibrated one) over that it began with, on the test part; below 0 where the first predicts it better.
     threshold_nats : the evidence below which no cause is named.
+    posterior : of the free parameters and the sizes of the effects, in the simulator that it leaves; null in documents
+    that were stored before it was kept.
     error : of the channel that matters most; errors : of every channel. finding : the sentence of `where`.
     rest, residual : how well each joint's signals predict its unexplained acceleration, and which of them do; null
     where no error is unexplained, or where the log does not tell the states to predict from.
@@ -261,6 +264,7 @@ class Diagnosis(Result):
     threshold_nats: float
     threshold: Threshold
     parameters: dict[str, Pulled]
+    posterior: Posterior | None = None
     moved: tuple[Moved, ...] = ()
     error: RolloutError
     errors: tuple[RolloutError, ...] = ()

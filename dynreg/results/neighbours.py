@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
+from dynreg.results.posterior import Posterior
 from dynreg.results.result import Cost, Curves, Estimate, Gain, Result, plot_curves
 from dynreg.results.sentence import gain_words
 
@@ -33,11 +34,15 @@ class MeasuredNeighbour(Result):
 
 
 class Synthesised(Result):
-    """The simulator that the query made from the neighbours."""
+    """The simulator that the query made from the neighbours.
+
+    posterior : of its free parameters; null in documents that were stored before it was kept.
+    """
 
     simulator: str
     replay_error: float
     parameters: dict[str, Estimate]
+    posterior: Posterior | None = None
 
 
 class Nominal(Result):

@@ -97,14 +97,13 @@ def _scale_link(batch, model: mujoco.MjModel, body: int, assignment: Assignment,
             batch.expand("body_pos")[:, child] *= ratio[:, None]
     geoms = np.flatnonzero(model.geom_bodyid == body)
     batch.expand("geom_pos")[:, geoms] *= ratio[:, None, None]
-    long = [
-        g
-        for g in geoms
-        if model.geom_type[g] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
-    ]
+    # numpy's numbers equal MuJoCo's enums, but are in no tuple of them
+    kinds = [int(kind) for kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)]
+    long = [g for g in geoms if model.geom_type[g] in kinds]
     if long:
-        batch.expand("geom_size")[:, long, 1] *= ratio[:, None]
-        batch.expand("geom_rbound")[:, long] *= np.maximum(ratio, 1.0)[:, None]
+        size = batch.expand("geom_size")
+        size[:, long, 1] *= ratio[:, None]
+        batch.expand("geom_rbound")[:, long] = size[:, long, 0] + size[:, long, 1]
     batch.expand("body_ipos")[:, body] *= ratio[:, None]
     batch.expand("body_mass")[:, body] *= ratio
     batch.expand("body_inertia")[:, body] *= ratio[:, None] ** 3

@@ -8,6 +8,7 @@ from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.verdict import rivals
+from dynreg.evidence.estimate import gaussian
 from dynreg.evidence.interval import Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -34,6 +35,7 @@ from dynreg.results.sentence import diagnosis_sentence
 from dynreg.sim.effects import one_group
 from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, threshold_note
 from dynreg.verbs.looked import inseparable, looked
+from dynreg.verbs.posteriors import posterior_told
 from dynreg.verbs.subjects import Recorded
 
 MOVED = 0.5  # a parameter is reported as moved from this many standard deviations of its nameplate on
@@ -82,6 +84,9 @@ def document(
         threshold_nats=limit.nats,
         threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
         parameters=of_robot,
+        posterior=posterior_told(
+            gaussian(model.coordinates, found.current, seen.draws, seen.unidentified.alone)
+        ),
         moved=_moved(made) if found.accepted else (),
         error=errors[int(worst)],
         errors=errors,

@@ -25,6 +25,7 @@ from dynreg.results.neighbours import (
 from dynreg.results.result import Cost, Estimate
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.held_out import held_out_notes
+from dynreg.verbs.posteriors import posterior_told
 from dynreg.verbs.subjects import Recorded
 
 TRACES = 6  # channels shown in a report
@@ -166,7 +167,12 @@ def _synthesised(case: Case, chosen: Choice, simulator: str) -> Synthesised:
         about = {"unit": p.unit, "nominal": p.nominal, "limits": (p.low, p.high)}
         parameters[p.name] = Estimate(**vars(found), **about)
     error = float(chosen.replays.score[chosen.made])
-    return Synthesised(simulator=simulator, replay_error=error, parameters=parameters)
+    return Synthesised(
+        simulator=simulator,
+        replay_error=error,
+        parameters=parameters,
+        posterior=posterior_told(chosen.posterior),
+    )
 
 
 def _stages(subject: Subject, chosen: Choice, simulators: dict[int, str]) -> tuple[Stage, ...]:

@@ -31,6 +31,7 @@ LINES = {
     "export gait": ("export", "walk", "--as", "csv", "--to", "copy.csv"),
     "export dataset": ("export", "bench", "--as", "parquet", "--to", "copy"),
     "export robot": ("export", "5555", "--as", "robot", "--to", "copy"),
+    "export ranges": ("export", "5555", "--as", "ranges", "--to", "ranges.toml"),
     "info": ("info",),
 }
 NAME = HOSTILE.replace("\x00", "")  # as no argument of a command can hold
@@ -45,6 +46,7 @@ def strangers(session):
         "export_gait": made_up_gait.gait(),
         "export_dataset": made_up_results.dataset_export(),
         "export_robot": made_up_results.robot_folder(),
+        "export_ranges": made_up_results.ranges_file(),
     }
     for verb, answer in (session.answers | more).items():
         if isinstance(answer, tuple):

@@ -73,7 +73,12 @@ def test_the_same_export_gives_the_same_bytes(form: str, exported, tmp_path, reg
         (["nothing"], "parquet", NoMatchError, "nothing"),
         ([], "parquet", UsageError, "a dataset of nothing"),
         (["bench"], "hdf", UsageError, "one of .'parquet', 'csv'"),
-        (["bench"], "safetensors", UsageError, "recordings as safetensors; expected entries of one population"),
+        (
+            ["bench"],
+            "safetensors",
+            UsageError,
+            "recordings as safetensors; expected entries of one population",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(refs, form, kind, says, exported, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ def found(
     local = made.local or linearise(made.replays)
     change = np.zeros(1) if halved is None else halved
     evidence = Evidence(WINDOWS * ROWS, made.replays.residuals[[made.best]] + change)
-    return estimates(made.replays, local, made.replays.unit[made.best], evidence, SPACE.from_unit)
+    return estimates(made.replays, local, made.replays.unit[made.best], evidence, SPACE.from_unit)[0]
 
 
 def sharpened(plant: Plant, replays: Replays, budget: int) -> Made:
@@ -120,7 +120,7 @@ def test_what_is_known_has_no_interval_and_what_lies_at_an_edge_is_told():
     point = np.array([1.0, TRUTH[1], 0.5, 0.5])
     local = linearise(replays)
     evidence = Evidence(100, replays.residuals[[int(replays.score.argmin())]])
-    told = estimates(replays, local, point, evidence, SPACE.from_unit)
+    told, _ = estimates(replays, local, point, evidence, SPACE.from_unit)
     assert told["b"].low == told["b"].value == told["b"].high == pytest.approx(8.0)
     assert [told[name].at_bound for name in NAMES] == [True, False, False, False]
 
@@ -173,7 +173,7 @@ def test_errors_of_start_states_are_fitted_along_with_the_parameters():
             wrong[fitted].append(np.abs(unit - TRUTH).mean())
             if fitted:
                 evidence = Evidence(WINDOWS * ROWS, made.replays.residuals[[made.best]])
-                found = estimates(made.replays, made.local, unit, evidence, SPACE.from_unit)
+                found, _ = estimates(made.replays, made.local, unit, evidence, SPACE.from_unit)
                 width += [found[n].high - found[n].low for n in NAMES]
                 held += sum(
                     found[n].low <= 10 * t <= found[n].high for n, t in zip(NAMES, TRUTH, strict=True)

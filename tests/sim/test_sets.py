@@ -91,6 +91,16 @@ def test_model_fields_get_their_values(entry: str, write_robot: Callable[..., Pa
     np.testing.assert_allclose(batch.expand(field)[(slice(None), *at)], expected)
 
 
+def test_a_longer_link_has_longer_capsules():
+    robot = load_robot("quadruped")
+    values = np.tile(robot.space.nominal, (2, 1))
+    values[1, robot.space.names.index("upper_length")] *= 1.1
+    batch, _ = _configured(robot, values)
+    upper, size = robot.model.geom("fl_upper").id, batch.expand("geom_size")
+    np.testing.assert_allclose(size[1, upper, :2] / size[0, upper, :2], [1.0, 1.1])
+    np.testing.assert_allclose(batch.expand("geom_rbound")[:, upper], size[:, upper, :2].sum(axis=1))
+
+
 def test_rows_that_are_not_named_stay(write_robot: Callable[..., Path]):
     robot = load_robot(write_robot(parameters=parameter("p", "mj.body_mass[u*] =", high=4.0)))
     batch, _ = _configured(robot, np.array([[2.0], [3.0]]))

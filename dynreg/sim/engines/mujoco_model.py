@@ -16,19 +16,27 @@ from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import Ports, assigned, nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+from dynreg.sim.sets import Assignment
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
     """Write parameters (n, P) and the episodes' settings into the batch's fields and the returned ports."""
     ports = nominal_ports(robot, len(values))
     for assignment, column in assigned(robot, values, run):
-        if assignment.root == "mj":
-            set_field(batch, model, assignment, column)
-        elif assignment.root == "modifier":
-            modify(batch, model, assignment, column)
-        else:
-            ports.apply(assignment, column)
+        assign(batch, model, ports, assignment, column)
     return ports
+
+
+def assign(
+    batch: Batch, model: mujoco.MjModel, ports: Ports, assignment: Assignment, values: np.ndarray
+) -> None:
+    """Let values (n,) do to the batch's fields, or to the ports, what an entry of `sets` says."""
+    if assignment.root == "mj":
+        set_field(batch, model, assignment, values)
+    elif assignment.root == "modifier":
+        modify(batch, model, assignment, values)
+    else:
+        ports.apply(assignment, values)
 
 
 # Six robots in lockstep, each with two copies of finer time steps and a hidden one, are 24: with room for fewer than
