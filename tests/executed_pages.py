@@ -52,8 +52,15 @@ VERBS = (
     "verify",
     "gc",
     "rm",
+    "import",
 )
-SESSION = (*QUICK, "docs/python.md", "docs/wheeled.md", *(f"docs/verbs/{name}.md" for name in VERBS))
+SESSION = (
+    *QUICK,
+    "docs/python.md",
+    "docs/datasets.md",
+    "docs/wheeled.md",
+    *(f"docs/verbs/{name}.md" for name in VERBS),
+)
 LANGUAGES = {"console", "python", "text", "sh", "toml", "json"}
 WITHIN = 0.1
 LAST = 2

@@ -176,3 +176,21 @@ def test_one_population_gives_its_normaliser_and_several_none(reg):
     assert abs(float(inputs[:, 0].mean())) < 1.0 and data.to_torch().normaliser is data.normaliser
     assert reg.dataset([reg.three, reg.linked]).normaliser is None
     assert len(reg.dataset([reg.three, reg.linked])) == 2 * len(data)
+
+
+def test_sql_reads_the_shards_and_recordings_as_they_lie(reg):
+    duckdb = pytest.importorskip("duckdb")
+    shards = reg.path / "shards" / f"{reg.three[:16]}*.parquet"
+    found = duckdb.sql(f"""
+        SELECT number, count(*) AS rows, avg("arm/position") AS mean, count("arm/target") AS commands
+        FROM read_parquet('{shards}') GROUP BY number ORDER BY number
+    """).df()
+    states, actions, _ = stacked(reg, reg.three)
+    assert list(found["number"]) == list(range(8)) and set(found["rows"]) == {40 * 51}
+    assert set(found["commands"]) == {actions[0].size}
+    np.testing.assert_allclose(found["mean"], states[..., 0].mean(axis=(1, 2)), atol=1e-6)
+    recordings = reg.path / "recordings" / "*.parquet"
+    by_gain = duckdb.sql(
+        f"SELECT kp, count(*) FROM read_parquet('{recordings}', union_by_name=true) GROUP BY kp"
+    )
+    assert 400.0 in {row[0] for row in by_gain.fetchall()}
