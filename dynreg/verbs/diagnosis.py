@@ -8,7 +8,6 @@ from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.verdict import rivals
-from dynreg.evidence.interval import Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.replay.judged import Gain as Gained
@@ -64,7 +63,7 @@ def document(
 ) -> Diagnosis:
     """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind."""
     model, found, errors = made.problem.model, made.found, _errors(made, seen)
-    of_robot = parameters(model, found.current, seen.draws, list(seen.simulators.values())[-1][0])
+    of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
     worst = (seen.errors[1] / np.maximum(spread, 1e-12)).argmax()  # channel of the calibrated simulator
     told = Diagnosis(
@@ -77,6 +76,7 @@ def document(
         sentence="",
         causes=_causes(made, seen),
         gain=_gain(seen.gain),
+        calibration=_gain(seen.calibration),
         over_start=_gain(seen.over_start),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
@@ -159,9 +159,9 @@ def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
     )
 
 
-def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
-    """Parameters of the point; those that are not fitted are as in the resulting simulator (P,), without interval."""
-    c = model.coordinates
+def parameters(model: Model, point: Point, seen: Account) -> dict[str, Pulled]:
+    """Parameters of the point; those that are not fitted are as in the resulting simulator, without interval."""
+    c, draws, simulator = model.coordinates, seen.draws, list(seen.simulators.values())[-1][0]
     limits = c.nominal_bounds
     value = c.values(np.clip(point.nominal, *limits.T))
     low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
@@ -182,8 +182,15 @@ def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarr
             at_bound=at_bound,
             limits=(p.low, p.high),
             pulled_sigma=pull,
+            share=_share(seen, free),
         )
     return out
+
+
+def _share(seen: Account, free: np.ndarray) -> float | None:
+    """What a parameter alone makes of the gain of calibration; None where that is no number."""
+    share = np.nan if seen.shares is None or not len(free) else seen.shares[free[0]]
+    return float(share) if np.isfinite(share) else None
 
 
 def _moved(made: Diagnosed) -> tuple[Moved, ...]:
