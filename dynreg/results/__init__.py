@@ -20,10 +20,12 @@ if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.effects import *
     from dynreg.results.experiment import *
     from dynreg.results.gait import *
+    from dynreg.results.helped import *
     from dynreg.results.neighbours import *
     from dynreg.results.refit import *
     from dynreg.results.result import *
     from dynreg.results.robots import *
+    from dynreg.results.rollouts import *
     from dynreg.results.sentence import *
     from dynreg.results.stored import *
     from dynreg.results.trials import *

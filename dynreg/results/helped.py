@@ -11,7 +11,7 @@ MOST_MAIN = 2  # parameters that are named: the table lists the others
 WORSE = 0.05  # of an error: by less the errors of two simulators on few windows differ by chance
 
 
-def clear(gain: Gain | None) -> bool:
+def clearly_helps(gain: Gain | None) -> bool:
     """Whether a gain is clearly above 0: by its interval, and by its value where there is none."""
     return gain is not None and (gain.value if gain.low is None else gain.low) >= CLEAR
 
@@ -21,8 +21,8 @@ def helping(of: Diagnosis) -> tuple[Cause, ...]:
 
     All of them where nothing was held out.
     """
-    alone = tuple(cause for cause in of.causes if cause.gain is None or clear(cause.gain))
-    return of.causes if not alone and clear(of.gain) else alone
+    alone = tuple(cause for cause in of.causes if cause.gain is None or clearly_helps(cause.gain))
+    return of.causes if not alone and clearly_helps(of.gain) else alone
 
 
 def doubtful(of: Diagnosis) -> tuple[Cause, ...]:
@@ -41,7 +41,7 @@ def calibration_leads(of: Diagnosis) -> bool:
     Without causes they must remove most of it, over all channels or on one.
     """
     gain = by_calibration(of)
-    if of.worse or gain is None or gain.low is None or not clear(gain):
+    if of.worse or gain is None or gain.low is None or not clearly_helps(gain):
         return False
     if not of.causes:
         return far_better(of)
