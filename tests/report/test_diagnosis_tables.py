@@ -140,7 +140,7 @@ def test_a_calibrated_simulator_that_is_clearly_better_is_offered(verdict: str) 
         assert not any("export" in step for step in diagnosis_steps(unsure))
 
 
-def test_the_extended_simulator_is_not_advised_where_a_cause_does_not_clearly_help() -> None:
+def test_the_extended_simulator_is_not_advised_where_no_cause_clearly_helps() -> None:
     found = made_up_diagnosis.diagnosis("ambiguous")
     (cause,) = found.causes
     unclear = cause.model_copy(update={"gain": Gain(value=0.004, low=-0.01, high=0.01)})

@@ -19,7 +19,6 @@ from dynreg.results.helped import (
     best_channel,
     by_calibration,
     calibration_leads,
-    doubtful,
     helping,
     worse_channels,
 )
@@ -175,7 +174,10 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
 def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
     """What to do next, the first thing first."""
     steps = [NOT_BETTER.format(left=result.left, began=result.began)] if result.worse else []
-    steps += result.experiments
+    if (
+        result.causes[:1] == helping(result)[:1]
+    ):  # what separates a cause that is not to be relied on is no next step
+        steps += result.experiments
     for cause in helping(result):
         for other in [key for key in cause.equivalent if key not in cause.inseparable][:1]:
             steps.append(f"Commands that separate them: {excite_command(result.robot, cause.key, other)}")
@@ -187,7 +189,7 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
         steps.append(f"Check the log first: {command('doctor', 'LOG', '--robot', result.robot)}")
     if not result.parts.get("test"):
         steps.append("Record more episodes, or name some with --hold-out.")
-    if result.extended_simulator and not result.worse and not doubtful(result):
+    if result.extended_simulator and not result.worse and helping(result):
         steps.append(_export("extended", result.extended_simulator))
     elif result.calibrated_simulator and _clearly_better(result):
         steps.append(_export("calibrated", result.calibrated_simulator))
