@@ -1,6 +1,6 @@
 """The evaluation of a diagnosis: errors of its simulators on the judged windows, gains, and parameter intervals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,9 @@ class Account:
     states : (3, W, T+1, S) of the initial, the calibrated and the extended simulator. errors : (3, C) their mean
     absolute errors in every weighted channel, in its unit. where : errors of the calibrated simulator by regime.
     gains : of each cause over the causes before it; gain : of all causes together; None if nothing was held out.
-    over_start : gain of the last simulator over that of the start; None if nothing was held out.
+    calibration, over_start : gains of the calibrated and of the last simulator over that of the start; None if nothing
+    was held out. shares : (P',) of what calibration gains on the fit and select parts, what each free parameter makes
+    alone; None where it gains nothing there.
     causes : parameters of each cause. draws : posterior draws of the extended simulator. simulators : {kind: parameters
     (P,) and effects}. unidentified : parameters that the recording does not identify. same :
     (key of a cause, parameter) that do the same. examined : the cause with its
@@ -45,7 +47,9 @@ class Account:
     where: tuple[ErrorRow, ...]
     gains: tuple[Gain | None, ...]
     gain: Gain | None
+    calibration: Gain | None
     over_start: Gain | None
+    shares: np.ndarray | None
     causes: tuple[dict[str, Estimate], ...]
     draws: Posterior
     simulators: dict[str, tuple[np.ndarray, Terms | None]]
@@ -86,7 +90,9 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
         where=split_errors(model.robot, posed.windows.take(judged), three[1]),
         gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
         gain=gained(1, -1) if found.accepted else None,
+        calibration=gained(0, 1),
         over_start=gained(0, -1),
+        shares=(yield from _shares(made)),
         causes=tuple(estimates(model, found.current, given + i, draws) for i in range(found.accepted)),
         draws=draws,
         simulators={kind: simulator(model, posed, one, options) for kind, one in kinds.items()},
@@ -96,6 +102,20 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
         residuals=(yield from unexplained(found, made.verdict, seed)),
         simulated=len(states),
     )
+
+
+def _shares(made: Diagnosed) -> Search[np.ndarray | None]:
+    """(P',) what each parameter of the calibrated simulator makes alone in that at the start, as a share of its gain.
+
+    On the fit and select parts: the test part tells nothing of which parameter it was.
+    """
+    model, posed = made.problem.model, made.problem.data
+    start, calibrated, chosen = model.start, made.found.base, posed.parts.chosen
+    alone = np.diag(calibrated.nominal - start.nominal) + start.nominal
+    points = [start, calibrated, *(replace(start, nominal=one) for one in alone)]
+    states = yield from model.states(points, posed.windows.run.take(chosen))
+    began, ended, *each = (posed.window_errors(one, chosen).mean() for one in states)
+    return (began - np.array(each)) / (began - ended) if began > ended else None
 
 
 def simulator(

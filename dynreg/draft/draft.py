@@ -16,12 +16,17 @@ from dynreg.draft.base import with_base
 from dynreg.draft.commanded import commanded
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
-from dynreg.draft.driven import check_gains, drives_of
+from dynreg.draft.driven import check_gains, drives_of, say_unlimited
 from dynreg.draft.drives import Drive, name_of, scalar_joints
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_height
 from dynreg.draft.heard import Heard, heard, sensed, spec_of, within_stops
-from dynreg.draft.measured import EFFORT, with_measured_gains, without_passed_ranges
+from dynreg.draft.measured import (
+    EFFORT,
+    with_measured_gains,
+    with_measured_limits,
+    without_passed_ranges,
+)
 from dynreg.draft.opened import Opened, open_model
 from dynreg.draft.parameters import parameters, reasons
 from dynreg.draft.source import Source
@@ -69,7 +74,9 @@ def draft_robot(
         )
     base = base_joint(opened.compiled(), tuple(d.joint for d in drives))
     told = _heard(opened.compiled(), drives, base, log, notes)
-    drives = without_passed_ranges(with_measured_gains(drives, told, notes), told, notes)
+    drives = with_measured_limits(with_measured_gains(drives, told, notes), told, options, notes)
+    drives = without_passed_ranges(drives, told, notes)
+    say_unlimited(drives, notes)
     if any(d.guessed for d in drives):
         notes.add("gains are guessed from inertia and weight; --kp and --kd state them, with another --to")
     put_drives(opened, drives)
@@ -116,7 +123,9 @@ def _heard(
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
     if measured:
-        notes.add(f"the log measures the torque of {len(measured)} joints. The robot gets no channel for it")
+        notes.add(
+            f"the log measures the torque of {len(measured)} joints: used to tell gains and limits, not as evidence"
+        )
     return Heard({**told.series, **measured})
 
 

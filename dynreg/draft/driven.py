@@ -18,6 +18,7 @@ from dynreg.draft.drives import (
 )
 from dynreg.draft.entry import DraftOptions, Notes, listed
 from dynreg.draft.opened import Opened
+from dynreg.draft.stated import of_joint, stated_words, unknown
 from dynreg.errors import RobotError, UsageError
 
 NATURAL = 20.0  # rad/s: what a guessed servo answers with
@@ -64,29 +65,49 @@ def drives_of(opened: Opened, options: DraftOptions, notes: Notes) -> tuple[Driv
         )
     else:
         found = {j: _stated(model, j, drive, options) for j, drive in found.items()}
-    if options.torque_limit is not None:
-        found = {j: replace(d, limit=options.torque_limit) for j, d in found.items()}
-    unlimited = [d.joint for d in found.values() if d.limit is None and d.kind in ("position", "velocity")]
-    if unlimited:
-        notes.add(f"the torque limit of {listed(unlimited)} is not known: state it with --torque-limit")
+    found = {
+        j: replace(d, limit=of_joint(options.torque_limit, d.joint) or d.limit) for j, d in found.items()
+    }
     return tuple(found.values())
 
 
+def say_unlimited(drives: tuple[Drive, ...], notes: Notes) -> None:
+    """A note about servos of which nothing tells the largest torque."""
+    unlimited = [d.joint for d in drives if d.limit is None and d.kind in ("position", "velocity")]
+    if unlimited:
+        notes.add(f"the torque limit of {listed(unlimited)} is not known: state it with --torque-limit")
+
+
 def check_gains(drives: tuple[Drive, ...], options: DraftOptions, notes: Notes) -> None:
-    """A note about stated gains that some drives do not have; UsageError where none has them."""
+    """A note about stated gains that some drives do not have; UsageError where none has them, or no joint the name."""
+    _require_known(drives, options)
     for flag, value, kinds in (("--kp", options.kp, _STIFF), ("--kd", options.kd, _DAMPED)):
-        without = [d for d in drives if d.kind not in kinds]
-        if value is None or not without:
+        asked = [d for d in drives if of_joint(value, d.joint) is not None]
+        without = [d for d in asked if d.kind not in kinds]
+        if not without:
             continue
-        if len(without) == len(drives):
+        if len(without) == len(asked):
             raise UsageError(
-                f"{flag} {value:g}: no {without[0].kind} drive has this gain",
+                f"{flag} {stated_words(value)}: no {without[0].kind} drive has this gain",
                 expected=f"{flag} with {' or '.join(kinds)} drives",
                 do=f"add --drive position, or leave {flag} out",
             )
         notes.add(
             f"{flag} is not for {listed([d.joint for d in without])}: they are {without[0].kind} drives"
         )
+
+
+def _require_known(drives: tuple[Drive, ...], options: DraftOptions) -> None:
+    """UsageError for a name or glob in what is stated that no driven joint has."""
+    joints = [d.joint for d in drives]
+    stated = {"--kp": options.kp, "--kd": options.kd, "--torque-limit": options.torque_limit}
+    for flag, value in stated.items():
+        if names := unknown(value, joints):
+            raise UsageError(
+                f"{flag} {stated_words(value)}: no driven joint is called {listed([repr(n) for n in names])}",
+                expected=f"some of {listed(joints, most=12)}, or a glob of them",
+                do="correct the name",
+            )
 
 
 def _follows(model: mujoco.MjModel, joint: int) -> bool:
@@ -121,9 +142,10 @@ def _guessed(model: mujoco.MjModel, joint: int, options: DraftOptions) -> Drive:
 def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptions) -> Drive:
     """The drive as the user states it; gains that are not stated are guessed where the model's drive has none."""
     kind = options.drive or drive.kind
+    kp, kd = of_joint(options.kp, drive.joint), of_joint(options.kd, drive.joint)
     if kind == drive.kind and kind in _DAMPED:
-        gain = drive.gain if options.kp is None else options.kp
-        rate = drive.rate_gain if options.kd is None else options.kd
+        gain = drive.gain if kp is None else kp
+        rate = drive.rate_gain if kd is None else kd
         changed = (gain, rate) != (drive.gain, drive.rate_gain)
         return replace(drive, gain=gain, rate_gain=rate, said=STATED if changed else drive.said)
     if options.drive is None or (kind == drive.kind and drive.high is not None):
@@ -139,10 +161,9 @@ def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptio
         most = (limit or TWICE * (load + QUICK * inertia)) / abs(gain)
         kept = drive if drive.kind == kind else Drive(drive.joint, kind, said=drive.said)
         return replace(kept, limit=limit, low=-most, high=most, usual=True)
-    guessed = max(inertia * NATURAL**2, load / SAG)
-    kp = options.kp if options.kp is not None else guessed
-    kd = options.kd if options.kd is not None else 2.0 * DAMPED * float(np.sqrt(kp * inertia))
-    is_guess = (options.kp if kind == "position" else options.kd) is None
+    is_guess = (kp if kind == "position" else kd) is None
+    kp = max(inertia * NATURAL**2, load / SAG) if kp is None else kp
+    kd = 2.0 * DAMPED * float(np.sqrt(kp * inertia)) if kd is None else kd
     of = Drive(
         drive.joint,
         kind,

@@ -28,7 +28,7 @@ class Drive:
     nothing limits it: a joint's stops do not. usual : whether these are a guess at what is usual, no limits. lag : time
     constant [s] of the actuator's own filter. scale, offset : the command is scale * (the actuator's control) + offset.
     said : where the numbers come from. guessed : whether its gains are guesses. measured : the gains that a log's
-    torques follow.
+    torques follow, and "torque_limit" where they stop at it.
     """
 
     joint: str

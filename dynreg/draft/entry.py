@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from dynreg.draft.stated import Stated
 from dynreg.sim.robot import Robot
 
 DriveKind = Literal["position", "torque", "velocity"]
@@ -23,15 +24,16 @@ class DraftOptions:
     """What a user states about a robot.
 
     drive : the kind of all drives, in place of that of the model's actuators. kp [N*m/rad or N/m], kd [N*m*s/rad or
-    N*s/m] : gains of position drives; kd alone is that of velocity drives. torque_limit [N*m or N] : of all drives.
+    N*s/m] : gains of position drives; kd alone is that of velocity drives. torque_limit [N*m or N]. Each is of all
+    drives, or of some by their joints.
     free_base : the first body of a URDF moves freely; None leaves that to what a log measures (`base.with_base`).
     visuals : geoms and meshes that touch nothing are kept.
     """
 
     drive: DriveKind | None = None
-    kp: float | None = None
-    kd: float | None = None
-    torque_limit: float | None = None
+    kp: Stated | None = None
+    kd: Stated | None = None
+    torque_limit: Stated | None = None
     free_base: bool | None = None
     visuals: bool = False
 

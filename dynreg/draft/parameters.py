@@ -99,7 +99,10 @@ def _of_drives(doubted: Doubted, mine: Sequence[Drive], name: str, key: str) -> 
         return
     ends, tolerance = _doubt(mine, key)
     values = {d.limit if key == "torque_limit" else getattr(d, key) for d in mine}
-    source = "of the model or stated" if key == "torque_limit" else mine[0].said
+    source = mine[0].said
+    if key == "torque_limit":
+        known = [key in d.measured for d in mine]
+        source = "of the log" if all(known) else f"of the model{', the log' if any(known) else ''} or stated"
     said = f"of the {mine[0].kind} drives; {source}"
     target = f"port.drive.{key}[{_pattern([d.joint for d in mine], doubted)}]"
     if len(values) == 1 and (value := values.pop()) > 0:
@@ -112,10 +115,10 @@ def _of_drives(doubted: Doubted, mine: Sequence[Drive], name: str, key: str) -> 
 
 def _doubt(mine: Sequence[Drive], key: str) -> tuple[tuple[float, float], float]:
     """((low, high) as factors on the nominal, tolerance) of a number of these drives."""
-    if key == "torque_limit":
-        return LIMITS, TOLERANCES[key]
     if all(key in d.measured for d in mine):
         return (1.0 - AGREES, 1.0 + AGREES), AGREES / 2
+    if key == "torque_limit":
+        return LIMITS, TOLERANCES[key]
     if mine[0].guessed:
         return GAINS, GUESSED
     return GAINS, TOLERANCES.get(key, TOLERANCES["gain"])

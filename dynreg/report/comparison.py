@@ -11,7 +11,8 @@ from dynreg.report.drawing import Chart, Tick, chart
 from dynreg.report.grid import table
 from dynreg.report.plan import Plan, plan
 from dynreg.report.words import NOT_SCORED, channel_words, count, number
-from dynreg.results.comparison import Commands, Comparison, DrivenPath, Rollouts, Score, Spread
+from dynreg.results.comparison import Commands, Comparison, DrivenPath, Spread
+from dynreg.results.rollouts import Rollouts, Score
 
 DIRECTIONS = {"dx": "to the side", "dy": "ahead", "dtheta": "turned"}
 STYLES = 8  # of lines on the page: beyond them they begin again

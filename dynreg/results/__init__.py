@@ -20,12 +20,14 @@ if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.effects import *
     from dynreg.results.experiment import *
     from dynreg.results.gait import *
+    from dynreg.results.helped import *
     from dynreg.results.neighbours import *
     from dynreg.results.posterior import *
     from dynreg.results.ranges import *
     from dynreg.results.refit import *
     from dynreg.results.result import *
     from dynreg.results.robots import *
+    from dynreg.results.rollouts import *
     from dynreg.results.sentence import *
     from dynreg.results.stored import *
     from dynreg.results.trials import *

@@ -113,12 +113,14 @@ class Pulled(Estimate):
 
     low, high : null where it was not fitted (earlier versions wrote the value there): then `value` is what the
     simulator at the start has. pulled_sigma : how far it lies from its nameplate, in standard deviations of that; null
-    where none is stated.
+    where none is stated. share : of what calibration gains on the data that it was fitted to, what this parameter makes
+    alone, by its calibrated value in the simulator at the start; null where calibration gains nothing there.
     """
 
     low: float | None
     high: float | None
     pulled_sigma: float | None = None
+    share: float | None = None
 
     @property
     def fitted(self) -> bool:
@@ -234,8 +236,9 @@ class Diagnosis(Result):
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
     verdict : of the first cause; "unknown": there is an error that no effect explains; "none": nothing is.
     sentence : the verdict for a person. gain : of all causes together over the calibrated simulator, on the test part;
-    null without causes or where nothing was held out. over_start : of the simulator that it leaves (the extended one,
-    else the calibrated one) over that it began with, on the test part; below 0 where the first predicts it better.
+    null without causes or where nothing was held out. calibration : of the calibrated simulator over that at the start,
+    on the test part. over_start : of the simulator that it leaves (the extended one, else the calibrated one) over that
+    at the start; below 0 where that one predicts it better.
     threshold_nats : the evidence below which no cause is named.
     posterior : of the free parameters and the sizes of the effects, in the simulator that it leaves; null in documents
     that were stored before it was kept.
@@ -259,6 +262,7 @@ class Diagnosis(Result):
     sentence: str
     causes: tuple[Cause, ...]
     gain: Gain | None = None
+    calibration: Gain | None = None
     over_start: Gain | None = None
     ranking: tuple[Ranked, ...]
     threshold_nats: float

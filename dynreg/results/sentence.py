@@ -12,6 +12,16 @@ from dynreg.results.diagnosis import (
     Pulled,
     ResidualShare,
 )
+from dynreg.results.helped import (
+    best_channel,
+    by_calibration,
+    calibration_leads,
+    channel_gain,
+    doubtful,
+    far_better,
+    helping,
+    main_parameters,
+)
 from dynreg.results.refit import Refit
 from dynreg.results.result import Gain
 
@@ -19,9 +29,6 @@ NOISE_FLOORS = {
     "repeatability": "the difference of repeated runs",
     "stated_noise": "the stated sensor noise",
 }
-MUCH = 0.5  # from this gain on, the fitted parameters remove more of the error than they leave
-PULLED = 2.0  # sigma: a parameter this far from its nameplate is outside of what 95 % of such robots have
-MOST_PULLED = 2  # parameters that are named: the table lists the others
 
 
 def diagnosis_sentence(of: Diagnosis) -> str:
@@ -33,54 +40,52 @@ def diagnosis_sentence(of: Diagnosis) -> str:
 
 
 def _verdict_sentence(of: Diagnosis) -> str:
-    name, causes = of.recording_name, of.causes
-    if _calibration_helps(of) and of.verdict in ("none", "unknown"):
-        remaining = (
-            "but no effect of the library explains the remaining error"
-            if of.verdict == "unknown"
-            else "and no effect of the library shows"
-        )
-        pulled = _pulled(of)[:1]
-        fitted = " ".join(f"{one} {_nominal(e)}" for one, e in pulled) or "fitted parameters"
-        return f"With {fitted}, the simulator predicts {name} far better, {remaining}."
+    """The larger part of what lowers the held-out error first: fitted parameters, or causes that clearly help."""
+    name, shown = of.recording_name, [_effect(cause) for cause in helping(of)]
+    if shown and of.verdict == "ambiguous" and helping(of)[0] == of.causes[0]:
+        shown[0] += f" or {' or '.join(of.causes[0].equivalent) or 'another cause'}"
+    causes, explain = " and ".join(shown), "explain" if shown[1:] else "explains"
+    if calibration_leads(of):
+        rest = {
+            "unknown": "but no effect of the library explains the remaining error",
+            "none": "and no effect of the library shows",
+            "partly_explained": f"and {causes} {explain} part of the remaining error",
+        }.get(of.verdict, f"and the recording shows {causes}")
+        if of.causes and not shown:
+            rest = "and no effect of the library clearly adds to that"
+        fitted, most = _main(of) or "fitted parameters", best_channel(of)
+        predicts = f"{most.channel} of {name}" if most else name
+        return f"With {fitted}, the simulator predicts {predicts} {'far ' * far_better(of)}better, {rest}."
     if of.verdict == "none":
         return f"{name} shows no effect of the library."
     if of.verdict == "unknown":
         return f"{name} shows an error that no effect of the library explains."
-    shown = [_effect(cause) for cause in causes]
-    if of.verdict == "ambiguous":
-        shown[0] += f" or {' or '.join(causes[0].equivalent) or 'another cause'}"
+    if not shown:
+        return f"No effect of the library clearly helps to predict {name}."
     if of.verdict == "partly_explained":
-        return f"{' and '.join(shown)} {'explain' if causes[1:] else 'explains'} part of the error of {name}."
-    return f"{name} shows {' and '.join(shown)}."
+        return f"{causes} {explain} part of the error of {name}."
+    return f"{name} shows {causes}."
 
 
 def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     """The main figures under the verdict, one short sentence each.
 
-    What calibration alone gains; the sizes of the causes; the held-out error with all causes, or with the first where
-    that of all is not known; the residual against its noise floor; and the interval of a cause that the recording does
-    not separate from others.
+    What calibration alone gains; the sizes of the causes that clearly help, and the names of the others; the held-out
+    error with all causes, or with the first where that of all is not known; the residual against its noise floor; and
+    the interval of a cause that the recording does not separate from others.
     """
-    error, gain = of.error, of.gain or (of.causes[0].gain if of.causes else None)
-    out = [_calibration_sentence(of)]
-    out += [f"Size of {_effect(cause)}: {_sizes(cause)}." for cause in of.causes]
+    error = of.error
+    out = [*_calibration_sentences(of)]
+    out += [f"Size of {_effect(cause)}: {_sizes(cause)}." for cause in helping(of)]
     if of.verdict == "none":
         out.append(f"No cause has the {of.threshold_nats:.3g} nats of evidence that chance alone could give.")
         if error.calibrated is not None:
             out.append(
                 f"The calibrated model's error on {error.channel} is {error.calibrated:.3g} {error.unit}."
             )
-    if of.verdict == "ambiguous":
+    if of.verdict == "ambiguous" and helping(of)[:1] == of.causes[:1]:
         out.append("The recording does not separate these causes.")
-    if gain is not None:
-        causes = (
-            "all causes" if of.gain and len(of.causes) > 1 else of.causes[0].key if of.causes else "the cause"
-        )
-        than = "the calibrated model's" if of.over_start else ""
-        out.append(f"With {causes} in the model, the error on held-out data is {gain_words(gain, than)}.")
-        if of.over_start and not (of.worse or of.unclear):
-            out.append(f"It is {gain_words(of.over_start, f'that of {of.began}')}.")
+    out += [*_gain_sentences(of), _doubtful_sentence(of)]
     out.append(over_start_sentence(of))
     out += [residual_sentence(of.noise), _signal(of.residual) if of.verdict == "unknown" else ""]
     out += stable_sentences(of.stable)
@@ -88,35 +93,60 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     return tuple(line for line in out if line)
 
 
-def _calibration_helps(of: Diagnosis) -> bool:
-    """Whether fitted parameters alone, without a cause, clearly remove most of the held-out error."""
-    gain = of.over_start
-    known = gain is not None and gain.low is not None and not of.causes
-    return known and gain.low > 0 and gain.value >= MUCH
+def _main(of: Diagnosis) -> str:
+    """The parameters that moved the prediction, from where to where; "" where no few did.
+
+    As the calibrated simulator has them: without the causes.
+    """
+    before = {one.name: one.before for one in of.moved}
+    named = main_parameters(of).items()
+    return " and ".join(f"{name} {_nominal(before.get(name, e.value), e)}" for name, e in named)
 
 
-def _pulled(of: Diagnosis) -> list[tuple[str, Pulled]]:
-    """The fitted parameters that lie farthest from their nameplates, the farthest first."""
-    far = {n: e for n, e in of.parameters.items() if e.fitted and abs(e.pulled_sigma or 0.0) >= PULLED}
-    return sorted(far.items(), key=lambda one: -abs(one[1].pulled_sigma))[:MOST_PULLED]
-
-
-def _nominal(e: Pulled) -> str:
+def _nominal(value: float, e: Pulled) -> str:
     unit = "" if e.unit == "1" else f" {e.unit}"
-    return f"{e.value:.3g}{unit} (nominal {e.nominal:.3g})"
+    return f"{value:.3g}{unit} (nominal {e.nominal:.3g})"
 
 
-def _calibration_sentence(of: Diagnosis) -> str:
-    """The parameters that moved most and what calibration gains; "" where it does not clearly gain much.
+def _calibration_sentences(of: Diagnosis) -> tuple[str, ...]:
+    """The parameters that moved the prediction and what calibration gains, where that is what to tell first.
 
     Without intervals: where an error is unexplained, they stand in the table alone, beside the words that mark them.
     """
-    if not _calibration_helps(of):
+    gain, most = by_calibration(of), best_channel(of)
+    if gain is None or not calibration_leads(of):
+        return ()
+    fitted = f"{_main(of)} and the other fitted parameters" if _main(of) else "the fitted parameters"
+    told = f"With {fitted}, the error on held-out data is {gain_words(gain, f'that of {of.began}')}."
+    return (told, f"On {most.channel} alone it is {change(channel_gain(most))}.") if most else (told,)
+
+
+def _gain_sentences(of: Diagnosis) -> tuple[str, ...]:
+    """What all causes gain, and how much of the gain over the simulator at the start calibration earned."""
+    gain = of.gain or (of.causes[0].gain if of.causes else None)
+    if gain is None:
+        return ()
+    causes = (
+        "all causes" if of.gain and len(of.causes) > 1 else of.causes[0].key if of.causes else "the cause"
+    )
+    than = "the calibrated model's" if of.over_start else ""
+    out = [f"With {causes} in the model, the error on held-out data is {gain_words(gain, than)}."]
+    if of.over_start and helping(of) and not (of.worse or of.unclear):
+        both = f"It is {gain_words(of.over_start, f'that of {of.began}')}."
+        told = of.calibration is None or calibration_leads(of)
+        out.append(both if told else f"{both} The calibrated model's is {change(of.calibration.value)}.")
+    return tuple(out)
+
+
+def _doubtful_sentence(of: Diagnosis) -> str:
+    """The causes that were accepted and do not clearly help on held-out data; "" without one."""
+    names = [cause.key for cause in doubtful(of)]
+    if not names:
         return ""
-    moved = " and ".join(f"{name} {_nominal(e)}" for name, e in _pulled(of))
-    fitted = f"{moved} and the other fitted parameters" if moved else "the fitted parameters"
-    gained = gain_words(of.over_start, f"that of {of.began}")
-    return f"With {fitted}, the error on held-out data is {gained}."
+    listed = " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
+    do, them = ("do", "them") if names[1:] else ("does", "it")
+    also = "also " if helping(of) or calibration_leads(of) else ""
+    return f"The search {also}accepted {listed}, which {do} not clearly help on held-out data: do not rely on {them}."
 
 
 def over_start_sentence(of: Diagnosis) -> str:

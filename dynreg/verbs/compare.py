@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import DynregError, NoMatchError, RobotError, UsageError
 from dynreg.progress import Progress
+from dynreg.verbs.newest import newest_for
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, RECOMMENDED, simulator
 
@@ -87,11 +88,13 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
 
 
 def found(asked: "Recorded") -> tuple[str, ...]:
-    """nominal, and the words for what the newest results about the recording recommend."""
-    out = [NOMINAL]
-    for word in RECOMMENDED.values():
+    """nominal, and the words for what the newest results about the recording recommend, each by its own kind."""
+    out, recording = [NOMINAL], asked.recording.id
+    for kind, word in RECOMMENDED.items():
+        if newest_for(asked.registry, kind, recording, asked.robot.name) is None:
+            continue
         try:
-            simulator(asked.registry, word, asked.robot, asked.recording.id)
+            simulator(asked.registry, word, asked.robot, recording)
         except NoMatchError:
             continue
         out.append(word)

@@ -7,16 +7,9 @@ import numpy as np
 from dynreg.compare.compare import Compared
 from dynreg.compare.contenders import Made, Plan, Predicts
 from dynreg.compare.rollouts import NINETY, Errors, Scored
-from dynreg.results.comparison import (
-    Commands,
-    ComparedTrace,
-    Comparison,
-    Contender,
-    Horizon,
-    Rollouts,
-    Score,
-)
+from dynreg.results.comparison import Commands, Comparison, Contender
 from dynreg.results.result import Cost, Gain
+from dynreg.results.rollouts import ComparedTrace, Horizon, Rollouts, Score
 from dynreg.sim.robot import Robot
 from dynreg.verbs.simulators import Simulator, made
 from dynreg.verbs.subjects import Recorded

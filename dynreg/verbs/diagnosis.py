@@ -66,7 +66,7 @@ def document(
 ) -> Diagnosis:
     """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind."""
     model, found, errors = made.problem.model, made.found, _errors(made, seen)
-    of_robot = parameters(model, found.current, seen.draws, list(seen.simulators.values())[-1][0])
+    of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
     worst = (seen.errors[1] / np.maximum(spread, 1e-12)).argmax()  # channel of the calibrated simulator
     told = Diagnosis(
@@ -79,6 +79,7 @@ def document(
         sentence="",
         causes=_causes(made, seen),
         gain=_gain(seen.gain),
+        calibration=_gain(seen.calibration),
         over_start=_gain(seen.over_start),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
@@ -164,9 +165,9 @@ def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
     )
 
 
-def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarray) -> dict[str, Pulled]:
-    """Parameters of the point; those that are not fitted are as in the resulting simulator (P,), without interval."""
-    c = model.coordinates
+def parameters(model: Model, point: Point, seen: Account) -> dict[str, Pulled]:
+    """Parameters of the point; those that are not fitted are as in the resulting simulator, without interval."""
+    c, draws, simulator = model.coordinates, seen.draws, list(seen.simulators.values())[-1][0]
     limits = c.nominal_bounds
     value = c.values(np.clip(point.nominal, *limits.T))
     low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
@@ -187,8 +188,15 @@ def parameters(model: Model, point: Point, draws: Posterior, simulator: np.ndarr
             at_bound=at_bound,
             limits=(p.low, p.high),
             pulled_sigma=pull,
+            share=_share(seen, free),
         )
     return out
+
+
+def _share(seen: Account, free: np.ndarray) -> float | None:
+    """What a parameter alone makes of the gain of calibration; None where that is no number."""
+    share = np.nan if seen.shares is None or not len(free) else seen.shares[free[0]]
+    return float(share) if np.isfinite(share) else None
 
 
 def _moved(made: Diagnosed) -> tuple[Moved, ...]:

@@ -87,14 +87,14 @@ def _other_robot(registry: Registry, before: RecordingInfo, after: RecordingInfo
         return
     yield f"the same numbers as before: the recording is now used with {new}, before with {old}"
     kept = [
-        f"{one!r} of robot {registry.robot_info(robot).name!r}"
+        f"{one!r} still means robot {registry.robot_info(robot).name!r}"
         for one, robot in zip(after.names, after.robots, strict=True)
         if robot != new.hash
     ]
     if kept:
         yield (
-            f"names keep their robots: {', '.join(kept)}. The recording's id and @last now mean robot {new.name!r}; "
-            "--robot names another"
+            f"{', '.join(kept)}. The recording's id and @last mean robot {new.name!r} from now on. For another robot, "
+            "add --robot"
         )
 
 

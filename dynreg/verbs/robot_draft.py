@@ -11,7 +11,11 @@ from dynreg.verbs.settings import Settings, option
 
 if TYPE_CHECKING:
     from dynreg.draft.entry import Drafted
+    from dynreg.draft.stated import Stated
     from dynreg.results.robots import RobotDraft
+
+EACH = "NUMBER|JOINT=NUMBER,..."  # one number of all drives, or one of each
+EACH_JOINT = ("kp", "kd", "torque_limit")
 
 
 @dataclass(frozen=True)
@@ -26,9 +30,16 @@ class RobotDraftSettings(Settings):
         usual="as the model's actuators",
         choices=("position", "torque", "velocity"),
     )
-    kp: float | None = option(None, "Gain of position drives [N*m/rad or N/m].", above=0.0)
-    kd: float | None = option(None, "Their damping, or the gain of velocity drives [N*m*s/rad].", above=0.0)
-    torque_limit: float | None = option(None, "Largest torque of a drive [N*m or N].", above=0.0)
+    kp: str | None = option(
+        None, "Gain of position drives [N*m/rad or N/m]: of all, or joint1=1500,wrist*=300.", metavar=EACH
+    )
+    kd: str | None = option(None, "Their damping, or the gain of velocity drives [N*m*s/rad].", metavar=EACH)
+    torque_limit: str | None = option(
+        None,
+        "Largest torque of a drive [N*m or N].",
+        usual="the model's, or where the log's torques stop",
+        metavar=EACH,
+    )
     free_base: bool | None = option(
         None,
         "The first body of a URDF moves freely, or is fixed.",
@@ -41,6 +52,18 @@ class RobotDraftSettings(Settings):
         usual="the model's own, or its ROS package",
     )
     visuals: bool = option(False, "Keep the geoms and meshes that touch nothing.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in EACH_JOINT:
+            self.stated(name)
+
+    def stated(self, name: str) -> "Stated | None":
+        """What is stated of drives under one of `EACH_JOINT`; UsageError where that is no number above 0."""
+        from dynreg.draft.stated import stated_of
+
+        value = getattr(self, name)
+        return None if value is None else stated_of(str(value), name)
 
 
 def robot_draft(
@@ -68,9 +91,7 @@ def robot_draft(
     require_new(folder)
     stated = DraftOptions(
         settings.drive,
-        settings.kp,
-        settings.kd,
-        settings.torque_limit,
+        *map(settings.stated, EACH_JOINT),
         settings.free_base,
         settings.visuals,
     )

@@ -24,11 +24,20 @@ Document = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Word:
-    """What a word stands for: the simulator that the newest result of a kind tells. made_by : the verb."""
+    """What a word stands for: the simulator that the newest result of a kind tells.
+
+    made_by : the verb. other : what it stands for where no result of that kind is stored.
+    """
 
     kind: str
     made_by: str
     told: Callable[[Document], str | None]
+    other: "Word | None" = None
+
+    def told_by(self, record: "ResultRecord") -> str | None:
+        """The id of the simulator that a result of its kind, or of the other one's, tells."""
+        word = self.other if self.other is not None and record.kind == self.other.kind else self
+        return word.told(record.document)
 
 
 WORDS: Mapping[str, Word] = {
@@ -37,7 +46,12 @@ WORDS: Mapping[str, Word] = {
     ),
     "synthesised": Word("neighbours", "query", lambda d: (d.get("synthesised") or {}).get("simulator")),
     "@answer": Word("neighbours", "query", lambda d: d["answer"]),
-    "calibrated": Word("calibration", "calibrate", lambda d: d["simulator"]),
+    "calibrated": Word(
+        "calibration",
+        "calibrate",
+        lambda d: d["simulator"],
+        other=Word("diagnosis", "diagnose", lambda d: d.get("calibrated_simulator")),
+    ),
     "diagnosed": Word(
         "diagnosis", "diagnose", lambda d: d.get("extended_simulator") or d.get("calibrated_simulator")
     ),
@@ -123,7 +137,7 @@ def told_last(registry: "Registry", ref: str) -> str:
         return registry.resolve(ref)[1]
     except NoMatchError:
         record = _newest_of_all(registry, ref)
-    identity = WORDS[ref].told(record.document)
+    identity = WORDS[ref].told_by(record)
     if identity is None:
         raise _no_simulator(ref, record)
     return identity
@@ -170,51 +184,40 @@ def made(lineage: Mapping[str, Any]) -> str:
 
 def _newest(registry: "Registry", ref: str, recording: str, robot: str) -> "ResultRecord":
     """The newest result about a recording, for a robot (its name), that tells a word's simulator."""
-    word, where = WORDS[ref], " about this recording"
-    found = newest_for(registry, word.kind, recording, robot)
-    if found is not None:
-        return found
-    diagnosis = newest_for(registry, "diagnosis", recording, robot) if ref == "calibrated" else None
-    other = "" if diagnosis is None else _calibrated_by(diagnosis)
+    word, where, todo = WORDS[ref], " about this recording", ""
+    for one in _each(word):
+        if found := newest_for(registry, one.kind, recording, robot):
+            return found
     others = sorted({str(r.document.get("robot")) for r in about(registry, word.kind, recording)})
     if others:
         where += f" and robot {robot!r} (there is one for {', '.join(map(repr, others))})"
-        other = other or f"run `dynreg {word.made_by}` on it with --robot {robot}, or name the other robot"
-    raise _none_yet(ref, where, other)
+        todo = f"run `dynreg {word.made_by}` on it with --robot {robot}, or name the other robot"
+    raise _none_yet(ref, where, todo)
 
 
 def _newest_of_all(registry: "Registry", ref: str) -> "ResultRecord":
     """The newest result of all that tells a word's simulator."""
-    try:
-        return registry.latest(WORDS[ref].kind)
-    except NoMatchError:
-        pass
-    try:
-        other = _calibrated_by(registry.latest("diagnosis")) if ref == "calibrated" else ""
-    except NoMatchError:
-        other = ""
-    raise _none_yet(ref, "", other)
+    for one in _each(WORDS[ref]):
+        try:
+            return registry.latest(one.kind)
+        except NoMatchError:
+            continue
+    raise _none_yet(ref, "")
 
 
-def _calibrated_by(diagnosis: "ResultRecord") -> str:
-    """How to name the simulator that a diagnosis calibrated; "" where it left none."""
-    document = diagnosis.document
-    identity = document.get("calibrated_simulator")
-    if identity is None:
-        return ""
-    if document.get("extended_simulator"):
-        return f"name {identity[:12]}, which the last diagnosis calibrated ('diagnosed' has its causes too)"
-    return f"name 'diagnosed' or {identity[:12]}, which the last diagnosis calibrated"
+def _each(word: Word) -> tuple[Word, ...]:
+    """A word, and what it stands for else."""
+    return (word,) if word.other is None else (word, word.other)
 
 
-def _none_yet(ref: str, about: str, other: str = "") -> NoMatchError:
-    """The error of a word of which no result is stored. other : what to name instead, where that is known."""
+def _none_yet(ref: str, about: str, todo: str = "") -> NoMatchError:
+    """The error of a word of which no result is stored. todo : what to do then; by default to run its verb."""
     word = WORDS[ref]
     kind = "query" if word.made_by == "query" else word.kind
     return NoMatchError(
         f"no {ref!r} simulator: no {kind}{about} is stored",
         expected=f"one of {', '.join(NAMES)}, or an id",
-        do=other or f"run `dynreg {word.made_by}` on it first, or name another simulator",
+        do=todo or f"run `dynreg {word.made_by}` on it first, or name another simulator",
     )
 
 
@@ -222,7 +225,7 @@ def _told(
     registry: "Registry", record: "ResultRecord", word: str, robot: "Robot", recording: str | None
 ) -> Simulator:
     """The simulator that a result tells under a word."""
-    identity = WORDS[word].told(record.document)
+    identity = WORDS[word].told_by(record)
     if identity is None:
         raise _no_simulator(word, record)
     found = stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
@@ -264,11 +267,12 @@ def _fitted(document: Document) -> frozenset[str] | None:
 
 
 def _told_by(registry: "Registry", found: Simulator, recording: str | None) -> Document | None:
-    """The newest result about a recording that tells this simulator; None where there is none."""
-    for word in WORDS.values() if recording else ():
-        record = newest_for(registry, word.kind, recording, found.robot.name)
-        if record and found.id in (record.document.get("calibrated_simulator"), word.told(record.document)):
-            return record.document
+    """The newest of all results about a recording that tells this simulator; None where there is none."""
+    name = found.robot.name
+    for word in (each for one in WORDS.values() for each in _each(one)) if recording else ():
+        for record in about(registry, word.kind, recording):
+            if record.document.get("robot", name) == name and word.told(record.document) == found.id:
+                return record.document
     return None
 
 

@@ -108,6 +108,19 @@ def test_diagnoses_in_lockstep_and_on_two_threads_are_those_made_alone():
     assert [made.verdict for made, _ in beside] == ["named", "none"]
 
 
+def test_the_share_of_a_parameter_says_what_it_alone_did_to_the_prediction():
+    """Of a servo of the nameplate but for one parameter, calibration gains by that one."""
+    robot = load_robot("servo_pendulum")
+    number = robot.space.names.index("resistance")
+    truth = robot.space.nominal.copy()
+    truth[number] = 7.0
+    log = log_of(robot, Hidden((), (), truth, 5), protocol(robot, seed=1, seconds=12.5), engine="mujoco")
+    made, seen = run(with_account(diagnose(robot, log, replace(ASKED, threshold_runs=0)), ASKED))
+    shares = dict(zip(made.problem.model.coordinates.free, seen.shares, strict=True))
+    assert shares[number] > 0.8 and max(shares, key=shares.get) == number
+    assert seen.calibration.value > 0.9
+
+
 def test_a_diagnosis_leaves_its_problem_as_it_was():
     _, recording = logged("cogging", "load_friction")
     model, data = pose(load_robot("servo_pendulum"), recording, ASKED)

@@ -6,8 +6,9 @@ import pytest
 import strangers
 
 from dynreg.draft.entry import Drafted
-from dynreg.errors import DynregError
+from dynreg.errors import DynregError, UsageError
 from dynreg.sim.check import problems
+from dynreg.verbs.robot_draft import RobotDraftSettings
 
 GEARED = '<actuator><motor joint="shoulder" gear="100"/><motor joint="elbow" gear="100"/></actuator>'
 MUSCLES = (
@@ -52,6 +53,35 @@ def test_a_gain_that_some_drives_have_is_theirs_and_a_note_names_the_others(tmp_
         ("elbow", "torque", 5.0),
     ]
     assert any("--kp" in note and "elbow" in note for note in made.notes)
+
+
+def test_gains_and_limits_are_stated_by_joint_or_glob(tmp_path):
+    made = drafted(tmp_path, strangers.POSITION, kp={"*": 15.0, "elb*": 5.0}, torque_limit={"elbow": 7.0})
+    shoulder, elbow = made.robot.file.drives
+    before, _ = drafted(tmp_path, strangers.POSITION).robot.file.drives
+    assert (shoulder.gain, elbow.gain) == (15.0, 5.0)
+    assert (shoulder.torque_limit, elbow.torque_limit) == (before.torque_limit, 7.0)
+
+
+def test_limits_that_differ_get_one_factor_as_their_parameter(tmp_path):
+    """An absolute number for all joints would have made them alike."""
+    made = drafted(tmp_path, strangers.POSITION, torque_limit={"shoulder": 20.0, "elbow": 7.0})
+    (limit,) = (p for p in made.robot.file.parameters if p.name == "torque_limit")
+    assert limit.sets == ["port.drive.torque_limit[*] *="] and limit.nominal == 1.0
+
+
+@pytest.mark.parametrize("flag", ["kp", "kd", "torque_limit"])
+def test_a_joint_that_no_drive_has_is_refused_with_the_names(flag, tmp_path):
+    with pytest.raises(DynregError, match=r"no driven joint is called 'wrist'.*some of shoulder, elbow"):
+        drafted(tmp_path, strangers.POSITION, **{flag: {"shoulder": 5.0, "wrist": 3.0}})
+
+
+@pytest.mark.parametrize("text", ["", "fast", "elbow=", "elbow=-3", "0", "1,elbow", "elbow=nan"])
+def test_what_states_no_number_is_refused(text):
+    with pytest.raises(UsageError, match="a number above 0, for all joints or as JOINT=NUMBER"):
+        RobotDraftSettings(kp=text)
+    assert RobotDraftSettings(kp="1500,wrist*=300").stated("kp") == {"*": 1500.0, "wrist*": 300.0}
+    assert RobotDraftSettings(kp=20.0).stated("kp") == 20.0
 
 
 def test_a_motor_that_is_stated_to_be_one_keeps_its_gear(tmp_path):

@@ -139,15 +139,13 @@ def test_ranges_of_what_the_model_leaves_out_follow_the_torques_of_the_log(tmp_p
     assert without["wrist_friction"].high > 0.01 * without["shoulder_friction"].high
 
 
-def test_measured_torques_beside_commands_are_said_to_be_left_out(tmp_path):
+def test_measured_torques_beside_commands_are_said_to_tell_gains_and_to_be_no_evidence(tmp_path):
     log, time = tmp_path / "run.csv", np.arange(0, 3, 0.01)
     columns = np.stack([time, 0.3 * np.sin(2 * time), 0.31 * np.sin(2 * time), 0.4 * np.cos(2 * time)])
     rows = [",".join(f"{v:.6g}" for v in row) for row in columns.T]
     log.write_text("\n".join(["t_s,pos_servo,cmd_servo,effort_servo", *rows]))
     made = drafted(tmp_path, SERVO, log=read_log(log))
-    assert any(
-        "measures the torque of 1 joint" in note and "no channel for it" in note for note in made.notes
-    )
+    assert any("measures the torque of 1 joint" in note and "not as evidence" in note for note in made.notes)
     assert "# the log measures the torque" in made.files["robot.toml"].decode()
 
 

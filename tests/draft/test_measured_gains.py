@@ -5,24 +5,32 @@ import pytest
 
 from dynreg.data.series import Series
 from dynreg.draft.drives import Drive
-from dynreg.draft.entry import Notes
+from dynreg.draft.entry import DraftOptions, Notes
 from dynreg.draft.heard import Heard
-from dynreg.draft.measured import law_of, with_measured_gains, without_passed_ranges
+from dynreg.draft.measured import (
+    law_of,
+    limit_of,
+    with_measured_gains,
+    with_measured_limits,
+    without_passed_ranges,
+)
 
 KP, KD, LIMIT = 80.0, 4.0, 30.0
 TIME = np.arange(0.0, 20.0, 0.01)
 
 
-def log(*, kp: float = KP, kd: float = KD, unexplained: float = 0.0, seed: int = 0) -> Heard:
+def log(
+    *, kp: float = KP, kd: float = KD, limit: float = LIMIT, unexplained: float = 0.0, seed: int = 0
+) -> Heard:
     """What a log tells of a joint that follows steps, with torques at its limit in between."""
     rng = np.random.default_rng(seed)
     target = np.repeat(rng.uniform(-0.5, 0.5, len(TIME) // 100), 100)
     position, velocity = np.zeros((2, len(TIME)))
     for i in range(1, len(TIME)):
-        torque = np.clip(kp * (target[i - 1] - position[i - 1]) - kd * velocity[i - 1], -LIMIT, LIMIT)
+        torque = np.clip(kp * (target[i - 1] - position[i - 1]) - kd * velocity[i - 1], -limit, limit)
         velocity[i] = velocity[i - 1] + 0.01 * (torque - 0.5 * np.sin(position[i - 1])) / 0.5
         position[i] = position[i - 1] + 0.01 * velocity[i]
-    torque = np.clip(kp * (target - position) - kd * velocity, -LIMIT, LIMIT)
+    torque = np.clip(kp * (target - position) - kd * velocity, -limit, limit)
     torque += unexplained * np.std(torque) * rng.standard_normal(len(TIME))
     position = position + 5e-4 * rng.standard_normal(len(TIME))
     named = {"target": target, "position": position, "velocity": velocity, "torque": torque}
@@ -99,3 +107,36 @@ def test_a_part_too_small_to_be_known_is_neither_measured_nor_contradicted(seed:
 def test_a_stated_gain_that_should_make_a_large_part_is_contradicted_by_none():
     law = law_of(log(kd=0.0), Drive("arm", "position", KP))
     assert law.contradicted({"gain": KP, "rate_gain": 10 * KD}) == {"rate_gain"}
+
+
+def test_the_limit_is_where_the_torques_stop():
+    """The model says 80 N*m, and the log's torques never go beyond 30: the drive gets 30, and it is said."""
+    notes, drive = Notes(), Drive("arm", "position", KP, KD, limit=80.0)
+    (made,) = with_measured_limits([drive], log(), DraftOptions(), notes)
+    assert made.limit == LIMIT and "torque_limit" in made.measured
+    assert notes.lines == [
+        "the log's torques stop at a limit, which the drive gets (arm: 30, the model says 80)"
+    ]
+    quiet = Notes()
+    (same,) = with_measured_limits(
+        [Drive("arm", "position", KP, KD, limit=LIMIT)], log(), DraftOptions(), quiet
+    )
+    assert same.limit == LIMIT and "torque_limit" in same.measured and not quiet.lines
+
+
+def test_torques_that_do_not_stop_tell_no_limit():
+    drive = Drive("arm", "position", KP, KD)
+    noisy = log(unexplained=0.01)  # no two of its largest are the same
+    rounded = log()
+    values = np.round(rounded.series["arm/torque"].values)
+    rounded = Heard({**rounded.series, "arm/torque": Series(TIME, values)})
+    free = log(limit=1e3)
+    assert [limit_of(told, drive) for told in (noisy, rounded, free, Heard({}))] == [None] * 4
+    assert limit_of(log(), drive) == LIMIT
+
+
+def test_a_limit_that_is_stated_stays_and_another_one_of_the_log_is_noted():
+    notes, drive = Notes(), Drive("arm", "position", KP, KD, limit=80.0)
+    stated = DraftOptions(torque_limit={"a*": 80.0})
+    assert with_measured_limits([drive], log(), stated, notes) == (drive,)
+    assert notes.lines == ["the log's torques stop at other limits than those stated (arm: 30)"]

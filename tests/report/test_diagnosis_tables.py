@@ -5,6 +5,7 @@ import pytest
 from test_tables import text_of
 
 from dynreg.report.diagnosis.words import (
+    details,
     diagnosis_steps,
     noise_words,
     size_word,
@@ -139,12 +140,55 @@ def test_a_calibrated_simulator_that_is_clearly_better_is_offered(verdict: str) 
         assert not any("export" in step for step in diagnosis_steps(unsure))
 
 
+def test_the_extended_simulator_is_not_advised_where_no_cause_clearly_helps() -> None:
+    found = made_up_diagnosis.diagnosis("ambiguous")
+    (cause,) = found.causes
+    unclear = cause.model_copy(update={"gain": Gain(value=0.004, low=-0.01, high=0.01)})
+    told = found.model_copy(update={"causes": (unclear,)})
+    steps = diagnosis_steps(told)
+    assert not any("export" in s or "excite" in s for s in steps)
+    assert steps[-1].endswith("dynreg compare bench_monday --with nominal,diagnosed")
+    better = told.model_copy(update={"calibration": Gain(value=0.4, low=0.3, high=0.5)})
+    assert "dynreg export caca" in diagnosis_steps(better)[-1]
+
+
+def channels(*calibrated: float, **told) -> Diagnosis:
+    """A diagnosis whose simulators err by 1 and by these in so many joints' positions."""
+    found = made_up_diagnosis.diagnosis("none")
+    errors = tuple(
+        found.error.model_copy(update={"channel": f"joint{i}/position", "nominal": 1.0, "calibrated": error})
+        for i, error in enumerate(calibrated, start=1)
+    )
+    return found.model_copy(update={"errors": errors, "engine": "mujoco", **told})
+
+
+@pytest.mark.parametrize("shown", [flat, lambda result: " ".join(page(result).split())])
+def test_a_calibrated_simulator_that_is_worse_on_most_channels_is_told_with_the_likely_reason(shown) -> None:
+    """The sum was better, by one joint of seven: nothing said that the others were worse."""
+    text = shown(channels(0.2, 1.2, 1.1, 1.3, 1.01))
+    assert "On 4 of 5 channels the calibrated simulator errs more than the nominal simulator" in text
+    assert "smaller `timestep` in robot.toml" in text and "dynreg robots check FOLDER" in text
+    assert "timestep" not in shown(channels(0.2, 1.2, 1.1, engine="kinematic"))
+    for fewer in ((0.2, 1.2, 1.1, 0.9), (0.2, 1.01, 1.02, 1.03), (1.3,)):
+        assert not any("errs more" in line for line in details(channels(*fewer)))
+
+
+def test_the_joint_that_calibration_helped_most_is_diagnosed_next() -> None:
+    gain = {"over_start": Gain(value=0.24, low=0.2, high=0.3), "threshold": Threshold(runs=0)}
+    told = channels(1.1, 1.2, 0.2, asked={"windows": 8, "joints": None}, **gain)
+    assert hint(told) == "dynreg diagnose bench_monday --joints joint3 --windows 8 --threshold-runs 0"
+    assert hint(channels(1.1, 1.2, 0.2, asked={"joints": ["joint3"]}, **gain)) == "dynreg report @last"
+    assert hint(channels(0.9, 0.8, 0.7, **gain)) == "dynreg report @last"
+
+
 def test_the_threshold_says_where_it_comes_from() -> None:
     result = made_up_diagnosis.diagnosis()
     assert "by 20 simulations" in threshold_words(result) and "earlier diagnosis" in threshold_words(result)
     usual = result.model_copy(update={"threshold": Threshold(runs=0)})
     assert threshold_words(usual) == "A cause needs 18.4 nats, the usual threshold."
-    assert any("usual one" in line for line in unsaid(usual))
+    assert unsaid(usual)[-1] == (
+        "The threshold is the usual one. To have simulations of this robot set it, leave out --threshold-runs 0."
+    )
 
 
 def test_the_residual_is_compared_with_its_floor() -> None:

@@ -54,7 +54,7 @@ def test_what_tells_no_simulator_is_refused(registry: Session) -> None:
     for ref, says in (
         (store.latest("gait", log).id, "of kind 'gait' tells no simulator"),
         ("monday", "monday"),
-        ("calibrated", "no 'calibrated' simulator"),
+        ("nearest", "no 'nearest' simulator"),
     ):
         with pytest.raises(NoMatchError, match=says):
             registry.compare("monday", models=["kinematic"], simulators=[ref])

@@ -101,7 +101,10 @@ def test_a_recording_put_without_a_name_is_called_by_its_id_where_a_name_would_l
 
 def test_ingesting_for_another_robot_says_what_each_name_means(reg: Session, log: Path, swinger: Path):
     _, kept = reg.ingest(log, swinger).notes
-    assert "'bench_rad' of robot 'swinger_rad'" in kept and "--robot" in kept
+    assert kept == (
+        "'bench_rad' still means robot 'swinger_rad'. The recording's id and @last mean robot 'swinger' from now on. "
+        "For another robot, add --robot"
+    )
 
 
 def test_a_name_ingested_again_with_its_own_robot_says_what_the_id_means_now(

@@ -113,14 +113,27 @@ def test_what_names_no_simulator_is_told_the_words(asked):
         simulator(registry, "best", robot, found.recording)
 
 
-def test_a_missing_calibration_points_to_what_a_diagnosis_calibrated(diagnosed):
-    registry, robot, recording, plain, _ = diagnosed
-    for ask in (
-        lambda: named(registry, "calibrated"),
-        lambda: simulator(registry, "calibrated", robot, recording),
-    ):
-        with pytest.raises(NoMatchError, match=f"name {plain[:12]}.*'diagnosed' has its causes too"):
-            ask()
+def test_calibrated_means_what_a_diagnosis_calibrated_where_nothing_else_did(diagnosed):
+    registry, robot, recording, plain, full = diagnosed
+    assert named(registry, "calibrated").id == told_last(registry, "calibrated") == plain
+    found = simulator(registry, "calibrated", robot, recording)
+    assert (found.id, found.fitted_to) == (plain, SEEN)
+    assert named(registry, "diagnosed").id == full
+    assert found.source == registry.latest("diagnosis", recording).id
+
+
+def test_a_simulator_of_an_earlier_diagnosis_is_known_for_what_that_one_says(diagnosed):
+    """After another diagnosis of the recording, too: its simulators counted as having seen all of it."""
+    registry, robot, recording, _, full = diagnosed
+    values = robot.space.as_dict(robot.space.nominal) | {"tip_mass": 0.51}
+    lineage = {"lineage": {"made_by": "diagnose", "recording": recording}}
+    first = registry.put_simulator(SimConfig(robot.hash, robot.name, values).as_dict() | lineage)
+    told = {"calibrated_simulator": first, "parts": {"fit": ["e0"], "select": ["e4"], "test": ["e2"]}}
+    again = registry.latest("diagnosis", recording).document
+    registry.put_result("diagnosis", recording, told)
+    registry.put_result("diagnosis", recording, {**again, "seed": 1})
+    assert simulator(registry, first, robot, recording).fitted_to == {"e0", "e4"}
+    assert simulator(registry, full, robot, recording).fitted_to == SEEN
 
 
 def test_by_whatever_name_a_simulator_is_found_without_a_robot(diagnosed):

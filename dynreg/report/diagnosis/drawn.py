@@ -6,6 +6,7 @@ from typing import Any
 from dynreg.report.diagnosis.words import (
     PART,
     VERDICTS,
+    details,
     diagnosis_steps,
     errors_by_importance,
     gain_cell,
@@ -21,7 +22,7 @@ from dynreg.report.diagnosis.words import (
 from dynreg.report.drawing import estimate_track, ruler, traces
 from dynreg.report.words import held_out_words, interval_text, interval_words, number
 from dynreg.results.diagnosis import Cause, Diagnosis, Ranked, RolloutError, Where
-from dynreg.results.sentence import diagnosis_details, over_start_sentence, times
+from dynreg.results.sentence import over_start_sentence, times
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 10
@@ -35,7 +36,7 @@ def page(result: Diagnosis) -> dict[str, Any]:
         "result": result,
         "title": f"{result.recording_name or result.recording[:12]} · {result.robot} · diagnosis",
         "verdict": VERDICTS[result.verdict],
-        "details": diagnosis_details(result),
+        "details": details(result),
         "tiles": _tiles(result),
         "steps": diagnosis_steps(result),
         "causes": [_cause(cause) for cause in result.causes],

@@ -6,6 +6,7 @@ from rich.text import Text
 from dynreg.report.diagnosis.words import (
     PART,
     as_given,
+    details,
     diagnosis_steps,
     errors_by_importance,
     gain_cell,
@@ -21,7 +22,7 @@ from dynreg.report.diagnosis.words import (
 from dynreg.report.grid import table
 from dynreg.report.words import held_out_words, interval, interval_text, interval_words, number
 from dynreg.results.diagnosis import Diagnosis
-from dynreg.results.sentence import diagnosis_details, over_start_sentence
+from dynreg.results.sentence import over_start_sentence
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8
@@ -31,7 +32,7 @@ def tables(result: Diagnosis) -> Group:
     """Verdict, causes, ranking, parameters, error, residual, and what to do next."""
     parts: list[RenderableType] = [Text(result.sentence, style="bold")]
     alarm = over_start_sentence(result) if result.worse else ""
-    parts += [Text(line, style="bold red" if line == alarm else "") for line in diagnosis_details(result)]
+    parts += [Text(line, style="bold red" if line == alarm else "") for line in details(result)]
     if result.causes:
         parts.append(_causes(result))
     parts += [_ranking(result, found) for found in sorted({r.round for r in result.ranking})]

@@ -2,6 +2,7 @@
 
 import math
 
+from dynreg.data.names import joint_of
 from dynreg.errors import command
 from dynreg.report.words import count, interval, number
 from dynreg.results.diagnosis import (
@@ -14,9 +15,17 @@ from dynreg.results.diagnosis import (
     Ranked,
     RolloutError,
 )
+from dynreg.results.helped import (
+    best_channel,
+    by_calibration,
+    calibration_leads,
+    helping,
+    worse_channels,
+)
 from dynreg.results.refit import Refit
 from dynreg.results.result import Gain
-from dynreg.results.sentence import times
+from dynreg.results.sentence import diagnosis_details, times
+from dynreg.sim.engine import ENGINES
 from dynreg.verbs.diagnosis_words import excite_command
 from dynreg.verbs.simulators import NOMINAL, WORDS
 
@@ -148,9 +157,6 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
     for cause in result.causes:
         edge = [name for name, e in cause.parameters.items() if e.at_bound]
         said += [f"{name} of {cause.key} lies on the edge of what a fit may reach." for name in edge]
-        if cause.gain and cause.gain.low is not None and cause.gain.low <= 0:
-            alone = " by itself" if len(result.causes) > 1 else ""
-            said.append(f"On held-out data {cause.key}{alone} does not clearly help.")
     for name, e in result.parameters.items():
         if e.at_bound:
             said.append(f"{name} lies on the edge of its range: its interval says little.")
@@ -160,7 +166,7 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
         said.append("Nothing was held out: the errors are of the data that chose the causes.")
     if not result.threshold.runs:
         said.append(
-            "The threshold is the usual one. Without --threshold-runs 0, simulations of this robot set it."
+            "The threshold is the usual one. To have simulations of this robot set it, leave out --threshold-runs 0."
         )
     return tuple(said)
 
@@ -168,8 +174,11 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
 def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
     """What to do next, the first thing first."""
     steps = [NOT_BETTER.format(left=result.left, began=result.began)] if result.worse else []
-    steps += result.experiments
-    for cause in result.causes:
+    if (
+        result.causes[:1] == helping(result)[:1]
+    ):  # what separates a cause that is not to be relied on is no next step
+        steps += result.experiments
+    for cause in helping(result):
         for other in [key for key in cause.equivalent if key not in cause.inseparable][:1]:
             steps.append(f"Commands that separate them: {excite_command(result.robot, cause.key, other)}")
     for pair in result.inseparable:
@@ -180,29 +189,67 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
         steps.append(f"Check the log first: {command('doctor', 'LOG', '--robot', result.robot)}")
     if not result.parts.get("test"):
         steps.append("Record more episodes, or name some with --hold-out.")
-    if result.extended_simulator and not result.worse:
-        export = command("export", result.extended_simulator[:12], "--as", "robot", "--to", "FOLDER")
-        steps.append(f"Export the extended simulator as a robot folder: {export}")
+    if result.extended_simulator and not result.worse and helping(result):
+        steps.append(_export("extended", result.extended_simulator))
     elif result.calibrated_simulator and _clearly_better(result):
-        export = command("export", result.calibrated_simulator[:12], "--as", "robot", "--to", "FOLDER")
-        steps.append(f"Export the calibrated simulator as a robot folder: {export}")
+        steps.append(_export("calibrated", result.calibrated_simulator))
+    elif result.extended_simulator and not result.worse:
+        steps.append(f"See whether its simulators predict better: {_compared(result)}")
     return tuple(steps)
 
 
+def _export(kind: str, simulator: str) -> str:
+    written = command("export", simulator[:12], "--as", "robot", "--to", "FOLDER")
+    return f"Export the {kind} simulator as a robot folder: {written}"
+
+
+def _compared(result: Diagnosis) -> str:
+    """The command that compares the simulator that it leaves with that at the start."""
+    start = result.start if result.start in (*WORDS, NOMINAL) else result.start[:12]
+    return command("compare", result.recording_name, "--with", f"{start},diagnosed")
+
+
 def _clearly_better(result: Diagnosis) -> bool:
-    """Whether the test part shows that the simulator it leaves is better than the one at the start."""
-    gain = result.over_start
+    """Whether the test part shows that the calibrated simulator is better than the one at the start."""
+    gain = by_calibration(result)
     return gain is not None and gain.low is not None and gain.low > 0
 
 
-def hint(result: Diagnosis) -> str | None:
-    """The command to type next where it is another than to see the page: where the simulator at the start is better."""
-    if not result.worse:
-        return None
-    start = result.start if result.start in (*WORDS, NOMINAL) else result.start[:12]
+def details(result: Diagnosis) -> tuple[str, ...]:
+    """The main figures under the verdict, and whether most of them hide that channels are predicted worse."""
+    return tuple(line for line in (*diagnosis_details(result), _worse_words(result)) if line)
+
+
+def _worse_words(result: Diagnosis) -> str:
+    """On how many channels the calibrated simulator errs more, with the likely reason; "" where not on most."""
+    worse = worse_channels(result)
+    if not worse:
+        return ""
+    said = f"On {len(worse)} of {len(result.errors)} channels the calibrated simulator errs more than {result.began}"
+    if result.engine not in ENGINES or ENGINES[result.engine].finer == 1:
+        return f"{said}."
+    check = command("robots", "check", "FOLDER")
     return (
-        f"{command('compare', result.recording_name, '--with', f'{start},diagnosed')}  # {_warning(result)}"
+        f"{said}. A likely reason is the time step or the integrator: parameters are fitted as for a finer step. Try a "
+        f"smaller `timestep` in robot.toml. `{check}` warns only of one that is far too long."
     )
+
+
+def hint(result: Diagnosis) -> str | None:
+    """The command to type next where it is another than to see the page.
+
+    Where the simulator at the start is better, to compare; where calibration helped one joint far more than the others,
+    to diagnose that joint alone.
+    """
+    if result.worse:
+        return f"{_compared(result)}  # {_warning(result)}"
+    most, asked = best_channel(result), result.asked or {}
+    joint = joint_of(most.channel) if most and calibration_leads(result) else ""
+    if not joint or asked.get("joints") or sum(joint_of(e.channel) != joint for e in result.errors) == 0:
+        return None
+    given = ["--windows", asked["windows"]] if asked.get("windows") else []
+    given += ["--threshold-runs", 0] if not result.threshold.runs else []
+    return command("diagnose", result.recording_name, "--joints", joint, *given)
 
 
 def _warning(result: Diagnosis) -> str:
