@@ -9,7 +9,6 @@ from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.verdict import rivals
 from dynreg.evidence.estimate import gaussian
-from dynreg.evidence.interval import Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.replay.judged import Gain as Gained
