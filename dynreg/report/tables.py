@@ -16,8 +16,8 @@ from dynreg.results.result import Result
 # the rooms that several kinds of results share; every other kind has the room of its own name, or none
 _SHARED = dict.fromkeys(("robot_check", "robot_draft", "robot_folder"), "robots") | dict.fromkeys(
     (
-        *("population", "recording", "list", "entry", "verify", "removal", "collection", "report"),
-        "dataset-export",
+        *("population", "recording", "list", "entry", "verify", "removal", "collection", "import"),
+        *("report", "dataset_export"),
     ),
     "stored",
 )

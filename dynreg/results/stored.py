@@ -163,7 +163,7 @@ class ReportFile(Result):
 class DatasetExport(Result):
     """A dataset that was written for other projects. form : its format. bytes : of all its files, the card included."""
 
-    schema_: Literal["dynreg/dataset-export/1"] = Field(default="dynreg/dataset-export/1", alias="schema")
+    schema_: Literal["dynreg/dataset_export/1"] = Field(default="dynreg/dataset_export/1", alias="schema")
     place: str
     form: str
     robot: str
