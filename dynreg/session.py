@@ -323,10 +323,7 @@ class Session:
         return export_dataset(self.registry, named, Path(destination), form, licence)
 
     def export_robot(self, ref: str, destination: str | Path) -> "RobotFolder":
-        """Write a simulator or an entry, by id, unique prefix or name, as a new robot folder; see `extend`.
-
-        Raises UsageError where the destination exists.
-        """
+        """Write a simulator or an entry, by id, prefix or name, as a new robot folder; see `verbs.export_robot`."""
         from dynreg.verbs.export_robot import export_simulator
 
         return export_simulator(self.registry, ref, Path(destination))
@@ -338,11 +335,7 @@ class Session:
         return export_ranges(self.registry, ref, Path(destination))
 
     def export_gait(self, ref: "str | Path | Gait", destination: str | Path, form: str = "csv") -> "Gait":
-        """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file.
-
-        form : csv, mcap or python for a robot, gif or png to look at, foxglove for a log of the run, for which `ref`
-        may be a recording of the gait's trial; see `verbs.export_gait`.
-        """
+        """Write a gait, itself or its id, `@last` or the path of its JSON, to a new file; see `verbs.export_gait`."""
         from dynreg.verbs.export_gait import export_gait
 
         return export_gait(self.registry, ref, Path(destination), form)
