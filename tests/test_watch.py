@@ -113,6 +113,8 @@ def test_foxglove_gets_both_robots_every_channel_and_its_residual(bench: Frames)
         "/channels/arm/velocity",
     }
     assert {*found} == topics and len(found["/measured/joint_states"]) == len(bench.times)
+    joints = found["/measured/joint_states"][5]
+    assert joints["name"] == ["arm"] and joints["position"] == [bench.poses[MEASURED][5, 0]]
     one = found["/channels/arm/position"][5]
     assert one["residual"] == pytest.approx(one["simulated"] - one["measured"])
     assert log(bench) == log(bench)

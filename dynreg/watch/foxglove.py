@@ -24,9 +24,9 @@ def log(frames: Frames) -> bytes:
 def _moved(frames: Frames, side: str, poses: np.ndarray) -> list[Topic]:
     model = frames.model
     kinds = model.jnt_type
-    hinged = [
-        j for j in range(model.njnt) if kinds[j] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    ]
+    # whole numbers: one of numpy's is not found among MuJoCo's own
+    moving = [int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)]
+    hinged = np.flatnonzero(np.isin(kinds, moving)).tolist()
     names = [model.joint(j).name for j in hinged]
     angles = poses[:, model.jnt_qposadr[hinged]]
     free = [j for j in range(model.njnt) if kinds[j] == mujoco.mjtJoint.mjJNT_FREE]
