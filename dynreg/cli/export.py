@@ -91,7 +91,7 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Write stored things to a registry, dataset, robot or file.
+    """Write stored things as a registry, dataset, robot or file.
 
     --as registry: a new registry with the things and all that they need.
 

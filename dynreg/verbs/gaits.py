@@ -14,7 +14,7 @@ from dynreg.gait.trials import Trials, simulators_of
 from dynreg.registry import Registry, ResultRecord
 from dynreg.results.gait import Gait
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs.simulators import simulator
+from dynreg.verbs.simulators import simulator, told_last
 
 
 def gait_of(registry: Registry, ref: str | Path) -> Gait:
@@ -46,7 +46,7 @@ def is_gait(registry: Registry, ref: str) -> bool:
 
     NoMatchError where nothing stored is called so.
     """
-    return ref == "@last" or Path(ref).is_file() or registry.resolve(ref)[0] == "result"
+    return ref == "@last" or Path(ref).is_file() or registry.resolve(told_last(registry, ref))[0] == "result"
 
 
 def genes_of(gait: Gait) -> dict[str, float]:

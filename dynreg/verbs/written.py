@@ -72,7 +72,7 @@ def new_file_of(path: Path) -> Iterator[Path]:
         sweep_beside(path.absolute())
         with temporary_folder(path.absolute()) as hidden:
             yield hidden
-            for file in sorted(hidden.iterdir(), key=lambda file: file.name == path.name):
+            for file in sorted(hidden.iterdir(), key=lambda file: (file.name == path.name, file.name)):
                 target = path.with_name(file.name)
                 if not (target != path and target.is_file() and target.read_bytes() == file.read_bytes()):
                     require_new(target)

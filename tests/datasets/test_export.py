@@ -28,9 +28,9 @@ def test_a_card_tells_what_is_in_it(form: str, exported) -> None:
     head = yaml.safe_load(text.split("---\n")[1])
     assert head["license"] == "apache-2.0" and "robotics" in head["tags"]
     for told in (
-        "8 simulated entries",
-        "| episodes | 320 |",
-        "| transitions | 16000 |",
+        "12 simulated entries",
+        "| episodes | 480 |",
+        "| transitions | 24000 |",
         "| rate | 100 Hz |",
         "levels, chirp, triangle, drop",
         "| resistance | ohm | 2.5 to 8 | log |",
@@ -48,7 +48,7 @@ def test_a_card_of_a_recording_names_its_files_and_no_licence(exported, tmp_path
     text = card_of(tmp_path / "both")
     assert "1 real recording" in text and "| bench | measured | bench.csv |" in text
     assert "No licence is stated" in text and "license" not in yaml.safe_load(text.split("---\n")[1])
-    assert (told.entries, told.recordings, told.episodes, told.transitions) == (8, 1, 325, 16995)
+    assert (told.entries, told.recordings, told.episodes, told.transitions) == (12, 1, 485, 24995)
     files = [file for file in (tmp_path / "both").rglob("*") if file.is_file()]
     assert told.bytes == sum(file.stat().st_size for file in files)
     exported.opened.export_dataset("bench", tmp_path / "own", "parquet", licence="ask | me <b>")
@@ -102,6 +102,11 @@ def test_a_card_of_someone_else_beside_a_file_is_not_written_over(exported, tmp_
     with pytest.raises(UsageError, match="out.csv.md.*File exists"):
         exported.opened.export_dataset("bench", tmp_path / "out.csv", "csv")
     assert [p.name for p in tmp_path.iterdir()] == ["out.csv.md"]
+    (tmp_path / "out.mcap.toml").write_text("mine")
+    with pytest.raises(UsageError, match="out.mcap.toml.*File exists"):
+        exported.opened.export_dataset("bench", tmp_path / "out.mcap", "mcap")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.csv.md", "out.mcap.toml"]
+    (tmp_path / "out.mcap.toml").unlink()
     (tmp_path / "out.csv.md").unlink()
     exported.opened.export_dataset("bench", tmp_path / "out.csv", "csv")
     (tmp_path / "out.csv").unlink()  # as a killed run may leave it
@@ -150,7 +155,7 @@ class Paced:
 
 def test_a_lerobot_dataset_has_one_rate(exported) -> None:
     told = contents(exported.opened.registry, [exported.population])
-    (part,) = told.dataset.parts
+    part, _ = told.dataset.parts
     for factor, fits in ((1.002, True), (1.5, False)):
         periods = part.periods.copy()
         periods[3] *= factor

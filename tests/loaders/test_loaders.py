@@ -68,7 +68,7 @@ def read(written: Written, tmp_path: Path) -> Callable[[str], dict[str, np.ndarr
         done = subprocess.run(line, capture_output=True, text=True, timeout=600, env=there | offline)
         print(f"\n== {name}\n{done.stdout}")
         assert done.returncode == 0, done.stderr
-        return dict(np.load(out))
+        return dict(np.load(out, allow_pickle=False))
 
     return ran
 
