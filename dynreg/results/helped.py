@@ -1,6 +1,7 @@
 """What lowers the held-out error that a diagnosis tells: fitted parameters or causes, which of them, and where."""
 
-from dynreg.results.diagnosis import Cause, Diagnosis, Pulled, RolloutError
+from dynreg.data.names import joint_of, quantity_of
+from dynreg.results.diagnosis import Cause, Diagnosis, Pulled, RolloutError, Simulator
 from dynreg.results.result import Gain
 
 CLEAR = 0.005  # of the error: a gain that is less is printed as 0 %
@@ -76,8 +77,18 @@ def main_parameters(of: Diagnosis) -> dict[str, Pulled]:
     return dict(sorted(named, key=lambda one: -one[1].share)[:MOST_MAIN])
 
 
-def worse_channels(of: Diagnosis) -> tuple[RolloutError, ...]:
-    """The channels on which the calibrated simulator errs more than that at the start; () where these are not most."""
-    worse = tuple(e for e in of.errors if channel_gain(e) < 0)
-    many = sum(channel_gain(e) < -WORSE for e in of.errors)
-    return worse if many > len(of.errors) / 2 and len(of.errors) > 1 else ()
+def best_joint(of: Diagnosis) -> str:
+    """The one joint on which calibration removes most of the held-out error; "" where on none or on several."""
+    found = {joint_of(e.channel) for e in of.errors if channel_gain(e) >= MUCH}
+    every = {joint_of(e.channel) for e in of.errors if quantity_of(e.channel) == "position"}
+    return found.pop() if best_channel(of) and len(found) == 1 and found < every else ""
+
+
+def worse_on_most(of: Diagnosis) -> tuple[Simulator, int] | None:
+    """The simulator that errs more than that at the start on most of several channels, and on how many."""
+    for kind in ("calibrated", "extended"):
+        than = [(getattr(e, kind), e.nominal) for e in of.errors if getattr(e, kind) is not None]
+        clearly = sum(one > (1.0 + WORSE) * nominal for one, nominal in than)
+        if len(than) > 1 and clearly > len(than) / 2:
+            return kind, sum(one > nominal for one, nominal in than)
+    return None

@@ -169,6 +169,11 @@ def test_a_calibrated_simulator_that_is_worse_on_most_channels_is_told_with_the_
     assert "On 4 of 5 channels the calibrated simulator errs more than the nominal simulator" in text
     assert "smaller `timestep` in robot.toml" in text and "dynreg robots check FOLDER" in text
     assert "timestep" not in shown(channels(0.2, 1.2, 1.1, engine="kinematic"))
+    extended = channels(0.2, 0.9, 0.8)
+    errors = tuple(e.model_copy(update={"extended": 1.2}) for e in extended.errors)
+    assert "On 3 of 3 channels the extended simulator errs more" in shown(
+        extended.model_copy(update={"errors": errors})
+    )
     for fewer in ((0.2, 1.2, 1.1, 0.9), (0.2, 1.01, 1.02, 1.03), (1.3,)):
         assert not any("errs more" in line for line in details(channels(*fewer)))
 
@@ -178,7 +183,8 @@ def test_the_joint_that_calibration_helped_most_is_diagnosed_next() -> None:
     told = channels(1.1, 1.2, 0.2, asked={"windows": 8, "joints": None}, **gain)
     assert hint(told) == "dynreg diagnose bench_monday --joints joint3 --windows 8 --threshold-runs 0"
     assert hint(channels(1.1, 1.2, 0.2, asked={"joints": ["joint3"]}, **gain)) == "dynreg report @last"
-    assert hint(channels(0.9, 0.8, 0.7, **gain)) == "dynreg report @last"
+    for others in ((0.9, 0.8, 0.7), (0.2, 0.2, 1.1), (0.2,)):  # none, two of them, no other
+        assert hint(channels(*others, **gain)) == "dynreg report @last"
 
 
 def test_the_threshold_says_where_it_comes_from() -> None:

@@ -2,7 +2,6 @@
 
 import math
 
-from dynreg.data.names import joint_of
 from dynreg.errors import command
 from dynreg.report.words import count, interval, number
 from dynreg.results.diagnosis import (
@@ -16,11 +15,11 @@ from dynreg.results.diagnosis import (
     RolloutError,
 )
 from dynreg.results.helped import (
-    best_channel,
+    best_joint,
     by_calibration,
     calibration_leads,
     helping,
-    worse_channels,
+    worse_on_most,
 )
 from dynreg.results.refit import Refit
 from dynreg.results.result import Gain
@@ -221,11 +220,12 @@ def details(result: Diagnosis) -> tuple[str, ...]:
 
 
 def _worse_words(result: Diagnosis) -> str:
-    """On how many channels the calibrated simulator errs more, with the likely reason; "" where not on most."""
-    worse = worse_channels(result)
-    if not worse:
+    """On how many channels a fitted simulator errs more, with the likely reason; "" where not on most."""
+    worse = worse_on_most(result)
+    if worse is None:
         return ""
-    said = f"On {len(worse)} of {len(result.errors)} channels the calibrated simulator errs more than {result.began}"
+    kind, many = worse
+    said = f"On {many} of {len(result.errors)} channels the {kind} simulator errs more than {result.began}"
     if result.engine not in ENGINES or ENGINES[result.engine].finer == 1:
         return f"{said}."
     check = command("robots", "check", "FOLDER")
@@ -243,9 +243,9 @@ def hint(result: Diagnosis) -> str | None:
     """
     if result.worse:
         return f"{_compared(result)}  # {_warning(result)}"
-    most, asked = best_channel(result), result.asked or {}
-    joint = joint_of(most.channel) if most and calibration_leads(result) else ""
-    if not joint or asked.get("joints") or sum(joint_of(e.channel) != joint for e in result.errors) == 0:
+    asked = result.asked or {}
+    joint = best_joint(result) if calibration_leads(result) and not asked.get("joints") else ""
+    if not joint:
         return None
     given = ["--windows", asked["windows"]] if asked.get("windows") else []
     given += ["--threshold-runs", 0] if not result.threshold.runs else []
