@@ -27,7 +27,7 @@ from dynreg.registry import Registry, collect, export, remove, verify
 
 REGISTRY = "new/place/registry"  # parents are made along with it
 EXPORT = "exported"
-OLD = Path(__file__).parents[1] / "format_1.zip"
+OLD = {name: Path(__file__).parents[1] / f"{name}.zip" for name in ("format_1", "form_2")}
 Sight = Mapping[str, Any]
 
 
@@ -169,8 +169,8 @@ def _filled(root: Path, aside: Path) -> Path:
     return place
 
 
-def _unpacked(root: Path, aside: Path) -> None:
-    zipfile.ZipFile(OLD).extractall(root / REGISTRY)
+def _unpacked(name: str) -> Callable[[Path, Path], None]:
+    return lambda root, aside: zipfile.ZipFile(OLD[name]).extractall(root / REGISTRY)
 
 
 SHORT = Scenario("short", LIFE.begin, LIFE.steps[:5])
@@ -215,7 +215,8 @@ SCENARIOS = {
     for s in (
         LIFE,
         Scenario("removal", _damaged(lambda place: None), REMOVALS),
-        Scenario("migration", _unpacked, (step("open", lambda registry, aside: None),)),
+        Scenario("migration", _unpacked("format_1"), (step("open", lambda registry, aside: None),)),
+        Scenario("renewal", _unpacked("form_2"), (step("open", lambda registry, aside: None),)),
         Scenario("lost catalogue", _damaged(_no_catalogue), REPAIR),
         Scenario("torn catalogue", _damaged(_torn_catalogue), REPAIR),
         Scenario("bad shard", _damaged(_bad_shard_and_stray), REPAIR),
