@@ -64,29 +64,35 @@ class Trajectories:
         steps = self.inputs.shape[1]
         return np.concatenate([self.inputs, np.repeat(self.settings[:, None], steps, axis=1)], axis=-1)
 
-    def transitions(self, entries: slice = slice(None)) -> Transitions:
-        """The transitions of some entries (n' E T rows), those in which anything is NaN left out."""
+    def transitions(self, entries: slice = slice(None), first: int = 0) -> Transitions:
+        """The transitions of some entries (n' E T rows), those in which anything is NaN left out.
+
+        first : what `Transitions.entry` numbers the first of all entries here.
+        """
         states = self.states[entries]
         n, episodes, rows, _ = states.shape
         shape = (n, episodes, rows - 1)
 
-        def flat(values: np.ndarray) -> np.ndarray:
-            whole = np.broadcast_to(values, (*shape, values.shape[-1]))
-            return np.ascontiguousarray(whole).reshape(n * episodes * (rows - 1), values.shape[-1])
+        def flat(values: np.ndarray, *width: int) -> np.ndarray:
+            whole = np.broadcast_to(values, (*shape, *width))
+            return np.ascontiguousarray(whole).reshape(n * episodes * (rows - 1), *width)
 
-        number = np.broadcast_to(np.arange(episodes)[:, None], shape).reshape(-1)
-        columns = (
-            flat(states[:, :, :-1]),
-            flat(self.actions[:, :-1]),
-            flat(self.context[:, :-1]),
-            flat(states[:, :, 1:]),
-            number,
+        number = first + np.arange(len(self.states))[entries]
+        time = np.nan if self.time is None else np.diff(self.time[entries], axis=-1)
+        found = Transitions(
+            flat(states[:, :, :-1], states.shape[-1]),
+            flat(self.actions[:, :-1], self.actions.shape[-1]),
+            flat(self.context[:, :-1], self.context.shape[-1]),
+            flat(states[:, :, 1:], states.shape[-1]),
+            flat(np.arange(episodes)[:, None]),
+            flat(number[:, None, None]),
+            flat(np.asarray(time, np.float32)),
         )
         # a sum that is finite has no NaN in it, and costs no array of flags
         if all(np.isfinite(a.sum()) for a in (states, self.actions[:, :-1], self.context[:, :-1])):
-            return Transitions(*columns)
-        good = np.logical_and.reduce([np.isfinite(column).all(axis=-1) for column in columns[:4]])
-        return Transitions(*(column[good] for column in columns))
+            return found
+        told = (found.states, found.actions, found.context, found.next_states)
+        return found.take(np.logical_and.reduce([np.isfinite(column).all(axis=-1) for column in told]))
 
     def split(self, rows: int) -> Iterator["Trajectories"]:
         """The same for some entries at a time: about `rows` states, at least one entry."""

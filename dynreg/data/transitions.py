@@ -14,7 +14,8 @@ class Transitions:
     """One row a control step; float32.
 
     states (N, S), actions (N, A), context (N, K), next_states (N, S); `episode` (N,) int numbers the
-    recording's episodes, so that rows can be held out by trajectory.
+    recording's episodes, so that rows can be held out by trajectory. Rows of a data set also tell `entry` (N,) int,
+    which of its entries each one is of, and `period` (N,) [s], NaN where nobody told it; None elsewhere.
     """
 
     states: np.ndarray
@@ -22,14 +23,16 @@ class Transitions:
     context: np.ndarray
     next_states: np.ndarray
     episode: np.ndarray
+    entry: np.ndarray | None = None
+    period: np.ndarray | None = None
 
     def __post_init__(self):
-        for field in fields(self):
-            dtype = np.int64 if field.name == "episode" else np.float32
-            array = np.ascontiguousarray(getattr(self, field.name), dtype=dtype)
+        for name in self._told:
+            dtype = np.int64 if name in ("episode", "entry") else np.float32
+            array = np.ascontiguousarray(getattr(self, name), dtype=dtype)
             array.setflags(write=False)
-            object.__setattr__(self, field.name, array)
-        counts = {len(getattr(self, field.name)) for field in fields(self)}
+            object.__setattr__(self, name, array)
+        counts = {len(getattr(self, name)) for name in self._told}
         if len(counts) != 1 or self.states.shape != self.next_states.shape:
             raise LogError(
                 f"transitions with states {self.states.shape}, actions {self.actions.shape}, context "
@@ -38,21 +41,24 @@ class Transitions:
                 do="build them with `transitions`",
             )
 
+    @property
+    def _told(self) -> list[str]:
+        return [field.name for field in fields(self) if getattr(self, field.name) is not None]
+
     def __len__(self) -> int:
         return len(self.states)
 
     def take(self, rows: slice | np.ndarray) -> "Transitions":
         """These rows (a slice or numbers)."""
-        return Transitions(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return Transitions(**{name: getattr(self, name)[rows] for name in self._told})
 
 
 def joined(parts: Sequence[Transitions]) -> Transitions:
     """The rows of all parts, one after the other; of one part itself."""
     if len(parts) == 1:
         return parts[0]
-    return Transitions(
-        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Transitions))
-    )
+    names = set.intersection(*(set(part._told) for part in parts))
+    return Transitions(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def transitions(

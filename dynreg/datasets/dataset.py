@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -58,12 +58,19 @@ class Dataset:
     columns : names and units of states (S,), actions (A,), inputs and settings; the last two are the context (K,).
     parts : where the rows are.
     normaliser : that of the population of its entries; None where they are of none, or of several.
+    firsts : the number in `entries` of the first one of each part.
     """
 
     robot: str
     columns: Columns
     parts: tuple[Part, ...]
     normaliser: Normaliser | None = None
+    firsts: tuple[int, ...] = ()
+
+    def __post_init__(self):
+        if not self.firsts:
+            counts = np.cumsum([0, *(len(part.entries) for part in self.parts)])
+            object.__setattr__(self, "firsts", tuple(counts[:-1].tolist()))
 
     def __len__(self) -> int:
         return sum(part.count for part in self.parts)
@@ -83,54 +90,64 @@ class Dataset:
         sizes = f"{len(c.states)} states, {len(c.actions)} actions, {len(c.context)} of context"
         return f"<Dataset of {self.robot}: {len(self.entries)} entries, {len(self)} transitions, {sizes}>"
 
+    def of_parts(self, numbers: Sequence[int] | np.ndarray | slice) -> "Dataset":
+        """Only these parts, in this order; the rows keep the numbers of their entries."""
+        some = np.arange(len(self.parts))[numbers]
+        firsts = tuple(self.firsts[i] for i in some)
+        return replace(self, parts=tuple(self.parts[i] for i in some), firsts=firsts)
+
     def trajectories(self) -> Iterator[Trajectories]:
         """What they did, part by part; the next part is read while this one is used."""
-        return (trajectories for part in self._read() for trajectories in part)
+        return (trajectories for _, part in self._read() for trajectories in part)
 
-    def _read(self) -> Iterator[Sequence[Trajectories]]:
+    def _read(self) -> Iterator[tuple[int, Sequence[Trajectories]]]:
+        """The number of the first entry of each part, and what is in it."""
         with ThreadPoolExecutor(1) as pool:
             ahead = None
-            for part in self.parts:
-                ready, ahead = ahead, pool.submit(part.read)
+            for first, part in zip(self.firsts, self.parts, strict=True):
+                ready, ahead = ahead, (first, pool.submit(part.read))
                 if ready is not None:
-                    yield ready.result()
+                    yield ready[0], ready[1].result()
             if ahead is not None:
-                yield ahead.result()
+                yield ahead[0], ahead[1].result()
 
     def batches(self, rows: int = ROWS, *, seed: int | None = None) -> Iterator[Transitions]:
         """Transitions, about `rows` at a time (whole entries of a part where they are shorter).
 
         seed : draws an order of the parts and, within each, of its transitions; None keeps theirs.
         """
-        if rows < 1:
-            raise UsageError(f"batches of {rows} rows", expected="at least 1", do="ask for more")
-        if seed is not None:
-            yield from self._shuffled(rows, seed)
-            return
-        for one in self.trajectories():
-            each = one.states.shape[1] * (one.states.shape[2] - 1)
-            together = max(rows // max(each, 1), 1)
-            for first in range(0, len(one.entries), together):
-                found = one.transitions(slice(first, first + together))
-                for at in range(0, len(found), rows):
-                    yield found if len(found) <= rows else found.take(slice(at, at + rows))
+        check_rows(rows)
+        return (
+            self._in_order(rows) if seed is None else self._shuffled(rows, stream(seed, "dataset", "order"))
+        )
 
-    def _shuffled(self, rows: int, seed: int) -> Iterator[Transitions]:
-        rng = stream(seed, "dataset", "order")
-        order = rng.permutation(len(self.parts))
-        shuffled = Dataset(self.robot, self.columns, tuple(self.parts[i] for i in order), self.normaliser)
-        for part in shuffled._read():
-            found = joined([one.transitions() for one in part])
+    def _in_order(self, rows: int) -> Iterator[Transitions]:
+        for begin, part in self._read():
+            for one in part:
+                each = one.states.shape[1] * (one.states.shape[2] - 1)
+                together = max(rows // max(each, 1), 1)
+                for first in range(0, len(one.entries), together):
+                    found = one.transitions(slice(first, first + together), begin)
+                    for at in range(0, len(found), rows):
+                        yield found if len(found) <= rows else found.take(slice(at, at + rows))
+
+    def _shuffled(self, rows: int, rng: np.random.Generator) -> Iterator[Transitions]:
+        for begin, part in self.of_parts(rng.permutation(len(self.parts)))._read():
+            found = joined([one.transitions(first=begin) for one in part])
             at = rng.permutation(len(found))
             for first in range(0, len(found), rows):
                 yield found.take(at[first : first + rows])
 
     def to_numpy(self) -> Transitions:
-        """All transitions: states and next_states (N, S), actions (N, A), context (N, K), episode (N,)."""
+        """All transitions: states and next_states (N, S), actions (N, A), context (N, K); episode, entry, period (N,).
+
+        entry : which of `entries` a row is of. period : [s] to the next state.
+        """
         c, total = self.columns, len(self)
         shapes = {"states": len(c.states), "actions": len(c.actions), "context": len(c.context)}
         out = {name: np.empty((total, width), np.float32) for name, width in shapes.items()}
-        out["next_states"], out["episode"] = np.empty_like(out["states"]), np.empty(total, np.int64)
+        out["next_states"], out["period"] = np.empty_like(out["states"]), np.empty(total, np.float32)
+        out |= {name: np.empty(total, np.int64) for name in ("episode", "entry")}
         at = 0
         for batch in self.batches():
             for name, array in out.items():
@@ -162,6 +179,14 @@ class Dataset:
         from dynreg.datasets.torch_dataset import TorchDataset
 
         return TorchDataset(self, rows, seed)
+
+
+def check_rows(rows: int) -> None:
+    """UsageError for what cannot be the size of a batch."""
+    if not isinstance(rows, int | np.integer) or isinstance(rows, bool) or rows < 1:
+        raise UsageError(
+            f"batches of {rows!r} rows", expected="a whole number of at least 1", do="give another `rows`"
+        )
 
 
 def arrow_schema(columns: Columns) -> pa.Schema:

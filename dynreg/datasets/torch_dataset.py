@@ -1,23 +1,31 @@
 """A dataset for torch's DataLoader. Loads torch; import it inside functions only."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 import torch
 from torch.utils.data import IterableDataset, get_worker_info
+
+from dynreg.datasets.dataset import check_rows
+from dynreg.rng import stream_seed
 
 if TYPE_CHECKING:
     from dynreg.datasets.dataset import Dataset
 
 
 class Batch(NamedTuple):
-    """Transitions as float32 tensors: state (N, S), action (N, A), next_state (N, S), context (N, K)."""
+    """Transitions as tensors, float32: state (N, S), action (N, A), next_state (N, S), context (N, K).
+
+    entry : (N,) int64, which of `TorchDataset.dataset.entries` each is of. period : (N,) [s] from state to next state.
+    """
 
     state: torch.Tensor
     action: torch.Tensor
     next_state: torch.Tensor
     context: torch.Tensor
+    entry: torch.Tensor
+    period: torch.Tensor
 
 
 class TorchDataset(IterableDataset):
@@ -28,25 +36,31 @@ class TorchDataset(IterableDataset):
     dataset : where they come from; `dataset.columns` names what is in them.
     normaliser : of the population, None where there is not one.
     rows : transitions in a batch, at most.
-    seed : of the order; None keeps that of the entries. Change it from epoch to epoch.
+    seed : of the order; None keeps that of the entries.
+    epoch : a new one draws a new order; see `set_epoch`.
     """
 
     def __init__(self, dataset: "Dataset", rows: int, seed: int | None):
-        self.dataset, self.rows, self.seed = dataset, rows, seed
+        check_rows(rows)
+        self.dataset, self.rows, self.seed, self.epoch = dataset, rows, seed, 0
         self.normaliser = dataset.normaliser
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw another order of the same seed from now on, as samplers of torch do; call it before each pass."""
+        self.epoch = epoch
 
     def __iter__(self) -> Iterator[Batch]:
         dataset, worker = self.dataset, get_worker_info()
         if worker is not None:
-            dataset = replace(dataset, parts=dataset.parts[worker.id :: worker.num_workers])
-        for found in dataset.batches(self.rows, seed=self.seed):
-            states, actions, after, context = (
-                torch.from_numpy(_writable(a))
-                for a in (found.states, found.actions, found.next_states, found.context)
-            )
-            yield Batch(states, actions, after, context)
+            dataset = dataset.of_parts(slice(worker.id, None, worker.num_workers))
+        seed = (
+            self.seed if self.seed is None or not self.epoch else stream_seed(self.seed, "epoch", self.epoch)
+        )
+        for found in dataset.batches(self.rows, seed=seed):
+            names = ("states", "actions", "next_states", "context", "entry", "period")
+            yield Batch(*(torch.from_numpy(_writable(getattr(found, name))) for name in names))
 
 
-def _writable(array):  # the batch is the caller's own
+def _writable(array: np.ndarray) -> np.ndarray:  # the batch is the caller's own
     array.setflags(write=True)
     return array

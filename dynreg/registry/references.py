@@ -47,7 +47,7 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
     if ref == LAST and "recording" in kinds:
         return "recording", _last(connection)
     # SQLite takes no half of a surrogate pair, as a word has that is no UTF-8, and no name holds one
-    for find in (_by_id, _by_name, _by_prefix) if ref.isprintable() else ():
+    for find in (_by_id, _by_name, _by_number, _by_prefix) if ref.isprintable() else ():
         found = find(connection, ref, kinds)
         if len(found) == 1:
             if find is _by_name:
@@ -117,6 +117,24 @@ def _say_what_else(connection: Connection, ref: str, found: tuple[str, str], kin
             Assumed,
             2,
         )
+
+
+def _by_number(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
+    """Entries by the name of their population and their number, as lists show them; a recording's by its name."""
+    found = []
+    name, _, number = ref.rpartition("-")
+    if "entry" in kinds and number.isdecimal():
+        entries, populations = tables.entries.c, tables.populations.c
+        query = select(entries.id).join(tables.populations).where(populations.name == name)
+        rows = connection.execute(query.where(entries.number == int(number[:18])))
+        found += [("entry", identity) for identity in rows.scalars()]
+    if "measured" in kinds and "recording" not in kinds:
+        query = select(tables.measured.c.id).join(
+            tables.recording_names, tables.recording_names.c.recording_id == tables.measured.c.recording_id
+        )
+        rows = connection.execute(query.where(tables.recording_names.c.name == ref))
+        found += [("measured", identity) for identity in rows.scalars()]
+    return found
 
 
 def _by_prefix(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
