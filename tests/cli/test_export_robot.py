@@ -108,7 +108,7 @@ def test_without_a_calibration_the_word_names_what_a_diagnosis_calibrated(stored
         found = {"calibrated_simulator": identity, "extended_simulator": None}
         opened.registry.put_result("diagnosis", opened.show("bench").id, found)
     ended = dynreg(*line)
-    assert ended.status == 4 and f"name 'diagnosed' or {identity[:12]}" in ended.err
+    assert ended.status == 0 and f"simulator {identity[:12]}" in ended.out
 
 
 def test_json_is_one_document_that_fits_its_schema(stored, dynreg) -> None:
