@@ -124,7 +124,8 @@ def test_a_name_of_several_things_shows_them_all(opened: Session):
 def test_all_that_is_listed_can_be_shown_and_read_back(opened: Session):
     opened.query("bench", budget=12)
     listed = opened.list()
-    assert {item.kind for item in listed.items} == {"population", "recording", "simulator", "result", "robot"}
+    kinds = {"population", "recording", "measured", "simulator", "result", "robot"}
+    assert {item.kind for item in listed.items} == kinds
     for item in listed.items:
         shown = opened.show(item.id)
         assert shown.id == item.id and shown.kind == item.kind

@@ -52,6 +52,7 @@ def to_table(recording: Recording) -> pa.Table:
     about = {
         "schema": SCHEMA,
         "channels": list(recording.names),
+        "columns": {name: {"role": role, "unit": unit} for name, _, role, unit in columns},
         "episodes": [
             {"name": e.name, "rows": n, "settings": dict(e.settings)}
             for e, n in zip(recording.episodes, rows, strict=True)

@@ -32,6 +32,11 @@ class Columns:
         """Inputs, then settings: what a model is told besides state and action."""
         return (*self.inputs, *self.settings)
 
+    @property
+    def by_role(self) -> dict[str, tuple[Channel, ...]]:
+        """The columns by their role, in the order of the roles."""
+        return {"state": self.states, "action": self.actions, "input": self.inputs, "setting": self.settings}
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
@@ -117,15 +122,12 @@ class Trajectories:
         columns = list(self._keys(n, episodes, steps))
         states = np.ascontiguousarray(self.states.reshape(n * rows, -1).T)
         columns += [("state", c, numbers(v)) for c, v in zip(self.columns.states, states, strict=True)]
-        told = {
-            "action": (self.columns.actions, self.actions),
-            "input": (self.columns.inputs, self.inputs),
-            "setting": (self.columns.settings, np.repeat(self.settings[:, None], steps, axis=1)),
-        }
-        for role, (named, values) in told.items():
+        settings = np.repeat(self.settings[:, None], steps, axis=1)
+        told = {"action": self.actions, "input": self.inputs, "setting": settings}
+        for role, values in told.items():
             columns += [
                 (role, c, _repeated(np.ascontiguousarray(values[..., i]).ravel(), n))
-                for i, c in enumerate(named)
+                for i, c in enumerate(self.columns.by_role[role])
             ]
         fields = [
             pa.field(c.name, array.type, metadata={"role": role} | ({"unit": c.unit} if c.unit else {}))

@@ -153,7 +153,7 @@ class Dataset:
             for name, array in out.items():
                 array[at : at + len(batch)] = getattr(batch, name)
             at += len(batch)
-        return Transitions(**out)
+        return Transitions(**{name: array[:at] for name, array in out.items()})
 
     def to_arrow(self) -> pa.RecordBatchReader:
         """Its rows as a stream of Arrow batches, a state in each row; `read_all()` makes a table.
@@ -195,15 +195,9 @@ def arrow_schema(columns: Columns) -> pa.Schema:
     fields = [pa.field("entry", text, metadata=keys), pa.field("number", pa.int32(), metadata=keys)]
     fields += [pa.field("episode", text, metadata=keys), pa.field("step", pa.int32(), metadata=keys)]
     fields.append(pa.field("time", pa.float64(), metadata=keys | {"unit": "s"}))
-    roles = {
-        "state": columns.states,
-        "action": columns.actions,
-        "input": columns.inputs,
-        "setting": columns.settings,
-    }
     fields += [
         pa.field(c.name, pa.float32(), metadata={"role": role, "unit": c.unit})
-        for role, named in roles.items()
+        for role, named in columns.by_role.items()
         for c in named
     ]
     return pa.schema(fields)

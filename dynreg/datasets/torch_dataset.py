@@ -58,9 +58,12 @@ class TorchDataset(IterableDataset):
         )
         for found in dataset.batches(self.rows, seed=seed):
             names = ("states", "actions", "next_states", "context", "entry", "period")
-            yield Batch(*(torch.from_numpy(_writable(getattr(found, name))) for name in names))
+            yield Batch(*(torch.from_numpy(_own(getattr(found, name))) for name in names))
 
 
-def _writable(array: np.ndarray) -> np.ndarray:  # the batch is the caller's own
+def _own(array: np.ndarray) -> np.ndarray:
+    """The array to write to: a batch is the caller's own, and states that follow each other may share memory."""
+    if array.base is not None:
+        return array.copy()
     array.setflags(write=True)
     return array

@@ -61,8 +61,10 @@ def _header(data: ShardData, record: PopulationRecord, start: int, ids: Sequence
         name: {"unit": unit, "values": values}
         for name, unit, values in zip(record.parameters, units, data.values.T.tolist(), strict=True)
     }
+    columns = record.columns.by_role
     return {
         "schema": SCHEMA,
+        "columns": {c.name: {"role": role, "unit": c.unit} for role, some in columns.items() for c in some},
         "population": record.id,
         "robot": {"name": record.name, "hash": record.robot_hash},
         "start": start,

@@ -26,8 +26,8 @@ KINDS = ("population", "entry", "measured", "recording")
 def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     """The rows of entries, populations and recordings, by id, prefix, name or `@last`.
 
-    Entries come by population and number, each once; recordings after them, in the robot's columns. The entry of a
-    recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none, for things of
+    Entries come by population and number, each once; recordings after them by id, in the robot's columns. The entry of
+    a recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none, for things of
     two robots and for robots with other columns.
     """
     if not refs:
@@ -50,7 +50,8 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
             others.add(entry.population_id)
         else:
             recordings[identity] = ref
-    records = [registry.population(identity) for identity in wanted]
+    recordings = dict(sorted(recordings.items()))
+    records = [registry.population(identity) for identity in sorted(wanted)]
     parts: list[Part] = [part for r in records for part in registry.parts(r.id, wanted[r.id])]
     robots = [robot_of(registry, identity, ref) for identity, ref in recordings.items()]
     told = [r.columns for r in records] + [columns_of(robot) for robot in robots]

@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from dynreg.data.recording import Recording
-from dynreg.errors import UsageError
+from dynreg.errors import AmbiguousError, NoMatchError, UsageError
 from dynreg.gait.play import require_own
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
@@ -46,7 +46,15 @@ def is_gait(registry: Registry, ref: str) -> bool:
 
     NoMatchError where nothing stored is called so.
     """
-    return ref == "@last" or Path(ref).is_file() or registry.resolve(told_last(registry, ref))[0] == "result"
+    if ref == "@last" or Path(ref).is_file():
+        return True
+    named = told_last(registry, ref)
+    try:  # a population has its robot's name
+        return registry.resolve(named, ("population", "entry", "measured", "recording")) is None
+    except AmbiguousError:
+        raise
+    except NoMatchError:
+        return registry.resolve(named)[0] == "result"
 
 
 def genes_of(gait: Gait) -> dict[str, float]:

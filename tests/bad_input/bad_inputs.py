@@ -704,7 +704,7 @@ GAITS = [
     Bad("a gait for a robot that does not walk", "gait bench --on nominal", "has no walking task"),
     Bad("a gait for an unknown recording", "gait nobody", "nobody", 4),
     Bad("a gait by an unknown method", "gait bench --method ants", "--method 'ants'", 2),
-    Bad("an export of a gait that is none", "export bench --as csv --to g.csv", "gait", 4),
+    Bad("an export of a gait that is none", "export @last --as csv --to g.csv", "gait", 4),
     Bad(
         "a gait file that is none",
         "export {tmp}/g.json --as csv --to g.csv",

@@ -1,6 +1,7 @@
 """Datasets of stored things: the same rows through every door, part by part."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ import pytest
 import tiny_registry
 
 import dynreg
-from dynreg.data.transitions import Transitions
 from dynreg.errors import NoMatchError, UsageError
 
 torch = pytest.importorskip("torch")
@@ -133,15 +133,69 @@ def test_a_recording_comes_in_its_robots_columns_beside_simulators(reg):
     assert len(both) == 40 * 50 + 5 * 199 == len(both.to_numpy())
 
 
-def test_rows_in_which_something_was_not_measured_are_no_transitions(reg, tmp_path):
-    def edit(i, row):
-        return [*row[:1], "", *row[2:]] if i == 50 else row
-
-    (tmp_path / "gap.csv").write_text(tiny_registry.bench_csv(edit))
-    reg.ingest(tmp_path / "gap.csv", "servo_pendulum", name="gap")
+def test_rows_in_which_something_was_not_measured_are_no_transitions(reg):
+    whole = reg.recording("bench")
+    values = [e.values.copy() for e in whole.episodes]
+    values[1][50, 0] = np.nan
+    gap = replace(
+        whole, episodes=tuple(replace(e, values=v) for e, v in zip(whole.episodes, values, strict=True))
+    )
+    reg.ingest(gap, "servo_pendulum", name="gap")
     data = reg.dataset("gap").to_numpy()
-    assert isinstance(data, Transitions) and len(data) == len(reg.dataset("gap")) <= 5 * 199
+    assert len(data) == len(reg.dataset("gap")) == 5 * 199 - 2
     assert np.isfinite(data.states).all() and np.isfinite(data.next_states).all()
+    for rows in (50, 4096):
+        batches = list(reg.dataset("gap").to_torch(rows=rows))
+        np.testing.assert_array_equal(np.concatenate([b.state.numpy() for b in batches]), data.states)
+        batches[0].state.zero_()
+        assert batches[0].next_state.abs().sum() > 0, "what follows is memory of its own"
+
+
+def test_the_order_in_which_things_are_named_changes_nothing(reg):
+    ids = [reg.population(reg.three).id[i] for i in (5, 0)]
+    one, other = reg.dataset(["bench", reg.linked, *ids]), reg.dataset([*ids[::-1], reg.linked, "bench"])
+    assert one.entries == other.entries
+    np.testing.assert_array_equal(one.to_numpy().states, other.to_numpy().states)
+
+
+def test_rows_tell_their_entry_and_their_time_step(reg):
+    frame = reg.population(reg.three)
+    data = reg.dataset([reg.three, "bench"])
+    whole = data.to_numpy()
+    assert [data.entries[i] for i in (0, 7)] == [frame.id[0], frame.id[7]]
+    np.testing.assert_array_equal(whole.entry[: 8 * 2000], np.repeat(np.arange(8), 2000))
+    assert set(whole.entry[8 * 2000 :]) == {8}
+    np.testing.assert_allclose(whole.period, 0.01, rtol=1e-5)
+    shuffled = list(data.to_torch(rows=700, seed=3))
+    entry, state = (torch.cat([getattr(b, n) for b in shuffled]).numpy() for n in ("entry", "state"))
+    for i in (0, 4, 8):
+        own = np.sort(whole.states[whole.entry == i][:, 0])
+        np.testing.assert_array_equal(np.sort(state[entry == i][:, 0]), own)
+
+
+def test_an_epoch_draws_an_order_of_its_own(reg):
+    data = reg.dataset(reg.three).to_torch(rows=500, seed=1)
+    first = next(iter(data)).state
+    data.set_epoch(1)
+    second = next(iter(data)).state
+    assert not torch.equal(first, second) and torch.equal(second, next(iter(data)).state)
+
+
+@pytest.mark.parametrize("rows", [0, -4, 2.5, True])
+def test_the_size_of_a_batch_is_checked_when_it_is_asked_for(reg, rows):
+    for ask in (reg.dataset(reg.three).to_torch, reg.dataset(reg.three).batches):
+        with pytest.raises(UsageError, match="whole number of at least 1"):
+            ask(rows)
+
+
+def test_things_are_found_by_the_names_that_lists_show(reg):
+    reg.query("bench", population=reg.linked, replay=False, synthesise=False)
+    ids = reg.population(reg.linked).id
+    with pytest.raises(NoMatchError, match="more than one"):
+        reg.model("servo_pendulum-3")  # two populations have an entry 3
+    reg.populate("leg", 2, training=tiny_registry.QUICK, link=False)
+    assert reg.show("leg-1").detail["number"] == 1
+    assert reg.neighbours("bench", k=2).kind[0] == "entry" and reg.distance("bench", ids[0]) > 0
 
 
 def test_the_frame_of_a_population_tells_its_entries(reg):
@@ -163,8 +217,6 @@ def test_what_cannot_be_one_dataset_is_refused(reg, tmp_path):
         reg.dataset([])
     with pytest.raises(NoMatchError):
         reg.dataset("no such thing")
-    with pytest.raises(UsageError, match="at least 1"):
-        next(reg.dataset(reg.three).batches(0))
     reg.populate("leg", 2, training=tiny_registry.QUICK, link=False)
     with pytest.raises(UsageError, match="leg and servo_pendulum"):
         reg.dataset(["leg", reg.three])

@@ -97,7 +97,8 @@ def test_the_simulator_of_a_point_has_its_effects_and_the_noise_that_they_leave(
     plain, none = simulator(model, data, bare, OPTIONS)
     assert none is None and plain[at] == told(quadruped, data, plain)
     draws = SimpleNamespace(z=np.zeros((2, len(coordinates))), quantiles=lambda x: (x.min(0), x.max(0)))
-    row = parameters(model, point, draws, values)["motor_noise"]  # the result tells what the simulator has
+    seen = SimpleNamespace(draws=draws, simulators={"calibrated": (values, None)}, shares=None)
+    row = parameters(model, point, seen)["motor_noise"]  # the result tells what the simulator has
     assert row.value == values[at] != row.nominal and row.low is None and row.high is None  # not fitted
 
 
