@@ -254,7 +254,7 @@ class Session:
         return dynamics_model(self.registry, refs)
 
     def neighbours(self, ref: str, k: int = 5) -> "pd.DataFrame":
-        """The k entries nearest to an entry, by a walk over its population's graph: id, kind, name, cross-loss distance."""
+        """The k entries nearest to an entry, by a walk over the graph: id, kind, name, cross-loss distance."""
         from dynreg.verbs.models import near_entries
 
         return near_entries(self.registry, ref, k)

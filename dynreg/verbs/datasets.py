@@ -27,8 +27,8 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     """The rows of entries, populations and recordings, by id, prefix, name or `@last`.
 
     Entries come by population and number, each once; recordings after them by id, in the robot's columns. The entry of
-    a recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none, for things of
-    two robots and for robots with other columns.
+    a recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none and for
+    things of robots with other columns.
     """
     if not refs:
         raise UsageError("a dataset of nothing", expected="at least one id", do="see `dynreg list`")
