@@ -1,6 +1,5 @@
 """What lowers the held-out error that a diagnosis tells: fitted parameters or causes, which of them, and where."""
 
-from dynreg.data.names import joint_of, quantity_of
 from dynreg.results.diagnosis import Cause, Diagnosis, Pulled, RolloutError, Simulator
 from dynreg.results.result import Gain
 
@@ -75,13 +74,6 @@ def main_parameters(of: Diagnosis) -> dict[str, Pulled]:
     most = max((e.share for e in large.values()), default=0.0)
     named = [(name, e) for name, e in large.items() if e.share >= BESIDE * most]
     return dict(sorted(named, key=lambda one: -one[1].share)[:MOST_MAIN])
-
-
-def best_joint(of: Diagnosis) -> str:
-    """The one joint on which calibration removes most of the held-out error; "" where on none or on several."""
-    found = {joint_of(e.channel) for e in of.errors if channel_gain(e) >= MUCH}
-    every = {joint_of(e.channel) for e in of.errors if quantity_of(e.channel) == "position"}
-    return found.pop() if best_channel(of) and len(found) == 1 and found < every else ""
 
 
 def worse_on_most(of: Diagnosis) -> tuple[Simulator, int] | None:

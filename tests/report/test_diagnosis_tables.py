@@ -167,7 +167,7 @@ def test_a_calibrated_simulator_that_is_worse_on_most_channels_is_told_with_the_
     """The sum was better, by one joint of seven: nothing said that the others were worse."""
     text = shown(channels(0.2, 1.2, 1.1, 1.3, 1.01))
     assert "On 4 of 5 channels the calibrated simulator errs more than the nominal simulator" in text
-    assert "smaller `timestep` in robot.toml" in text and "dynreg robots check FOLDER" in text
+    assert "Halve `timestep` in robot.toml" in text and "dynreg robots check FOLDER" in text
     assert "timestep" not in shown(channels(0.2, 1.2, 1.1, engine="kinematic"))
     extended = channels(0.2, 0.9, 0.8)
     errors = tuple(e.model_copy(update={"extended": 1.2}) for e in extended.errors)
@@ -178,13 +178,17 @@ def test_a_calibrated_simulator_that_is_worse_on_most_channels_is_told_with_the_
         assert not any("errs more" in line for line in details(channels(*fewer)))
 
 
-def test_the_joint_that_calibration_helped_most_is_diagnosed_next() -> None:
-    gain = {"over_start": Gain(value=0.24, low=0.2, high=0.3), "threshold": Threshold(runs=0)}
-    told = channels(1.1, 1.2, 0.2, asked={"windows": 8, "joints": None}, **gain)
-    assert hint(told) == "dynreg diagnose bench_monday --joints joint3 --windows 8 --threshold-runs 0"
-    assert hint(channels(1.1, 1.2, 0.2, asked={"joints": ["joint3"]}, **gain)) == "dynreg report @last"
-    for others in ((0.9, 0.8, 0.7), (0.2, 0.2, 1.1), (0.2,)):  # none, two of them, no other
-        assert hint(channels(*others, **gain)) == "dynreg report @last"
+def test_a_simulator_that_makes_most_channels_worse_is_not_to_be_exported() -> None:
+    """The parameter that helped is to be set alone."""
+    helped = made_up_diagnosis.diagnosis().parameters
+    name = next(iter(helped))
+    parameters = helped | {name: helped[name].model_copy(update={"value": 4.5, "share": 0.9})}
+    gain = {"over_start": Gain(value=0.24, low=0.2, high=0.3), "parameters": parameters}
+    worse = channels(0.2, 1.2, 1.1, 1.3, **gain)
+    assert any(f"Set {name} = 4.5 as `nominal` in robot.toml" in step for step in diagnosis_steps(worse))
+    assert not any("Export" in step for step in diagnosis_steps(worse))
+    assert not any("Set " in step for step in diagnosis_steps(channels(0.2, 0.9, 0.8, **gain)))
+    assert hint(worse) == "dynreg report @last"
 
 
 def test_the_threshold_says_where_it_comes_from() -> None:

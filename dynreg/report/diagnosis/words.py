@@ -15,10 +15,9 @@ from dynreg.results.diagnosis import (
     RolloutError,
 )
 from dynreg.results.helped import (
-    best_joint,
     by_calibration,
-    calibration_leads,
     helping,
+    main_parameters,
     worse_on_most,
 )
 from dynreg.results.refit import Refit
@@ -190,6 +189,11 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
         steps.append("Record more episodes, or name some with --hold-out.")
     if result.extended_simulator and not result.worse and helping(result):
         steps.append(_export("extended", result.extended_simulator))
+    elif worse_on_most(result) and main_parameters(result):
+        told = ", ".join(f"{name} = {number(e.value)}" for name, e in main_parameters(result).items())
+        steps.append(
+            f"Set {told} as `nominal` in robot.toml, and leave the other values: they are what makes channels worse"
+        )
     elif result.calibrated_simulator and _clearly_better(result):
         steps.append(_export("calibrated", result.calibrated_simulator))
     elif result.extended_simulator and not result.worse:
@@ -230,26 +234,15 @@ def _worse_words(result: Diagnosis) -> str:
         return f"{said}."
     check = command("robots", "check", "FOLDER")
     return (
-        f"{said}. A likely reason is the time step or the integrator: parameters are fitted as for a finer step. Try a "
-        f"smaller `timestep` in robot.toml. `{check}` warns only of one that is far too long."
+        f"{said}. A likely reason is the time step or the integrator: parameters are fitted as for a finer step. Halve "
+        "`timestep` in robot.toml and see whether the nominal simulator errs less. "
+        f"`{check}` warns only of a step that is far too long."
     )
 
 
 def hint(result: Diagnosis) -> str | None:
-    """The command to type next where it is another than to see the page.
-
-    Where the simulator at the start is better, to compare; where calibration helped one joint far more than the others,
-    to diagnose that joint alone.
-    """
-    if result.worse:
-        return f"{_compared(result)}  # {_warning(result)}"
-    asked = result.asked or {}
-    joint = best_joint(result) if calibration_leads(result) and not asked.get("joints") else ""
-    if not joint:
-        return None
-    given = ["--windows", asked["windows"]] if asked.get("windows") else []
-    given += ["--threshold-runs", 0] if not result.threshold.runs else []
-    return command("diagnose", result.recording_name, "--joints", joint, *given)
+    """The command to type next where it is another than to see the page: to compare, if the start is better."""
+    return f"{_compared(result)}  # {_warning(result)}" if result.worse else None
 
 
 def _warning(result: Diagnosis) -> str:
