@@ -110,10 +110,14 @@ print(rows.groupby("episode").size())
             "mcap",
             """\
 import json
+from pathlib import Path
 from mcap.reader import make_reader
 
-for schema, channel, message in make_reader(open("PLACE", "rb")).iter_messages():
-    print(channel.topic, message.log_time, json.loads(message.data))
+place = Path("PLACE")
+for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
+    with open(file, "rb") as log:
+        for schema, channel, message in make_reader(log).iter_messages():
+            print(file.name, channel.topic, message.log_time, json.loads(message.data))
 """,
             (
                 "Messages are JSON.",
