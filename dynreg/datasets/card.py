@@ -11,6 +11,7 @@ from dynreg.datasets.formats import Format
 from dynreg.foreign import visible
 
 _SHORT = re.compile(r"[a-z0-9][a-z0-9.\-]*")  # how Hugging Face names a licence, such as apache-2.0
+KEYED = ("parquet", "csv")  # their rows have the keys of `Dataset.to_arrow`
 NO_LICENCE = (
     "No licence is stated. Ask whoever made the robot's model or the recordings before you pass it on."
 )
@@ -26,9 +27,10 @@ def card(export: Export, form: Format, name: str, size: int) -> str:
         f"# Dynamics of {_text(export.dataset.robot)}\n\n{_what(export)}",
         _counts(export, size),
         *map(_population, export.populations),
+        _entries(export, form, name),
         _recordings(export),
         _columns(export),
-        _read(form, name),
+        _read(export, form, name),
         f"## Licence\n\n{NO_LICENCE if export.licence is None else _text(export.licence)}",
         _source(export),
     ]
@@ -106,7 +108,27 @@ def _excitation(told: Simulated) -> str:
     words = [f"Commands: {kinds}."]
     if "episodes" in excitation and "steps" in excitation:
         words.append(f"{excitation['episodes']} episodes of {excitation['steps']} steps for each entry.")
+    words.append(f"Simulated by the engine `{told.engine}` with a time step of {told.timestep:g} s.")
+    words.append("The states are those of the simulator, without noise of sensors.")
     return " ".join(words)
+
+
+def _entries(export: Export, form: Format, name: str) -> str:
+    """The table of entries, and what is measured of their models."""
+    if not form.entries or not export.populations:
+        return ""
+    every = export.populations[0].held_out_every
+    words = [
+        f"`{form.entries.replace('PLACE', name)}` has a row for each entry.",
+        *(["Its `id` is the `entry` of the rows."] if form.id in KEYED else []),
+        "A model was trained for each simulated entry.",
+        f"One episode in {every} of an entry was held out from this training: "
+        f"those with the numbers {every - 1}, {2 * every - 1} and so on, counted from 0.",
+        "`own_loss` is the model's mean squared error on the held-out episodes, `train_loss` on the others.",
+        "The error is that of the change of the state, "
+        "each channel less its mean and divided by its standard deviation.",
+    ]
+    return "## Entries\n\n" + " ".join(words)
 
 
 def _recordings(export: Export) -> str:
@@ -139,9 +161,9 @@ def _columns(export: Export) -> str:
     return "\n\n".join(words)
 
 
-def _read(form: Format, name: str) -> str:
+def _read(export: Export, form: Format, name: str) -> str:
     notes = "\n".join(f"- {note}" for note in form.notes)
-    code = form.read.replace("PLACE", name)
+    code = (form.alone if form.alone and export.is_log else form.read).replace("PLACE", name)
     return f"## How to read it\n\n{notes}\n\n`pip install {form.loader}`, then:\n\n```python\n{code}```"
 
 

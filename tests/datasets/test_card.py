@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 
@@ -28,3 +29,31 @@ def test_the_code_of_an_mcap_card_runs_for_a_file_and_for_a_folder(many: bool, e
     names = [file.name for file in place.glob("*.mcap")] if many else ["logs"]
     said = run_card(place)
     assert len(names) == len(ids) and all(f"{name} /arm " in said for name in names)
+
+
+def test_a_csv_has_the_parameters_of_its_entries_beside_it(exported, tmp_path: Path) -> None:
+    entries = pd.read_csv(exported.folder / "csv.entries.csv")
+    frame = exported.opened.population(exported.population)
+    for name in ("id", "resistance", "own_loss", "train_loss"):
+        assert entries[name].tolist() == frame[name].tolist()
+    assert set(pd.read_csv(exported.folder / "csv")["entry"]) == set(entries["id"])
+    assert "`csv.entries.csv`" in card_of(exported.folder / "csv")
+    exported.opened.export_dataset("bench", tmp_path / "bench.csv", "csv")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bench.csv", "bench.csv.md"]
+    assert "entries.csv" not in card_of(tmp_path / "bench.csv")
+
+
+def test_the_code_of_a_csv_card_counts_each_episode_of_each_entry(exported, tmp_path: Path) -> None:
+    assert "Length: 480" in run_card(exported.folder / "csv")
+    exported.opened.export_dataset("bench", tmp_path / "bench.csv", "csv")
+    assert run_card(tmp_path / "bench.csv").count(" 200\n") == 5
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv", "lerobot", "safetensors"])
+def test_a_card_says_what_simulated_and_what_the_losses_are(form: str, exported) -> None:
+    text = card_of(exported.folder / form)
+    assert "Simulated by the engine `joint` with a time step of 0.0025 s." in text
+    assert "without noise of sensors" in text
+    assert "One episode in 5 of an entry was held out" in text and "the numbers 4, 9 and so on" in text
+    assert "`own_loss` is the model's mean squared error on the held-out episodes" in text
+    assert ("Its `id` is the `entry` of the rows." in text) == (form in ("parquet", "csv"))

@@ -63,7 +63,11 @@ def test_the_same_export_gives_the_same_bytes(form: str, exported, tmp_path, reg
     exported.opened.export_dataset(refs, tmp_path / form, form, licence="apache-2.0")
     again = registry_snapshot(tmp_path)
     first = registry_snapshot(exported.folder)
-    mine = {n: h for n, h in first.items() if n.split("/")[0] in (form, f"{form}.md", f"{form}.toml")}
+    mine = {
+        n: h
+        for n, h in first.items()
+        if n.split("/")[0] in (form, f"{form}.md", f"{form}.toml", f"{form}.entries.csv")
+    }
     assert again == mine
 
 

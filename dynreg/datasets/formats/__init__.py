@@ -27,6 +27,8 @@ class Format:
     id : the word for it, and its module here.
     writes : what there is afterwards. takes : what it can hold.
     loader : what reads it, as pip installs it. read : how, in Python; PLACE stands for the name of what was written.
+    alone : how, where it is the log of a recording alone; "" where that is the same.
+    entries : its table of entries; PLACE likewise, "" where it has none.
     notes : what a reader must know of how the rows stand in it, a sentence each.
     configs : its tables for Hugging Face, the usual one first, with their files.
     """
@@ -37,6 +39,8 @@ class Format:
     loader: str
     read: str
     notes: tuple[str, ...] = ()
+    alone: str = ""
+    entries: str = ""
     configs: tuple[tuple[str, str], ...] = ()
 
     def is_file(self, export: "Export") -> bool:
@@ -85,23 +89,31 @@ print(rows[0])
 """,
             (_LAST, "Its command is null.", "What was not measured is NaN, or null."),
             (("rows", "data/*.parquet"), ("entries", "entries.parquet")),
+            entries="entries.parquet",
         ),
         Format(
             "csv",
-            "a file, with its card beside it",
+            "a file; beside it its card and, of simulated entries, FILE.entries.csv with the parameters",
             _ALL,
             "pandas",
             """\
 import pandas as pd
 
 rows = pd.read_csv("PLACE")
-print(rows.groupby("episode").size())
+print(rows.groupby(["entry", "episode"]).size())
 """,
             (
                 _LAST,
                 "Its command is empty.",
                 "Numbers have as many digits as they need to be read back exactly.",
             ),
+            alone="""\
+import pandas as pd
+
+rows = pd.read_csv("PLACE")
+print(rows.groupby("episode").size())
+""",
+            entries="PLACE.entries.csv",
         ),
         Format(
             "mcap",
@@ -143,6 +155,7 @@ print(dataset[0]["observation.state"], dataset[0]["action"])
                 "observation.environment_state holds inputs and settings.",
                 "An episode has one state more than commands: the last frame repeats what was told before it.",
             ),
+            entries="meta/entries.parquet",
         ),
         Format(
             "minari",
@@ -193,6 +206,7 @@ def predict(entry, states, actions, context=about["usual"]):
                 "weight0 to weight3 are (entries, in, out), bias0 to bias3 (entries, out), float16 as they are kept.",
                 "The metadata tells ids, columns and units, and the nominal context.",
             ),
+            entries="entries.parquet",
         ),
     )
 }
