@@ -11,7 +11,6 @@ from dynreg.datasets.formats import Format
 from dynreg.foreign import visible
 
 _SHORT = re.compile(r"[a-z0-9][a-z0-9.\-]*")  # how Hugging Face names a licence, such as apache-2.0
-KEYED = ("parquet", "csv")  # their rows have the keys of `Dataset.to_arrow`
 NO_LICENCE = (
     "No licence is stated. Ask whoever made the robot's model or the recordings before you pass it on."
 )
@@ -29,7 +28,7 @@ def card(export: Export, form: Format, name: str, size: int) -> str:
         *map(_population, export.populations),
         _entries(export, form, name),
         _recordings(export),
-        _columns(export),
+        _columns(export, form),
         _read(export, form, name),
         f"## Licence\n\n{NO_LICENCE if export.licence is None else _text(export.licence)}",
         _source(export),
@@ -120,7 +119,7 @@ def _entries(export: Export, form: Format, name: str) -> str:
     every = export.populations[0].held_out_every
     words = [
         f"`{form.entries.replace('PLACE', name)}` has a row for each entry.",
-        *(["Its `id` is the `entry` of the rows."] if form.id in KEYED else []),
+        *(["Its `id` is the `entry` of the rows."] if "entry" in form.keys else []),
         "A model was trained for each simulated entry.",
         f"One episode in {every} of an entry was held out from this training: "
         f"those with the numbers {every - 1}, {2 * every - 1} and so on, counted from 0.",
@@ -141,7 +140,7 @@ def _recordings(export: Export) -> str:
     return "## Recordings\n\n" + _table(("id", "name", "kind", "log files"), rows)
 
 
-def _columns(export: Export) -> str:
+def _columns(export: Export, form: Format) -> str:
     columns = export.dataset.columns
     roles = {
         "state": columns.states,
@@ -149,10 +148,17 @@ def _columns(export: Export) -> str:
         "input": columns.inputs,
         "setting": columns.settings,
     }
-    rows = [("time", "s", "key")] + [
+    keys = form.alone_keys if export.is_log else form.keys
+    rows = [(key, "s" if key == "time" else "", "key") for key in keys] + [
         (c.name, c.unit or "1", role) for role, named in roles.items() for c in named
     ]
     words = ["## Columns", _table(("column", "unit", "role"), rows)]
+    if "step" in keys:
+        words.append(
+            "`entry` is the id of an entry or of a recording. `number` is the entry's in its population; a recording "
+            "has none. `episode` is the name or number of an episode in its entry, `step` that of a row in its "
+            "episode."
+        )
     if export.recordings:
         words.append(
             "Where a log lacks an input or a setting, its nominal value stands in the rows of a dataset. "

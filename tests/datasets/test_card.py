@@ -57,3 +57,29 @@ def test_a_card_says_what_simulated_and_what_the_losses_are(form: str, exported)
     assert "One episode in 5 of an entry was held out" in text and "the numbers 4, 9 and so on" in text
     assert "`own_loss` is the model's mean squared error on the held-out episodes" in text
     assert ("Its `id` is the `entry` of the rows." in text) == (form in ("parquet", "csv"))
+
+
+def test_a_card_lists_the_columns_that_there_are(exported, tmp_path: Path) -> None:
+    def columns(place: Path) -> list[str]:
+        lines = card_of(place).partition("| column |")[2].partition("\n\n")[0].splitlines()[2:]
+        return [line.split(" | ")[0].removeprefix("| ") for line in lines]
+
+    assert columns(exported.folder / "csv") == list(pd.read_csv(exported.folder / "csv"))
+    assert columns(exported.folder / "parquet") == list(pd.read_parquet(exported.folder / "parquet" / "data"))
+    exported.opened.export_dataset("bench", tmp_path / "bench.csv", "csv")
+    assert columns(tmp_path / "bench.csv")[:3] == ["episode", "time", "arm/position"]
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv", "lerobot"])
+def test_a_card_tells_of_the_last_command_of_each_kind(form: str, exported) -> None:
+    text = card_of(exported.folder / form)
+    assert "A simulated episode ends with a state that no command follows: that frame repeats" in text or (
+        "A simulated episode ends with a state that no command follows: the command in that row is" in text
+    )
+    assert "A recording has the commands of its log in every row, also in the last." in text
+
+
+def test_an_mcap_card_tells_how_it_comes_back(exported) -> None:
+    text = card_of(exported.folder / "mcap")
+    assert "named by their number" in text and "has another id" in text
+    assert "takes every log as a measured recording, also that of a simulated entry" in text

@@ -29,6 +29,7 @@ class Format:
     loader : what reads it, as pip installs it. read : how, in Python; PLACE stands for the name of what was written.
     alone : how, where it is the log of a recording alone; "" where that is the same.
     entries : its table of entries; PLACE likewise, "" where it has none.
+    keys : columns that tell which row it is. alone_keys : likewise of the log of a recording alone.
     notes : what a reader must know of how the rows stand in it, a sentence each.
     configs : its tables for Hugging Face, the usual one first, with their files.
     """
@@ -41,6 +42,8 @@ class Format:
     notes: tuple[str, ...] = ()
     alone: str = ""
     entries: str = ""
+    keys: tuple[str, ...] = ("time",)
+    alone_keys: tuple[str, ...] = ("time",)
     configs: tuple[tuple[str, str], ...] = ()
 
     def is_file(self, export: "Export") -> bool:
@@ -71,7 +74,10 @@ class Format:
 
 
 _ALL = (RECORDINGS, ENTRIES)
-_LAST = "An episode has one state more than commands: the last state has none."
+_KEYS = ("entry", "number", "episode", "step", "time")  # those of `Dataset.to_arrow`
+_NEXT = "The command in a row leads from its state to the state in the next row."
+_LAST = "A simulated episode ends with a state that no command follows:"
+_LOGGED = "A recording has the commands of its log in every row, also in the last."
 FORMATS: dict[str, Format] = {
     one.id: one
     for one in (
@@ -87,9 +93,16 @@ rows = load_dataset("./PLACE", "rows", split="train")        # entry, episode, s
 entries = load_dataset("./PLACE", "entries", split="train")  # parameters of each entry
 print(rows[0])
 """,
-            (_LAST, "Its command is null.", "What was not measured is NaN, or null."),
+            (
+                _NEXT,
+                f"{_LAST} the command in that row is null.",
+                _LOGGED,
+                "What was not measured is NaN, or null.",
+            ),
             (("rows", "data/*.parquet"), ("entries", "entries.parquet")),
             entries="entries.parquet",
+            keys=_KEYS,
+            alone_keys=_KEYS,
         ),
         Format(
             "csv",
@@ -103,8 +116,9 @@ rows = pd.read_csv("PLACE")
 print(rows.groupby(["entry", "episode"]).size())
 """,
             (
-                _LAST,
-                "Its command is empty.",
+                _NEXT,
+                f"{_LAST} the command in that row is empty.",
+                _LOGGED,
                 "Numbers have as many digits as they need to be read back exactly.",
             ),
             alone="""\
@@ -114,6 +128,8 @@ rows = pd.read_csv("PLACE")
 print(rows.groupby("episode").size())
 """,
             entries="PLACE.entries.csv",
+            keys=_KEYS,
+            alone_keys=("episode", "time"),
         ),
         Format(
             "mcap",
@@ -136,6 +152,8 @@ for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
                 "The column arm/position is the field position of the topic /arm.",
                 "Episodes follow each other with a pause of 1 s; /episode tells where each begins.",
                 "`dynreg ingest FILE --map MAP` reads it back.",
+                "Episodes come back named by their number, so a recording that is ingested again has another id.",
+                "`dynreg ingest` takes every log as a measured recording, also that of a simulated entry.",
             ),
         ),
         Format(
@@ -153,7 +171,8 @@ print(dataset[0]["observation.state"], dataset[0]["action"])
                 "An episode here is one episode of one entry; entry_index is its row in meta/entries.parquet.",
                 "timestamp is frame_index / fps, as LeRobot asks for; time has the times as they were.",
                 "observation.environment_state holds inputs and settings.",
-                "An episode has one state more than commands: the last frame repeats what was told before it.",
+                f"{_LAST} that frame repeats the command before it.",
+                _LOGGED,
             ),
             entries="meta/entries.parquet",
         ),
