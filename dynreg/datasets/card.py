@@ -2,10 +2,11 @@
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from dynreg.data.recording import Channel
 from dynreg.datasets.export import Export, Simulated
 from dynreg.datasets.formats import Format
 from dynreg.foreign import visible
@@ -24,11 +25,11 @@ def card(export: Export, form: Format, name: str, size: int) -> str:
     parts = [
         _head(export, form),
         f"# Dynamics of {_text(export.dataset.robot)}\n\n{_what(export)}",
-        _counts(export, size),
+        _models(export, size) if form.models else _counts(export, size),
         *map(_population, export.populations),
         _entries(export, form, name),
         _recordings(export),
-        _columns(export, form),
+        _passed(export) if form.models else _columns(export, form),
         _read(export, form, name),
         f"## Licence\n\n{NO_LICENCE if export.licence is None else _text(export.licence)}",
         _source(export),
@@ -87,6 +88,13 @@ def _counts(export: Export, size: int) -> str:
     return "## Counts\n\n" + _table(("what", "how many"), rows)
 
 
+def _models(export: Export, size: int) -> str:
+    c = export.dataset.columns
+    inputs = len(c.states) + len(c.actions) + len(c.context)
+    rows = [("models", export.models), ("inputs", inputs), ("outputs", len(c.states)), ("bytes", size)]
+    return "## Counts\n\n" + _table(("what", "how many"), [(what, str(many)) for what, many in rows])
+
+
 def _population(told: Simulated) -> str:
     lines = [f"## Population {told.population[:12]}", _excitation(told), "### Parameters"]
     ranges = told.spec.get("ranges", {})
@@ -140,17 +148,27 @@ def _recordings(export: Export) -> str:
     return "## Recordings\n\n" + _table(("id", "name", "kind", "log files"), rows)
 
 
+def _roles(export: Export) -> Iterator[tuple[str, Channel]]:
+    """States, actions, inputs and settings, each with what it is."""
+    c = export.dataset.columns
+    told = {"state": c.states, "action": c.actions, "input": c.inputs, "setting": c.settings}
+    return ((role, channel) for role, named in told.items() for channel in named)
+
+
+def _passed(export: Export) -> str:
+    """What goes into a model, and what comes out."""
+    heads, each = ("name", "unit", "role"), list(_roles(export))
+    inputs = [(c.name, c.unit or "1", role) for role, c in each]
+    outputs = [(c.name, c.unit or "1", "change of the state") for role, c in each if role == "state"]
+    words = ["## Inputs", "In this order.", _table(heads, inputs), "## Outputs"]
+    words += ["From one command to the next.", _table(heads, outputs)]
+    return "\n\n".join(words)
+
+
 def _columns(export: Export, form: Format) -> str:
-    columns = export.dataset.columns
-    roles = {
-        "state": columns.states,
-        "action": columns.actions,
-        "input": columns.inputs,
-        "setting": columns.settings,
-    }
     keys = form.alone_keys if export.is_log else form.keys
     rows = [(key, "s" if key == "time" else "", "key") for key in keys] + [
-        (c.name, c.unit or "1", role) for role, named in roles.items() for c in named
+        (c.name, c.unit or "1", role) for role, c in _roles(export)
     ]
     words = ["## Columns", _table(("column", "unit", "role"), rows)]
     if "step" in keys:

@@ -100,6 +100,11 @@ class Export:
         return not self.populations and self.count == 1
 
     @property
+    def models(self) -> int:
+        """How many models: of simulated entries, and of those of recordings that were asked for."""
+        return sum(len(p.entries) for p in self.populations) + len(self.measured)
+
+    @property
     def episodes(self) -> int:
         """How many episodes, of all entries and recordings."""
         return len(self.dataset.periods)

@@ -50,8 +50,9 @@ def export_dataset(
         robot=told.dataset.robot,
         entries=sum(len(p.entries) for p in told.populations),
         recordings=len(told.recordings),
-        episodes=told.episodes,
-        transitions=len(told.dataset),
+        episodes=None if chosen.models else told.episodes,
+        transitions=None if chosen.models else len(told.dataset),
+        models=told.models if chosen.models else None,
         bytes=size,
     )
 

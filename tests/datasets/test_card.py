@@ -83,3 +83,8 @@ def test_an_mcap_card_tells_how_it_comes_back(exported) -> None:
     text = card_of(exported.folder / "mcap")
     assert "named by their number" in text and "has another id" in text
     assert "takes every log as a measured recording, also that of a simulated entry" in text
+
+
+def test_the_head_of_a_parquet_card_names_its_tables(exported) -> None:
+    head = card_of(exported.folder / "parquet").split("---\n")[1]
+    assert '- config_name: rows\n  data_files: "data/*.parquet"\n  default: true\n' in head

@@ -14,6 +14,7 @@ import yaml
 from dynreg.cli.main import main
 from dynreg.datasets.formats import FORMATS, format_of
 from dynreg.errors import NoMatchError, UsageError
+from dynreg.report.stored import tables
 from dynreg.results import DatasetExport
 from dynreg.verbs.export_dataset import contents
 
@@ -29,9 +30,6 @@ def test_a_card_tells_what_is_in_it(form: str, exported) -> None:
     assert head["license"] == "apache-2.0" and "robotics" in head["tags"]
     for told in (
         "12 simulated entries",
-        "| episodes | 480 |",
-        "| transitions | 24000 |",
-        "| rate | 100 Hz |",
         "levels, chirp, triangle, drop",
         "| resistance | ohm | 2.5 to 8 | log |",
         "| arm/velocity | rad/s | state |",
@@ -40,6 +38,10 @@ def test_a_card_tells_what_is_in_it(form: str, exported) -> None:
         f"pip install {FORMATS[form].loader}",
     ):
         assert told in text, told
+    rows = ("| episodes | 480 |", "| transitions | 24000 |", "| rate | 100 Hz |", "| time | s | key |")
+    models = ("| models | 12 |", "| inputs | 7 |", "| outputs | 2 |", "## Outputs")
+    assert all((told in text) == (form != "safetensors") for told in rows)
+    assert all((told in text) == (form == "safetensors") for told in models)
     assert str(exported.folder) not in text
 
 
@@ -169,6 +171,13 @@ def test_a_lerobot_dataset_has_one_rate(exported) -> None:
             continue
         with pytest.raises(UsageError, match="66.67 to 100 Hz as lerobot; expected one rate.*parquet"):
             format_of("lerobot").check(other)
+
+
+def test_an_export_of_models_counts_models(exported, tmp_path: Path) -> None:
+    told = exported.opened.export_dataset(exported.population, tmp_path / "models", "safetensors")
+    assert (told.models, told.episodes, told.transitions) == (12, None, None)
+    text = str(tables(told))
+    assert "12 simulators" in text and "12 models" in text and "transition" not in text
 
 
 def test_the_command_prints_what_it_wrote(exported, tmp_path: Path, capsys) -> None:

@@ -29,6 +29,7 @@ class Format:
     loader : what reads it, as pip installs it. read : how, in Python; PLACE stands for the name of what was written.
     alone : how, where it is the log of a recording alone; "" where that is the same.
     entries : its table of entries; PLACE likewise, "" where it has none.
+    models : whether it holds models, and no rows.
     keys : columns that tell which row it is. alone_keys : likewise of the log of a recording alone.
     notes : what a reader must know of how the rows stand in it, a sentence each.
     configs : its tables for Hugging Face, the usual one first, with their files.
@@ -40,11 +41,12 @@ class Format:
     loader: str
     read: str
     notes: tuple[str, ...] = ()
+    configs: tuple[tuple[str, str], ...] = ()
     alone: str = ""
     entries: str = ""
+    models: bool = False
     keys: tuple[str, ...] = ("time",)
     alone_keys: tuple[str, ...] = ("time",)
-    configs: tuple[tuple[str, str], ...] = ()
 
     def is_file(self, export: "Export") -> bool:
         """Whether it is one file and not a folder."""
@@ -226,6 +228,7 @@ def predict(entry, states, actions, context=about["usual"]):
                 "The metadata tells ids, columns and units, and the nominal context.",
             ),
             entries="entries.parquet",
+            models=True,
         ),
     )
 }
