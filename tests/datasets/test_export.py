@@ -96,7 +96,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(refs, form, kind, says, export
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_name_that_is_taken_is_refused(form: str, exported, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(UsageError, match="cannot write .*File exists"):
+    with pytest.raises(
+        UsageError, match="out' exists already; expected a name that is not taken; name another"
+    ):
         exported.opened.export_dataset(exported.population, tmp_path / "out", form)
     with pytest.raises(UsageError, match="cannot write .*No such file"):
         exported.opened.export_dataset(exported.population, tmp_path / "no" / "out", form)
@@ -105,11 +107,11 @@ def test_a_name_that_is_taken_is_refused(form: str, exported, tmp_path: Path) ->
 
 def test_a_card_of_someone_else_beside_a_file_is_not_written_over(exported, tmp_path: Path) -> None:
     (tmp_path / "out.csv.md").write_text("mine")
-    with pytest.raises(UsageError, match="out.csv.md.*File exists"):
+    with pytest.raises(UsageError, match="out.csv.md.*exists already"):
         exported.opened.export_dataset("bench", tmp_path / "out.csv", "csv")
     assert [p.name for p in tmp_path.iterdir()] == ["out.csv.md"]
     (tmp_path / "out.mcap.toml").write_text("mine")
-    with pytest.raises(UsageError, match="out.mcap.toml.*File exists"):
+    with pytest.raises(UsageError, match="out.mcap.toml.*exists already"):
         exported.opened.export_dataset("bench", tmp_path / "out.mcap", "mcap")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out.csv.md", "out.mcap.toml"]
     (tmp_path / "out.mcap.toml").unlink()
@@ -190,4 +192,12 @@ def test_the_command_prints_what_it_wrote(exported, tmp_path: Path, capsys) -> N
         capsys.readouterr().out.split()
     )
     assert main([*line, "--to", str(tmp_path / "two")]) == 2
-    assert "File exists" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_place_that_cannot_be_is_named_as_it_was_told(exported, capsys) -> None:
+    for form in ("parquet", "csv", "registry"):
+        line = ["export", "bench", "--as", form, "--to", "/proc/foo", "--registry", str(exported.opened.path)]
+        assert main(line) != 0
+        said = capsys.readouterr().err
+        assert "cannot write '/proc/foo': " in said and "tmp" not in said
