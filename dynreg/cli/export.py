@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dynreg.cli.call import Call
-from dynreg.cli.completion import stored_names
+from dynreg.cli.completion import one_of, stored_names
 from dynreg.datasets.formats import FORMATS
 from dynreg.errors import UsageError, command
+from dynreg.verbs.settings import Option
 from dynreg.verbs.simulators import NAMES
 
 if TYPE_CHECKING:
@@ -70,10 +71,15 @@ def export(
             help="New folder of a registry, a robot or a dataset; new file of csv, mcap and anything else."
         ),
     ],
-    form: Annotated[
-        Form,
-        typer.Option("--as", help="What is written; see above."),
-    ] = Form.registry,
+    named: Annotated[
+        str,
+        typer.Option(
+            "--as",
+            help="What is written; see above.",
+            metavar="|".join(Form),
+            autocompletion=one_of(tuple(Form)),
+        ),
+    ] = Form.registry.value,
     simulator: Annotated[
         str | None,
         typer.Option(
@@ -117,6 +123,8 @@ def export(
 
     Example: dynreg export monday --to monday-registry
     """
+    Option("A form.", choices=tuple(Form)).check("--as", named)
+    form = Form(named)
     _check(refs, form, simulator, licence)
     with call.open() as session:
         if form is Form.rerun or (form is Form.foxglove and _is_run(session, refs[0], simulator)):

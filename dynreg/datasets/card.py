@@ -2,10 +2,11 @@
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from dynreg.data.recording import Channel
 from dynreg.datasets.export import Export, Simulated
 from dynreg.datasets.formats import Format
 from dynreg.foreign import visible
@@ -24,11 +25,12 @@ def card(export: Export, form: Format, name: str, size: int) -> str:
     parts = [
         _head(export, form),
         f"# Dynamics of {_text(export.dataset.robot)}\n\n{_what(export)}",
-        _counts(export, size),
+        _models(export, size) if form.models else _counts(export, size),
         *map(_population, export.populations),
+        _entries(export, form, name),
         _recordings(export),
-        _columns(export),
-        _read(form, name),
+        _passed(export) if form.models else _columns(export, form),
+        _read(export, form, name),
         f"## Licence\n\n{NO_LICENCE if export.licence is None else _text(export.licence)}",
         _source(export),
     ]
@@ -86,6 +88,13 @@ def _counts(export: Export, size: int) -> str:
     return "## Counts\n\n" + _table(("what", "how many"), rows)
 
 
+def _models(export: Export, size: int) -> str:
+    c = export.dataset.columns
+    inputs = len(c.states) + len(c.actions) + len(c.context)
+    rows = [("models", export.models), ("inputs", inputs), ("outputs", len(c.states)), ("bytes", size)]
+    return "## Counts\n\n" + _table(("what", "how many"), [(what, str(many)) for what, many in rows])
+
+
 def _population(told: Simulated) -> str:
     lines = [f"## Population {told.population[:12]}", _excitation(told), "### Parameters"]
     ranges = told.spec.get("ranges", {})
@@ -106,7 +115,27 @@ def _excitation(told: Simulated) -> str:
     words = [f"Commands: {kinds}."]
     if "episodes" in excitation and "steps" in excitation:
         words.append(f"{excitation['episodes']} episodes of {excitation['steps']} steps for each entry.")
+    words.append(f"Simulated by the engine `{told.engine}` with a time step of {told.timestep:g} s.")
+    words.append("The states are those of the simulator, without noise of sensors.")
     return " ".join(words)
+
+
+def _entries(export: Export, form: Format, name: str) -> str:
+    """The table of entries, and what is measured of their models."""
+    if not form.entries or not export.populations:
+        return ""
+    every = export.populations[0].held_out_every
+    words = [
+        f"`{form.entries.replace('PLACE', name)}` has a row for each entry.",
+        *(["Its `id` is the `entry` of the rows."] if "entry" in form.keys else []),
+        "A model was trained for each simulated entry.",
+        f"One episode in {every} of an entry was held out from this training: "
+        f"those with the numbers {every - 1}, {2 * every - 1} and so on, counted from 0.",
+        "`own_loss` is the model's mean squared error on the held-out episodes, `train_loss` on the others.",
+        "The error is that of the change of the state, "
+        "each channel less its mean and divided by its standard deviation.",
+    ]
+    return "## Entries\n\n" + " ".join(words)
 
 
 def _recordings(export: Export) -> str:
@@ -119,18 +148,35 @@ def _recordings(export: Export) -> str:
     return "## Recordings\n\n" + _table(("id", "name", "kind", "log files"), rows)
 
 
-def _columns(export: Export) -> str:
-    columns = export.dataset.columns
-    roles = {
-        "state": columns.states,
-        "action": columns.actions,
-        "input": columns.inputs,
-        "setting": columns.settings,
-    }
-    rows = [("time", "s", "key")] + [
-        (c.name, c.unit or "1", role) for role, named in roles.items() for c in named
+def _roles(export: Export) -> Iterator[tuple[str, Channel]]:
+    """States, actions, inputs and settings, each with what it is."""
+    c = export.dataset.columns
+    told = {"state": c.states, "action": c.actions, "input": c.inputs, "setting": c.settings}
+    return ((role, channel) for role, named in told.items() for channel in named)
+
+
+def _passed(export: Export) -> str:
+    """What goes into a model, and what comes out."""
+    heads, each = ("name", "unit", "role"), list(_roles(export))
+    inputs = [(c.name, c.unit or "1", role) for role, c in each]
+    outputs = [(c.name, c.unit or "1", "change of the state") for role, c in each if role == "state"]
+    words = ["## Inputs", "In this order.", _table(heads, inputs), "## Outputs"]
+    words += ["From one command to the next.", _table(heads, outputs)]
+    return "\n\n".join(words)
+
+
+def _columns(export: Export, form: Format) -> str:
+    keys = form.alone_keys if export.is_log else form.keys
+    rows = [(key, "s" if key == "time" else "", "key") for key in keys] + [
+        (c.name, c.unit or "1", role) for role, c in _roles(export)
     ]
     words = ["## Columns", _table(("column", "unit", "role"), rows)]
+    if "step" in keys:
+        words.append(
+            "`entry` is the id of an entry or of a recording. `number` is the entry's in its population; a recording "
+            "has none. `episode` is the name or number of an episode in its entry, `step` that of a row in its "
+            "episode."
+        )
     if export.recordings:
         words.append(
             "Where a log lacks an input or a setting, its nominal value stands in the rows of a dataset. "
@@ -139,9 +185,9 @@ def _columns(export: Export) -> str:
     return "\n\n".join(words)
 
 
-def _read(form: Format, name: str) -> str:
+def _read(export: Export, form: Format, name: str) -> str:
     notes = "\n".join(f"- {note}" for note in form.notes)
-    code = form.read.replace("PLACE", name)
+    code = (form.alone if form.alone and export.is_log else form.read).replace("PLACE", name)
     return f"## How to read it\n\n{notes}\n\n`pip install {form.loader}`, then:\n\n```python\n{code}```"
 
 

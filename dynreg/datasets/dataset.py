@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from dynreg.data.trajectories import Columns, Trajectories
 from dynreg.data.transitions import Transitions, joined
+from dynreg.datasets.measured import RecordingPart
 from dynreg.errors import UsageError
 from dynreg.models.normaliser import Normaliser
 from dynreg.rng import stream
@@ -88,7 +89,10 @@ class Dataset:
     def __repr__(self) -> str:
         c = self.columns
         sizes = f"{len(c.states)} states, {len(c.actions)} actions, {len(c.context)} of context"
-        return f"<Dataset of {self.robot}: {len(self.entries)} entries, {len(self)} transitions, {sizes}>"
+        entries = sum(len(part.entries) for part in self.parts if not isinstance(part, RecordingPart))
+        counted = [(entries, "entry", "entries"), (len(self.entries) - entries, "recording", "recordings")]
+        told = " and ".join(f"{n} {one if n == 1 else several}" for n, one, several in counted if n)
+        return f"<Dataset of {self.robot}: {told}, {len(self)} transitions, {sizes}>"
 
     def of_parts(self, numbers: Sequence[int] | np.ndarray | slice) -> "Dataset":
         """Only these parts, in this order; the rows keep the numbers of their entries."""

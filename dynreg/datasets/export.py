@@ -20,7 +20,9 @@ class Simulated:
     ----------
     population : its id. spec : plain JSON: ranges, excitation, training.
     columns : of its entries. parameters : (P,) with their units.
-    entries : (n,) ids. numbers : (n,). values : (n, P) in those units. own_loss : (n,).
+    entries : (n,) ids. numbers : (n,). values : (n, P) in those units. own_loss, train_loss : (n,).
+    engine : what simulated them. timestep : its physics time step [s].
+    held_out_every : one episode in so many was held out from the training of the models, the last of them.
     usual : nominal inputs and settings, in the order of `columns.context`.
     weights : reads those of the models by name, each (n', ...), some entries at a time and in order.
     """
@@ -33,6 +35,10 @@ class Simulated:
     numbers: np.ndarray
     values: np.ndarray
     own_loss: np.ndarray
+    train_loss: np.ndarray
+    engine: str
+    timestep: float
+    held_out_every: int
     usual: np.ndarray
     weights: Callable[[], Iterator[Mapping[str, np.ndarray]]]
 
@@ -89,6 +95,16 @@ class Export:
         return len(self.dataset.entries)
 
     @property
+    def is_log(self) -> bool:
+        """Whether it is one recording and nothing else."""
+        return not self.populations and self.count == 1
+
+    @property
+    def models(self) -> int:
+        """How many models: of simulated entries, and of those of recordings that were asked for."""
+        return sum(len(p.entries) for p in self.populations) + len(self.measured)
+
+    @property
     def episodes(self) -> int:
         """How many episodes, of all entries and recordings."""
         return len(self.dataset.periods)
@@ -111,7 +127,7 @@ class Export:
         }
 
     def table(self) -> pa.Table:
-        """A row for each entry and recording: id, kind, number, population, parameters by name, own_loss.
+        """A row for each entry and recording: id, kind, number, population, parameters by name, own_loss, train_loss.
 
         A parameter's unit is in the metadata of its field. What a recording has not is null.
         """
@@ -121,7 +137,8 @@ class Export:
         fields += [pa.field(n, pa.float64(), metadata={"unit": c.unit}) for n, c in named.items()]
         rows = [row for p in self.populations for row in _rows(p)]
         rows += [{"id": r.id, "kind": "measured" if r.measured else "simulated"} for r in self.recordings]
-        return pa.Table.from_pylist(rows, pa.schema([*fields, pa.field("own_loss", pa.float64())]))
+        fields += [pa.field(name, pa.float64()) for name in ("own_loss", "train_loss")]
+        return pa.Table.from_pylist(rows, pa.schema(fields))
 
 
 def _rows(told: Simulated) -> Iterator[dict[str, Any]]:
@@ -134,4 +151,5 @@ def _rows(told: Simulated) -> Iterator[dict[str, Any]]:
             "population": told.population,
             **dict(zip(names, told.values[i].tolist(), strict=True)),
             "own_loss": float(told.own_loss[i]),
+            "train_loss": float(told.train_loss[i]),
         }

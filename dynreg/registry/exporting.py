@@ -1,5 +1,6 @@
 """A part of a registry as a registry of its own."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import dynreg.registry.disk as disk
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.registry.entries import put_shard
-from dynreg.registry.files import sweep_beside, temporary_folder
+from dynreg.registry.files import sweep_beside, taken, temporary_folder
 from dynreg.registry.loading import load_shards
 from dynreg.registry.registry import Registry
 
@@ -29,12 +30,12 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
     NoMatchError : a ref fits nothing, or several things.
     """
     destination = Path(destination)
-    if not refs or destination.exists():
+    if not refs:
         raise UsageError(
-            f"cannot export {list(refs)} to {str(destination)!r}",
-            expected="at least one ref, and a destination that does not exist yet",
-            do="name what to export and a new directory",
+            "an export of nothing", expected="at least one thing", do="name what to export; see `dynreg list`"
         )
+    if os.path.lexists(destination):
+        raise taken(destination)
     wanted = [registry.resolve(ref, _KINDS) for ref in refs]
     sweep_beside(destination.absolute())
     with temporary_folder(destination.absolute()) as half_done:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import dynreg.registry.disk as disk
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import CorruptError, RegistryError, UsageError
 
 CONTENTS = ("shards", "populations", "recordings", "robots", "measured", "simulators", "results")
 INDEX = "index"  # what indexes computed; the catalogue knows nothing of it
@@ -84,6 +84,15 @@ def write_file(path: Path, data: bytes) -> None:
         raise disk.refused("write", path, error) from error
 
 
+def taken(path: Path) -> UsageError:
+    """What is said of a name that something new was to have, and something has."""
+    return UsageError(
+        f"{str(path)!r} exists already",
+        expected="a name that is not taken",
+        do="name another one, or remove what is there",
+    )
+
+
 def temporary_name(path: Path) -> Path:
     """A hidden name beside `path` that no other writer uses."""
     return path.with_name(f".{path.name}{_TEMPORARY}{secrets.token_hex(6)}")
@@ -95,7 +104,12 @@ def temporary_folder(path: Path) -> Iterator[Path]:
     with ExitStack() as held:
         while True:
             place = temporary_name(path)
-            disk.make_folder(place)
+            try:
+                disk.make_folder(place)
+            except RegistryError as error:  # told of the name that the user knows
+                if isinstance(error.__cause__, OSError):
+                    raise disk.refused("write", path, error.__cause__) from error
+                raise
             if held.enter_context(try_lock(place, create=False)):
                 break  # else it was swept in the instant between its creation and its lock
         try:

@@ -161,7 +161,11 @@ class ReportFile(Result):
 
 
 class DatasetExport(Result):
-    """A dataset that was written for other projects. form : its format. bytes : of all its files, the card included."""
+    """A dataset that was written for other projects.
+
+    form : its format. episodes, transitions : null where it holds models. models : null where it holds rows.
+    bytes : of all its files, the card included.
+    """
 
     schema_: Literal["dynreg/dataset_export/1"] = Field(default="dynreg/dataset_export/1", alias="schema")
     place: str
@@ -169,8 +173,9 @@ class DatasetExport(Result):
     robot: str
     entries: int
     recordings: int
-    episodes: int
-    transitions: int
+    episodes: int | None = None
+    transitions: int | None = None
+    models: int | None = None
     bytes: int
 
 

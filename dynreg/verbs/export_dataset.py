@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +13,16 @@ from dynreg.datasets.card import card
 from dynreg.datasets.export import Export, Measured, Recorded, Simulated
 from dynreg.datasets.formats import Format, format_of
 from dynreg.datasets.measured import RecordingPart
+from dynreg.distance.rows import HELD_OUT_EVERY
 from dynreg.errors import UsageError
 from dynreg.registry import PopulationRecord, Registry
 from dynreg.results.stored import DatasetExport
 from dynreg.verbs.datasets import KINDS, dataset
 from dynreg.verbs.simulators import told_last
 from dynreg.verbs.written import new_file_of, new_folder, require_new, write_out
+
+if TYPE_CHECKING:
+    from dynreg.sim.robot import Robot
 
 VERSIONS = ("dynreg", "mujoco", "torch")
 
@@ -45,8 +50,9 @@ def export_dataset(
         robot=told.dataset.robot,
         entries=sum(len(p.entries) for p in told.populations),
         recordings=len(told.recordings),
-        episodes=told.episodes,
-        transitions=len(told.dataset),
+        episodes=None if chosen.models else told.episodes,
+        transitions=None if chosen.models else len(told.dataset),
+        models=told.models if chosen.models else None,
         bytes=size,
     )
 
@@ -94,15 +100,19 @@ def contents(registry: Registry, refs: Sequence[str], licence: str | None = None
 def _measured(registry: Registry, identity: str) -> Measured:
     entry = registry.measured(identity)
     record = registry.population(entry.population_id)
-    usual = _usual(registry, record)
+    usual = _usual(_robot(registry, record))
     return Measured(identity, record.id, record.columns, usual, entry.own_loss, entry.weights)
 
 
-def _usual(registry: Registry, record: PopulationRecord) -> np.ndarray:
-    """Nominal inputs and settings of a population's robot."""
+def _robot(registry: Registry, record: PopulationRecord) -> "Robot":
+    """The robot of a population."""
     from dynreg.sim.robot import load_robot
 
-    robot = load_robot(registry.robot_folder(record.robot_hash))
+    return load_robot(registry.robot_folder(record.robot_hash))
+
+
+def _usual(robot: "Robot") -> np.ndarray:
+    """Nominal inputs and settings."""
     return np.array([*robot.input_defaults, *(s.nominal for s in robot.file.settings)])
 
 
@@ -110,6 +120,7 @@ def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> S
     record, held = registry.population(population), registry.load(population, ())
     at = {identity: i for i, identity in enumerate(held.ids)}
     rows = np.array([at[identity] for identity in entries])
+    robot = _robot(registry, record)
     units = record.parameter_units or ("",) * len(record.parameters)
     return Simulated(
         population=population,
@@ -120,7 +131,11 @@ def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> S
         numbers=held.numbers[rows],
         values=held.values[rows],
         own_loss=held.own_loss[rows],
-        usual=_usual(registry, record),
+        train_loss=held.train_loss[rows],
+        engine=robot.file.robot.engines[0],
+        timestep=robot.file.robot.timestep,
+        held_out_every=HELD_OUT_EVERY,
+        usual=_usual(robot),
         weights=partial(registry.weights, population, entries),
     )
 

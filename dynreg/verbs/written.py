@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dynreg.errors import RegistryError, UsageError
-from dynreg.registry.files import sweep_beside, temporary_folder, write_file
+from dynreg.registry.files import sweep_beside, taken, temporary_folder, write_file
 
 
 def write_out(path: Path, data: bytes) -> None:
@@ -32,9 +32,10 @@ def write_out(path: Path, data: bytes) -> None:
 
 def require_new(path: Path) -> None:
     """UsageError for a name that is taken, or whose folder is not there."""
-    if os.path.lexists(path) or not path.absolute().parent.is_dir():
-        taken = os.path.lexists(path)
-        raise _unwritten(path, os.strerror(errno.EEXIST if taken else errno.ENOENT), new=True)
+    if os.path.lexists(path):
+        raise taken(path)
+    if not path.absolute().parent.is_dir():
+        raise _unwritten(path, os.strerror(errno.ENOENT), new=True)
 
 
 def write_new(path: Path, data: bytes) -> None:

@@ -35,3 +35,12 @@ def test_a_choice_that_there_is_not_is_misuse(
     ended = dynreg(*line.split(), "--registry", "registry")
     assert ended.status == 2 and ended.out == "", ended.err
     assert re.fullmatch(r"error: .*bullet.*; expected .+; .+\n", ended.err) and choice in ended.err
+
+
+def test_a_form_that_there_is_not_is_told_as_other_choices_are(dynreg, tmp_path: Path) -> None:
+    for told in (["--as", "hdf5"], ["--as=hdf5"]):
+        ended = dynreg("export", "bench", *told, "--to", str(tmp_path / "next"))
+        assert ended.status == 2 and ended.err.startswith(
+            "error: --as 'hdf5'; expected one of registry, robot, "
+        )
+        assert ended.err.endswith("; choose one of these\n") and "Value error" not in ended.err

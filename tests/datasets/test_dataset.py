@@ -246,3 +246,11 @@ def test_sql_reads_the_shards_and_recordings_as_they_lie(reg):
         f"SELECT kp, count(*) FROM read_parquet('{recordings}', union_by_name=true) GROUP BY kp"
     )
     assert 400.0 in {row[0] for row in by_gain.fetchall()}
+
+
+def test_a_dataset_counts_entries_and_recordings_apart(exported) -> None:
+    both = exported.opened.dataset(["bench", exported.population])
+    assert repr(both).startswith("<Dataset of servo_pendulum: 12 entries and 1 recording, 24995 transitions")
+    assert "servo_pendulum: 1 recording, 995" in repr(exported.opened.dataset("bench"))
+    one = exported.opened.registry.load(exported.population, ()).ids[2]
+    assert "servo_pendulum: 1 entry, 2000" in repr(exported.opened.dataset(one))

@@ -14,6 +14,7 @@ import yaml
 from dynreg.cli.main import main
 from dynreg.datasets.formats import FORMATS, format_of
 from dynreg.errors import NoMatchError, UsageError
+from dynreg.report.stored import tables
 from dynreg.results import DatasetExport
 from dynreg.verbs.export_dataset import contents
 
@@ -29,9 +30,6 @@ def test_a_card_tells_what_is_in_it(form: str, exported) -> None:
     assert head["license"] == "apache-2.0" and "robotics" in head["tags"]
     for told in (
         "12 simulated entries",
-        "| episodes | 480 |",
-        "| transitions | 24000 |",
-        "| rate | 100 Hz |",
         "levels, chirp, triangle, drop",
         "| resistance | ohm | 2.5 to 8 | log |",
         "| arm/velocity | rad/s | state |",
@@ -40,6 +38,10 @@ def test_a_card_tells_what_is_in_it(form: str, exported) -> None:
         f"pip install {FORMATS[form].loader}",
     ):
         assert told in text, told
+    rows = ("| episodes | 480 |", "| transitions | 24000 |", "| rate | 100 Hz |", "| time | s | key |")
+    models = ("| models | 12 |", "| inputs | 7 |", "| outputs | 2 |", "## Outputs")
+    assert all((told in text) == (form != "safetensors") for told in rows)
+    assert all((told in text) == (form == "safetensors") for told in models)
     assert str(exported.folder) not in text
 
 
@@ -63,7 +65,11 @@ def test_the_same_export_gives_the_same_bytes(form: str, exported, tmp_path, reg
     exported.opened.export_dataset(refs, tmp_path / form, form, licence="apache-2.0")
     again = registry_snapshot(tmp_path)
     first = registry_snapshot(exported.folder)
-    mine = {n: h for n, h in first.items() if n.split("/")[0] in (form, f"{form}.md", f"{form}.toml")}
+    mine = {
+        n: h
+        for n, h in first.items()
+        if n.split("/")[0] in (form, f"{form}.md", f"{form}.toml", f"{form}.entries.csv")
+    }
     assert again == mine
 
 
@@ -90,7 +96,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(refs, form, kind, says, export
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_name_that_is_taken_is_refused(form: str, exported, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(UsageError, match="cannot write .*File exists"):
+    with pytest.raises(
+        UsageError, match="out' exists already; expected a name that is not taken; name another"
+    ):
         exported.opened.export_dataset(exported.population, tmp_path / "out", form)
     with pytest.raises(UsageError, match="cannot write .*No such file"):
         exported.opened.export_dataset(exported.population, tmp_path / "no" / "out", form)
@@ -99,11 +107,11 @@ def test_a_name_that_is_taken_is_refused(form: str, exported, tmp_path: Path) ->
 
 def test_a_card_of_someone_else_beside_a_file_is_not_written_over(exported, tmp_path: Path) -> None:
     (tmp_path / "out.csv.md").write_text("mine")
-    with pytest.raises(UsageError, match="out.csv.md.*File exists"):
+    with pytest.raises(UsageError, match="out.csv.md.*exists already"):
         exported.opened.export_dataset("bench", tmp_path / "out.csv", "csv")
     assert [p.name for p in tmp_path.iterdir()] == ["out.csv.md"]
     (tmp_path / "out.mcap.toml").write_text("mine")
-    with pytest.raises(UsageError, match="out.mcap.toml.*File exists"):
+    with pytest.raises(UsageError, match="out.mcap.toml.*exists already"):
         exported.opened.export_dataset("bench", tmp_path / "out.mcap", "mcap")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out.csv.md", "out.mcap.toml"]
     (tmp_path / "out.mcap.toml").unlink()
@@ -167,6 +175,13 @@ def test_a_lerobot_dataset_has_one_rate(exported) -> None:
             format_of("lerobot").check(other)
 
 
+def test_an_export_of_models_counts_models(exported, tmp_path: Path) -> None:
+    told = exported.opened.export_dataset(exported.population, tmp_path / "models", "safetensors")
+    assert (told.models, told.episodes, told.transitions) == (12, None, None)
+    text = str(tables(told))
+    assert "12 simulators" in text and "12 models" in text and "transition" not in text
+
+
 def test_the_command_prints_what_it_wrote(exported, tmp_path: Path, capsys) -> None:
     line = ["export", "bench", "--as", "parquet", "--registry", str(exported.opened.path), "--licence", "mit"]
     assert main([*line, "--to", str(tmp_path / "one"), "--json"]) == 0
@@ -177,4 +192,12 @@ def test_the_command_prints_what_it_wrote(exported, tmp_path: Path, capsys) -> N
         capsys.readouterr().out.split()
     )
     assert main([*line, "--to", str(tmp_path / "two")]) == 2
-    assert "File exists" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_place_that_cannot_be_is_named_as_it_was_told(exported, capsys) -> None:
+    for form in ("parquet", "csv", "registry"):
+        line = ["export", "bench", "--as", form, "--to", "/proc/foo", "--registry", str(exported.opened.path)]
+        assert main(line) != 0
+        said = capsys.readouterr().err
+        assert "cannot write '/proc/foo': " in said and "tmp" not in said

@@ -83,7 +83,7 @@ def test_refusals_leave_nothing_behind(registry, out, tmp_path):
         export(registry, ["bench", "nothing like it"], out)
     with pytest.raises(UsageError, match="at least one"):
         export(registry, [], out)
-    with pytest.raises(UsageError, match="does not exist yet"):
+    with pytest.raises(UsageError, match="exists already; expected a name that is not taken; name another"):
         export(registry, ["bench"], tmp_path)
     next((registry.path / "shards").glob("*.parquet")).unlink()
     with pytest.raises(CorruptError):

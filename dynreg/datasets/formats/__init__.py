@@ -27,6 +27,10 @@ class Format:
     id : the word for it, and its module here.
     writes : what there is afterwards. takes : what it can hold.
     loader : what reads it, as pip installs it. read : how, in Python; PLACE stands for the name of what was written.
+    alone : how, where it is the log of a recording alone; "" where that is the same.
+    entries : its table of entries; PLACE likewise, "" where it has none.
+    models : whether it holds models, and no rows.
+    keys : columns that tell which row it is. alone_keys : likewise of the log of a recording alone.
     notes : what a reader must know of how the rows stand in it, a sentence each.
     configs : its tables for Hugging Face, the usual one first, with their files.
     """
@@ -38,6 +42,11 @@ class Format:
     read: str
     notes: tuple[str, ...] = ()
     configs: tuple[tuple[str, str], ...] = ()
+    alone: str = ""
+    entries: str = ""
+    models: bool = False
+    keys: tuple[str, ...] = ("time",)
+    alone_keys: tuple[str, ...] = ("time",)
 
     def is_file(self, export: "Export") -> bool:
         """Whether it is one file and not a folder."""
@@ -67,7 +76,10 @@ class Format:
 
 
 _ALL = (RECORDINGS, ENTRIES)
-_LAST = "An episode has one state more than commands: the last state has none."
+_KEYS = ("entry", "number", "episode", "step", "time")  # those of `Dataset.to_arrow`
+_NEXT = "The command in a row leads from its state to the state in the next row."
+_LAST = "A simulated episode ends with a state that no command follows:"
+_LOGGED = "A recording has the commands of its log in every row, also in the last."
 FORMATS: dict[str, Format] = {
     one.id: one
     for one in (
@@ -83,25 +95,43 @@ rows = load_dataset("./PLACE", "rows", split="train")        # entry, episode, s
 entries = load_dataset("./PLACE", "entries", split="train")  # parameters of each entry
 print(rows[0])
 """,
-            (_LAST, "Its command is null.", "What was not measured is NaN, or null."),
+            (
+                _NEXT,
+                f"{_LAST} the command in that row is null.",
+                _LOGGED,
+                "What was not measured is NaN, or null.",
+            ),
             (("rows", "data/*.parquet"), ("entries", "entries.parquet")),
+            entries="entries.parquet",
+            keys=_KEYS,
+            alone_keys=_KEYS,
         ),
         Format(
             "csv",
-            "a file, with its card beside it",
+            "a file; beside it its card and, of simulated entries, FILE.entries.csv with the parameters",
             _ALL,
             "pandas",
             """\
 import pandas as pd
 
 rows = pd.read_csv("PLACE")
-print(rows.groupby("episode").size())
+print(rows.groupby(["entry", "episode"]).size())
 """,
             (
-                _LAST,
-                "Its command is empty.",
+                _NEXT,
+                f"{_LAST} the command in that row is empty.",
+                _LOGGED,
                 "Numbers have as many digits as they need to be read back exactly.",
             ),
+            alone="""\
+import pandas as pd
+
+rows = pd.read_csv("PLACE")
+print(rows.groupby("episode").size())
+""",
+            entries="PLACE.entries.csv",
+            keys=_KEYS,
+            alone_keys=("episode", "time"),
         ),
         Format(
             "mcap",
@@ -110,16 +140,22 @@ print(rows.groupby("episode").size())
             "mcap",
             """\
 import json
+from pathlib import Path
 from mcap.reader import make_reader
 
-for schema, channel, message in make_reader(open("PLACE", "rb")).iter_messages():
-    print(channel.topic, message.log_time, json.loads(message.data))
+place = Path("PLACE")
+for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
+    with open(file, "rb") as log:
+        for schema, channel, message in make_reader(log).iter_messages():
+            print(file.name, channel.topic, message.log_time, json.loads(message.data))
 """,
             (
                 "Messages are JSON.",
                 "The column arm/position is the field position of the topic /arm.",
                 "Episodes follow each other with a pause of 1 s; /episode tells where each begins.",
                 "`dynreg ingest FILE --map MAP` reads it back.",
+                "Episodes come back named by their number, so a recording that is ingested again has another id.",
+                "`dynreg ingest` takes every log as a measured recording, also that of a simulated entry.",
             ),
         ),
         Format(
@@ -137,8 +173,10 @@ print(dataset[0]["observation.state"], dataset[0]["action"])
                 "An episode here is one episode of one entry; entry_index is its row in meta/entries.parquet.",
                 "timestamp is frame_index / fps, as LeRobot asks for; time has the times as they were.",
                 "observation.environment_state holds inputs and settings.",
-                "An episode has one state more than commands: the last frame repeats what was told before it.",
+                f"{_LAST} that frame repeats the command before it.",
+                _LOGGED,
             ),
+            entries="meta/entries.parquet",
         ),
         Format(
             "minari",
@@ -189,6 +227,8 @@ def predict(entry, states, actions, context=about["usual"]):
                 "weight0 to weight3 are (entries, in, out), bias0 to bias3 (entries, out), float16 as they are kept.",
                 "The metadata tells ids, columns and units, and the nominal context.",
             ),
+            entries="entries.parquet",
+            models=True,
         ),
     )
 }

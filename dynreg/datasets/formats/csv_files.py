@@ -1,4 +1,4 @@
-"""Rows as one CSV file: those of a dataset, or a recording as a log that needs no map."""
+"""Rows as one CSV file: those of a dataset, or a recording as a log that needs no map; entries as another."""
 
 from pathlib import Path
 
@@ -16,8 +16,11 @@ def is_file(export: Export) -> bool:
 
 
 def write(export: Export, folder: Path, name: str) -> None:
-    """The columns of `Dataset.to_arrow`; a recording alone has those of its log, which `dynreg ingest` reads."""
-    if not export.populations and len(export.recordings) == 1:
+    """The columns of `Dataset.to_arrow`; a recording alone has those of its log, which `dynreg ingest` reads.
+
+    `NAME.entries.csv` has `Export.table` where there are simulated entries.
+    """
+    if export.is_log:
         (folder / name).write_bytes(to_csv(export.recordings[0].read()))
         return
     rows = export.dataset.to_arrow()
@@ -25,3 +28,5 @@ def write(export: Export, folder: Path, name: str) -> None:
     with csv.CSVWriter(folder / name, schema) as file:
         for batch in rows:
             file.write_table(pa.Table.from_batches([batch]).cast(schema))
+    if export.populations:
+        csv.write_csv(export.table(), folder / f"{name}.entries.csv")
