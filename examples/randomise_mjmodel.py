@@ -20,11 +20,20 @@ STRETCH = {
 }
 
 
-def read(path: str | Path) -> dict:
-    """The file of ranges; ValueError where its result says not to rely on it."""
+def read(path: str | Path, without_effects: bool = False) -> dict:
+    """The file of ranges; ValueError where its result says not to rely on it.
+
+    Also where an effect is no field of the model, unless `without_effects`: its values are then not applied.
+    """
     ranges = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     if not ranges["reliable"]:
         raise ValueError(f"{path}: {ranges['warning']}")
+    if not ranges.get("complete_in_model", True):
+        if not without_effects:
+            raise ValueError(f"{path}: {ranges.get('incomplete') or ranges['model']['problem']}")
+        for effect in (one["key"] for one in ranges.get("effect", ()) if one["carried_by"] == "engine"):
+            sizes = [one["name"] for one in ranges["free"] if one.get("effect") == effect]
+            print(f"not applied: {effect}; values drawn for it change nothing: {', '.join(sizes) or 'none'}")
     return ranges
 
 
@@ -71,8 +80,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("model", type=Path, help="the mujoco.xml of `dynreg export --as robot`")
     parser.add_argument("-n", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--without-effects", action="store_true", help="although the model lacks an effect")
     asked = parser.parse_args(arguments)
-    ranges, model = read(asked.ranges), mujoco.MjModel.from_xml_path(str(asked.model))
+    ranges, model = read(asked.ranges, asked.without_effects), mujoco.MjModel.from_xml_path(str(asked.model))
     for one in ranges.get("outside", ()):
         print(f"not in the model, apply it yourself: {one['target']} ({', '.join(one['powers'])})")
     for number, values in enumerate(draw(ranges, asked.n, np.random.default_rng(asked.seed))):

@@ -123,8 +123,8 @@ def reached(traced: Traced, name: str) -> tuple[str, ...]:
 
 def text(found: Open) -> str:
     """The file, in TOML."""
-    warning = found.about.get("warning")
-    lines = [HEAD.rstrip()] + ([f"#\n# WARNING: {warning}"] if warning else [])
+    warnings = [found.about[name] for name in ("warning", "incomplete") if found.about.get(name)]
+    lines = [HEAD.rstrip(), *(f"#\n# WARNING: {warning}" for warning in warnings)]
     lines += ["", *_entries({"format": FORMAT, **found.about})]
     rows = ",\n".join(f"    {literal(row, DIGITS)}" for row in found.correlations.tolist())
     lines += [f"correlations = [\n{rows},\n]" if rows else "correlations = []"]
