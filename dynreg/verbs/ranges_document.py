@@ -23,6 +23,10 @@ from dynreg.verbs.simulators import Simulator
 
 OLDER = "correlations are not known: this result is of an older version. Intervals are taken as independent"
 NOWHERE = "nothing in the simulator depends on it: a measured input or another entry decides"
+UNCLEAR = (
+    "No simulator here is clearly better than nominal. These intervals hold only if the model is complete. "
+    "A diagnosis of the same log may have another model. Its intervals then differ."
+)
 WITHOUT = (
     "{effects}: no field of a MuJoCo model does this. The parameters were fitted together with it: without it "
     "they are wrong, maybe worse than nominal. {instead}"
@@ -212,6 +216,8 @@ def _about(result: str, answer: Answer, found: Simulator, correlated: bool) -> d
     if isinstance(answer, Diagnosis) and answer.worse:
         warning = f"{warning} The test part is predicted better by {answer.began}.".strip()
     notes = () if correlated else (OLDER,)
+    if isinstance(answer, Neighbours) and reliable and answer.unclear:
+        warning = UNCLEAR
     if isinstance(answer, Neighbours) and answer.answer_kind != "synthesised":
         notes += (f"the query recommends another simulator, {answer.answer[:12]} ({answer.answer_kind})",)
     return {

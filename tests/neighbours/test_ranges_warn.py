@@ -61,6 +61,17 @@ def test_a_robot_that_no_simulator_fits_is_told_loudly(changed, example, tmp_pat
         example.read(tmp_path / "bad.toml")
 
 
+def test_a_query_that_is_not_clearly_better_than_nominal_says_so_in_its_file(
+    changed, asked, tmp_path: Path
+) -> None:
+    gain = asked[0].answer.gain.model_dump()
+    opened, identity = changed(gain=gain | {"low": -0.1})
+    told = opened.export_ranges(identity, tmp_path / "unclear.toml")
+    assert told.reliable and told.warning.startswith("No simulator here is clearly better than nominal")
+    assert f"# WARNING: {told.warning}" in (tmp_path / "unclear.toml").read_text(encoding="utf-8")
+    assert not opened.export_ranges("secret 1", tmp_path / "clear.toml").warning
+
+
 def test_a_recording_means_its_newest_result(changed, tmp_path: Path) -> None:
     opened, identity = changed(k=2)
     assert opened.export_ranges("secret 0", tmp_path / "a.toml").result == identity
