@@ -107,6 +107,7 @@ def test_a_model_without_an_effect_is_not_trained_on_unless_that_is_asked_for(
     assert told.reliable and not told.complete_in_model and told.incomplete.startswith("load_friction: ")
     assert "the ranges of a query" in told.incomplete and told.incomplete in tables_text(told)
     text = path.read_text(encoding="utf-8")
+    assert "`at_bound` tells of `value` alone" in text and "`centre` is the middle of the draws" in text
     assert f"# WARNING: {told.incomplete}" in text and tomllib.loads(text)["complete_in_model"] is False
     with pytest.raises(ValueError, match="no field of a MuJoCo model"):
         example.read(path)
