@@ -87,7 +87,9 @@ def test_draws_with_their_correlations_replay_the_log_better_than_the_box(
         assert together < 0.2 * apart
 
 
-def test_the_example_makes_the_simulators_of_the_engine(servos, example, tmp_path: Path, capsys) -> None:
+def test_the_example_makes_the_simulators_of_the_engine(
+    servos, asked, example, tmp_path: Path, capsys
+) -> None:
     robot = load_robot("servo_pendulum")
     ranges = written(servos, "secret 0", tmp_path / "ranges.toml")
     folder = servos.export_robot(ranges["simulator"], tmp_path / "robot")

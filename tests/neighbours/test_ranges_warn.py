@@ -15,6 +15,7 @@ from dynreg.errors import NoMatchError, UsageError
 from dynreg.report.ranges_file import tables
 from dynreg.results.ranges import RangesFile
 from dynreg.session import Session
+from dynreg.sim.robot import load_robot
 
 
 @pytest.fixture
@@ -116,6 +117,24 @@ def test_a_model_without_an_effect_is_not_trained_on_unless_that_is_asked_for(
     whole = diagnosed.export_ranges("payload", tmp_path / "whole.toml")
     assert whole.complete_in_model and not whole.incomplete
     example.read(tmp_path / "whole.toml")
+
+
+def test_the_example_refuses_what_does_not_go_together_in_one_line(
+    diagnosed, example, tmp_path: Path
+) -> None:
+    """Another robot's model, a file that is missing, and one of something else."""
+    file, other = str(tmp_path / "ranges.toml"), str(load_robot("quadruped").folder / "model.xml")
+    diagnosed.export_ranges("payload", file)
+    (tmp_path / "wrong.toml").write_text("a = 1")
+    for words, told in (
+        ((file, other), "another model"),
+        ((str(tmp_path / "none.toml"), other), "none.toml"),
+        ((file, str(tmp_path / "none.xml")), "none.xml"),
+        ((str(tmp_path / "wrong.toml"), other), "no file of"),
+    ):
+        with pytest.raises(SystemExit, match=told) as refused:
+            example.main(list(words))
+        assert "\n" not in str(refused.value)
 
 
 def tables_text(told: RangesFile) -> str:
