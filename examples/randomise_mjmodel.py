@@ -40,6 +40,8 @@ def read(path: str | Path, without_effects: bool = False) -> dict:
         raise ValueError(f"{path}: this is no file of `dynreg export --as ranges`")
     if not ranges["reliable"]:
         raise ValueError(f"{path}: {ranges['warning']}")
+    if ranges.get("warning"):
+        print(f"warning: {ranges['warning']}")
     if not ranges.get("complete_in_model", True):
         if not without_effects:
             raise ValueError(f"{path}: {ranges.get('incomplete') or ranges['model']['problem']}")

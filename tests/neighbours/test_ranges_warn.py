@@ -63,13 +63,15 @@ def test_a_robot_that_no_simulator_fits_is_told_loudly(changed, example, tmp_pat
 
 
 def test_a_query_that_is_not_clearly_better_than_nominal_says_so_in_its_file(
-    changed, asked, tmp_path: Path
+    changed, asked, example, tmp_path: Path, capsys
 ) -> None:
     gain = asked[0].answer.gain.model_dump()
     opened, identity = changed(gain=gain | {"low": -0.1})
     told = opened.export_ranges(identity, tmp_path / "unclear.toml")
     assert told.reliable and told.warning.startswith("No simulator here is clearly better than nominal")
     assert f"# WARNING: {told.warning}" in (tmp_path / "unclear.toml").read_text(encoding="utf-8")
+    example.read(tmp_path / "unclear.toml")
+    assert told.warning in capsys.readouterr().out
     assert not opened.export_ranges("secret 1", tmp_path / "clear.toml").warning
 
 
