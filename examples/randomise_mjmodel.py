@@ -13,6 +13,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+FORMAT = "dynreg/ranges/1"
+OBJECTS = {
+    "body": mujoco.mjtObj.mjOBJ_BODY,
+    "geom": mujoco.mjtObj.mjOBJ_GEOM,
+    "jnt": mujoco.mjtObj.mjOBJ_JOINT,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+    "site": mujoco.mjtObj.mjOBJ_SITE,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
+}
 STRETCH = {
     "linear": (lambda x: x, lambda x: x),
     "log": (np.log, np.exp),
@@ -20,12 +30,63 @@ STRETCH = {
 }
 
 
-def read(path: str | Path) -> dict:
-    """The file of ranges; ValueError where its result says not to rely on it."""
+def read(path: str | Path, without_effects: bool = False) -> dict:
+    """The file of ranges; ValueError where its result says not to rely on it.
+
+    Also where an effect is no field of the model, unless `without_effects`: its values are then not applied.
+    """
     ranges = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    if ranges.get("format") != FORMAT:
+        raise ValueError(f"{path}: this is no file of `dynreg export --as ranges`")
     if not ranges["reliable"]:
         raise ValueError(f"{path}: {ranges['warning']}")
+    if ranges.get("warning"):
+        print(f"warning: {ranges['warning']}")
+    if not ranges.get("complete_in_model", True):
+        if not without_effects:
+            raise ValueError(f"{path}: {ranges.get('incomplete') or ranges['model']['problem']}")
+        for effect in (one["key"] for one in ranges.get("effect", ()) if one["carried_by"] == "engine"):
+            sizes = [one["name"] for one in ranges["free"] if one.get("effect") == effect]
+            print(f"not applied: {effect}; values drawn for it change nothing: {', '.join(sizes) or 'none'}")
     return ranges
+
+
+def check(model: mujoco.MjModel, ranges: dict) -> None:
+    """Whether the file is of this model: ValueError where an element of the file is not at its index in the model."""
+    for one in ranges.get("assignment", ()):
+        field = one["target"]
+        shape = np.shape(
+            getattr(model.opt if field.startswith("opt.") else model, field.removeprefix("opt."))
+        )
+        for name, index in zip(one.get("elements", [""] * len(one["indices"])), one["indices"], strict=True):
+            inside = len(index) == len(shape) and all(i < n for i, n in zip(index, shape, strict=True))
+            found = name_at(model, field, index[0]) if inside and name else name
+            if not inside or found != name:
+                there = repr(found) if inside else "nothing"
+                raise ValueError(
+                    f"the ranges are of another model: {field}{index} is of {name or 'an element'!r} in the file, and "
+                    f"of {there} in the model; take the model of `{ranges['model'].get('made_by', 'dynreg export')}`"
+                )
+
+
+def name_at(model: mujoco.MjModel, field: str, row: int) -> str:
+    """The name of the element of a row of a field; a degree of freedom and a position have their joint's."""
+    prefix = field.split("_")[0]
+    if prefix == "dof":
+        prefix, row = "jnt", int(model.dof_jntid[row])
+    elif field in ("qpos0", "qpos_spring"):
+        prefix, row = "jnt", int(np.searchsorted(model.jnt_qposadr, row, side="right")) - 1
+    return mujoco.mj_id2name(model, OBJECTS[prefix], row) or ""
+
+
+def load(file: Path, mjcf: Path, without_effects: bool) -> tuple[dict, mujoco.MjModel]:
+    """The ranges and their model; ends with one line where a file cannot be read, or they do not go together."""
+    try:
+        ranges, model = read(file, without_effects), mujoco.MjModel.from_xml_path(str(mjcf))
+        check(model, ranges)
+    except (OSError, ValueError) as problem:
+        raise SystemExit(" ".join(str(problem).split())) from None
+    return ranges, model
 
 
 def draw(ranges: dict, count: int, rng: np.random.Generator) -> list[dict[str, float]]:
@@ -49,7 +110,8 @@ def draw(ranges: dict, count: int, rng: np.random.Generator) -> list[dict[str, f
 
 
 def apply(model: mujoco.MjModel, ranges: dict, values: dict[str, float]) -> mujoco.MjModel:
-    """A copy of the exported model with one draw in its fields."""
+    """A copy of the exported model with one draw in its fields; ValueError where the file is of another model."""
+    check(model, ranges)
     model = copy.copy(model)
     for one in ranges.get("assignment", ()):
         product = np.prod([values[name] ** power for name, power in one["powers"].items()])
@@ -71,8 +133,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("model", type=Path, help="the mujoco.xml of `dynreg export --as robot`")
     parser.add_argument("-n", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--without-effects", action="store_true", help="although the model lacks an effect")
     asked = parser.parse_args(arguments)
-    ranges, model = read(asked.ranges), mujoco.MjModel.from_xml_path(str(asked.model))
+    ranges, model = load(asked.ranges, asked.model, asked.without_effects)
     for one in ranges.get("outside", ()):
         print(f"not in the model, apply it yourself: {one['target']} ({', '.join(one['powers'])})")
     for number, values in enumerate(draw(ranges, asked.n, np.random.default_rng(asked.seed))):

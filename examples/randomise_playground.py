@@ -6,7 +6,9 @@
 
 In a training script, with one key for each simulator:
 
-    randomise = functools.partial(domain_randomize, rng=keys, ranges=read("ranges.toml"))
+    ranges = randomise_mjmodel.read("ranges.toml")
+    randomise_mjmodel.check(environment.mj_model, ranges)      # the file is of this model
+    randomise = functools.partial(domain_randomize, rng=keys, ranges=ranges)
     wrapper.BraxDomainRandomizationVmapWrapper(environment, randomise)
 """
 
@@ -15,9 +17,8 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jp
-import mujoco
 from mujoco import mjx
-from randomise_mjmodel import read
+from randomise_mjmodel import load
 
 STRETCH = {
     "linear": (lambda x: x, lambda x: x),
@@ -77,8 +78,9 @@ def main(arguments: list[str] | None = None) -> jax.Array:
     parser.add_argument("model", type=Path, help="the mujoco.xml of `dynreg export --as robot`")
     parser.add_argument("-n", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--without-effects", action="store_true", help="although the model lacks an effect")
     asked = parser.parse_args(arguments)
-    ranges, plain = read(asked.ranges), mujoco.MjModel.from_xml_path(str(asked.model))
+    ranges, plain = load(asked.ranges, asked.model, asked.without_effects)
     keys = jax.random.split(jax.random.PRNGKey(asked.seed), asked.n)
     model, in_axes = domain_randomize(mjx.put_model(plain), keys, ranges)
     steps = round(0.1 / plain.opt.timestep)

@@ -347,6 +347,8 @@ def ranges_file() -> RangesFile:
         correlated=False,
         reliable=False,
         warning="Do not rely on these intervals: the model is not complete.",
+        complete_in_model=False,
+        incomplete="load_friction: no field of a MuJoCo model does this.",
         free=(
             FreeQuantity(**mass, draw="normal", told="by the log", reaches=("body_mass",)),
             FreeQuantity(**noise, draw="uniform", told="not by the log", at_bound=True),

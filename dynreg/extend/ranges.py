@@ -30,6 +30,8 @@ HEAD = """\
 # value, of its logarithm, or of -1 / value. In these coordinates the posterior is about normal. What lies beyond 0 or
 # 1 is clipped, and takes the others along as far as they are correlated: else what makes up for it would stay behind.
 # Where draw = "uniform" the coordinate is uniform between 0 and 1, and goes with no other.
+# `value` is what the result gives, in its unit; `centre` is the middle of the draws, as a coordinate: they can differ.
+# `interval` holds 90 % and ends on a limit where the log allows values up to it; `at_bound` tells of `value` alone.
 # Apply: field[index] = (or +=) factor * product of values ** powers, one [[assignment]] after the other, to `model`.
 # Then mj_setConst. [[outside]] is what no field of the model is: apply it yourself, or run dynreg.
 """
@@ -123,8 +125,8 @@ def reached(traced: Traced, name: str) -> tuple[str, ...]:
 
 def text(found: Open) -> str:
     """The file, in TOML."""
-    warning = found.about.get("warning")
-    lines = [HEAD.rstrip()] + ([f"#\n# WARNING: {warning}"] if warning else [])
+    warnings = [found.about[name] for name in ("warning", "incomplete") if found.about.get(name)]
+    lines = [HEAD.rstrip(), *(f"#\n# WARNING: {warning}" for warning in warnings)]
     lines += ["", *_entries({"format": FORMAT, **found.about})]
     rows = ",\n".join(f"    {literal(row, DIGITS)}" for row in found.correlations.tolist())
     lines += [f"correlations = [\n{rows},\n]" if rows else "correlations = []"]

@@ -10,7 +10,8 @@ from dynreg.results.ranges import RangesFile
 def tables(result: RangesFile) -> Group:
     """What is drawn, the effects, and loudly what speaks against relying on it."""
     lines: list[RenderableType] = [str(result)]
-    lines += [Text(f"warning: {result.warning}", style="bold red")] if result.warning else []
+    warnings = [warning for warning in (result.warning, result.incomplete) if warning]
+    lines += [Text(f"warning: {warning}", style="bold red") for warning in warnings]
     rows = [
         (q.name, q.value, q.low, q.high, q.unit, q.draw, ", ".join(q.reaches) or "-") for q in result.free
     ]

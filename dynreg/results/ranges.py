@@ -34,7 +34,9 @@ class RangesFile(Result):
 
     result, kind : the stored result that it is of. simulator : the one in its middle. correlated : whether correlations
     are known; results of older versions have none. reliable : whether some simulator fits; warning : what speaks
-    against relying on it. fixed : parameters that are not drawn. left_out : what no field of a model can say.
+    against relying on it. complete_in_model : whether a MuJoCo model with the draws in its fields has all that was
+    fitted; incomplete : which effect it does not have, and what to do instead. fixed : parameters that are not drawn.
+    left_out : what no field of a model can say.
     """
 
     schema_: Literal["dynreg/ranges_file/1"] = Field(default="dynreg/ranges_file/1", alias="schema")
@@ -47,6 +49,8 @@ class RangesFile(Result):
     correlated: bool
     reliable: bool
     warning: str = ""
+    complete_in_model: bool = True
+    incomplete: str = ""
     free: tuple[FreeQuantity, ...] = ()
     fixed: tuple[str, ...] = ()
     effects: tuple[CarriedBy, ...] = ()

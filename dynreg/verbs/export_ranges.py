@@ -84,6 +84,8 @@ def _told(left: Open, path: Path) -> RangesFile:
         correlated=about["correlated"],
         reliable=about["reliable"],
         warning=about["warning"] or "",
+        complete_in_model=about["complete_in_model"],
+        incomplete=about.get("incomplete", ""),
         free=tuple(
             FreeQuantity(low=q.interval[0], high=q.interval[1], **_named(q, FreeQuantity)) for q in left.free
         ),

@@ -10,7 +10,7 @@ from dynreg.evidence.gaussian import Gaussian, coordinates
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.extend.folder_readme import plain_name
 from dynreg.extend.ranges import Carried, Fixed, Open, Quantity, partners, reached, uniform
-from dynreg.extend.traced import MODEL, Traced, traced
+from dynreg.extend.traced import ENGINE, MODEL, Traced, traced
 from dynreg.results.diagnosis import Diagnosis
 from dynreg.results.neighbours import Neighbours
 from dynreg.results.result import Interval
@@ -23,6 +23,15 @@ from dynreg.verbs.simulators import Simulator
 
 OLDER = "correlations are not known: this result is of an older version. Intervals are taken as independent"
 NOWHERE = "nothing in the simulator depends on it: a measured input or another entry decides"
+UNCLEAR = (
+    "No simulator here is clearly better than nominal. These intervals hold only if the model is complete. "
+    "A diagnosis of the same log may have another model. Its intervals then differ."
+)
+WITHOUT = (
+    "{effects}: no field of a MuJoCo model does this. The parameters were fitted together with it: without it "
+    "they are wrong, maybe worse than nominal. {instead}"
+)
+INSTEAD = "tep dynreg's engine, which has it"
 Answer = Neighbours | Diagnosis
 
 
@@ -46,13 +55,14 @@ def opened(result: str, answer: Answer, found: Simulator) -> Open:
         for p, value in zip(robot.space.parameters, values, strict=True)
         if p.name not in posterior.names
     )
+    effects = _effects(terms, does, posterior)
     return Open(
-        _about(result, answer, found, kept is not None),
+        _about(result, answer, found, kept is not None) | _completeness(answer, robot, effects),
         _model(robot, found),
         correlations,
         free,
         fixed,
-        _effects(terms, does, posterior),
+        effects,
         does,
     )
 
@@ -184,6 +194,20 @@ def _effects(terms: Terms, does: Traced, posterior: Gaussian) -> tuple[Carried, 
     return tuple(out)
 
 
+def _completeness(answer: Answer, robot: Robot, effects: tuple[Carried, ...]) -> dict[str, object]:
+    """Whether a MuJoCo model with the draws in its fields is the simulator that was fitted, and why not."""
+    apart = [e.key for e in effects if e.carried_by == ENGINE]
+    if robot.planar or not apart:
+        return {"complete_in_model": not robot.planar}
+    instead = f"S{INSTEAD}."
+    if isinstance(answer, Diagnosis):
+        instead = f"Take the ranges of a query of the same log, or a calibration, or s{INSTEAD}."
+    return {
+        "complete_in_model": False,
+        "incomplete": WITHOUT.format(effects=", ".join(apart), instead=instead),
+    }
+
+
 def _about(result: str, answer: Answer, found: Simulator, correlated: bool) -> dict[str, object]:
     """The facts of the whole file."""
     reliable = answer.fits if isinstance(answer, Neighbours) else not answer.unexplained
@@ -192,6 +216,8 @@ def _about(result: str, answer: Answer, found: Simulator, correlated: bool) -> d
     if isinstance(answer, Diagnosis) and answer.worse:
         warning = f"{warning} The test part is predicted better by {answer.began}.".strip()
     notes = () if correlated else (OLDER,)
+    if isinstance(answer, Neighbours) and reliable and answer.unclear:
+        warning = UNCLEAR
     if isinstance(answer, Neighbours) and answer.answer_kind != "synthesised":
         notes += (f"the query recommends another simulator, {answer.answer[:12]} ({answer.answer_kind})",)
     return {

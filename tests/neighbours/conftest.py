@@ -1,8 +1,11 @@
 """A small registry of the servo bench and secret servos that were asked about in it, made once."""
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,10 +14,14 @@ from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
 from dynreg.data.recording import Recording
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.results import Neighbours
 from dynreg.session import Session
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
 
 SECRETS = 6
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @dataclass(frozen=True)
@@ -52,3 +59,23 @@ def asked(servos: Session) -> list[Asked]:
         known = servos.ingest(recording, "servo_pendulum", name=f"secret {seed}")
         out.append(Asked(values, recording, servos.query(known)))
     return out
+
+
+@pytest.fixture(scope="session")
+def example() -> Iterator[ModuleType]:
+    sys.path.insert(0, str(EXAMPLES))
+    yield import_module("randomise_mjmodel")
+    sys.path.remove(str(EXAMPLES))
+
+
+@pytest.fixture(scope="session")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    """A registry with diagnoses of servos that hide one effect, by its name."""
+    robot = load_robot("servo_pendulum")
+    plan = protocol(robot, seed=1, seconds=20.0)
+    with session.open(tmp_path_factory.mktemp("diagnosed") / "registry") as opened:
+        for key in ("payload", "load_friction"):
+            log = log_of(robot, hide(robot, (term(key),), "strong", 11), plan)
+            opened.ingest(log, "servo_pendulum", name=key)
+            assert opened.diagnose(key, effects=(key, "cogging"), threshold_runs=0).verdict == "named"
+        yield opened

@@ -1,9 +1,7 @@
 """What a log leaves open, as a file for training: draws of it replay the log, and are the engine's own simulators."""
 
-import shutil
 import sys
 import tomllib
-from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -11,11 +9,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
-import secret_servo
 
-from dynreg import session
-from dynreg.errors import NoMatchError, UsageError
-from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.data import data
 from dynreg.replay.windows import Replayer, errors
 from dynreg.rng import stream
@@ -29,26 +23,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 EXACT = 1e-9
 DIGITS = 1e-5  # of numbers in an MJCF file
 MANY = 20_000
-
-
-@pytest.fixture(scope="module")
-def example() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(EXAMPLES))
-    yield import_module("randomise_mjmodel")
-    sys.path.remove(str(EXAMPLES))
-
-
-@pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
-    """A registry with diagnoses of servos that hide one effect, by its name."""
-    robot = load_robot("servo_pendulum")
-    plan = protocol(robot, seed=1, seconds=20.0)
-    with session.open(tmp_path_factory.mktemp("diagnosed") / "registry") as opened:
-        for key in ("payload", "load_friction"):
-            log = log_of(robot, hide(robot, (term(key),), "strong", 11), plan)
-            opened.ingest(log, "servo_pendulum", name=key)
-            assert opened.diagnose(key, effects=(key, "cogging"), threshold_runs=0).verdict == "named"
-        yield opened
 
 
 def written(opened: Session, ref: str, path: Path) -> dict:
@@ -113,7 +87,9 @@ def test_draws_with_their_correlations_replay_the_log_better_than_the_box(
         assert together < 0.2 * apart
 
 
-def test_the_example_makes_the_simulators_of_the_engine(servos, example, tmp_path: Path, capsys) -> None:
+def test_the_example_makes_the_simulators_of_the_engine(
+    servos, asked, example, tmp_path: Path, capsys
+) -> None:
     robot = load_robot("servo_pendulum")
     ranges = written(servos, "secret 0", tmp_path / "ranges.toml")
     folder = servos.export_robot(ranges["simulator"], tmp_path / "robot")
@@ -178,79 +154,6 @@ def test_the_posterior_of_a_diagnosis_has_its_intervals(diagnosed, example, tmp_
             e.high - e.low
         )  # of chance, and as an interval is one of its value, not of its logarithm
         assert abs(low - e.low) < slack and abs(high - e.high) < slack, q["name"]
-
-
-# ---- results of older versions, results that are no good, and what cannot be asked ----
-
-
-@pytest.fixture
-def changed(servos, tmp_path: Path):
-    """Stores a changed copy of the first secret's answer, as the newest about its recording; gives the id."""
-    folder = shutil.copytree(servos.registry.path, tmp_path / "copy")
-    with session.open(folder) as opened:
-
-        def store(**changes: object) -> tuple[Session, str]:
-            record = opened.registry.result(opened.registry.results_about("neighbours", "secret 0")[0])
-            document = dict(record.document)
-            kept = changes.pop("synthesised", {})
-            if document["synthesised"] and kept is not None:
-                kept = {k: v for k, v in (document["synthesised"] | kept).items() if v is not None}
-            return opened, opened.registry.put_result(
-                "neighbours", record.recording_id, document | changes | {"synthesised": kept}
-            )
-
-        yield store
-
-
-def test_a_result_of_an_older_version_has_intervals_alone(changed, asked, example, tmp_path: Path) -> None:
-    opened, identity = changed(synthesised={"posterior": None})
-    told = opened.export_ranges(identity, tmp_path / "old.toml")
-    ranges = tomllib.loads((tmp_path / "old.toml").read_text(encoding="utf-8"))
-    assert not told.correlated and "older version" in told.notes[0] and "older version" in ranges["notes"][0]
-    assert ranges["correlations"] == np.eye(7).tolist()
-    now = asked[0].answer.synthesised.posterior
-    for i, q in enumerate(ranges["free"]):
-        if q["draw"] == "uniform":
-            assert q["interval"] == q["limits"] and now.names[i] in now.untold
-        else:
-            assert q["centre"] == pytest.approx(now.centre[i], abs=1e-9)
-            assert q["deviation"] == pytest.approx(now.deviations[i], rel=1e-9)
-
-
-def test_a_robot_that_no_simulator_fits_is_told_loudly(changed, example, tmp_path: Path) -> None:
-    opened, identity = changed(fits=False, alarm="far off")
-    told = opened.export_ranges(identity, tmp_path / "bad.toml")
-    text = (tmp_path / "bad.toml").read_text(encoding="utf-8")
-    assert not told.reliable and told.warning.startswith("Do not rely on these intervals")
-    assert f"# WARNING: {told.warning}" in text and tomllib.loads(text)["reliable"] is False
-    with pytest.raises(ValueError, match="Do not rely"):
-        example.read(tmp_path / "bad.toml")
-
-
-def test_a_recording_means_its_newest_result(changed, tmp_path: Path) -> None:
-    opened, identity = changed(k=2)
-    assert opened.export_ranges("secret 0", tmp_path / "a.toml").result == identity
-    assert opened.export_ranges("@answer", tmp_path / "b.toml").result == identity
-
-
-def test_what_is_no_posterior_is_refused(servos, asked, changed, tmp_path: Path) -> None:
-    taken = tmp_path / "taken.toml"
-    taken.write_text("mine")
-    with pytest.raises(UsageError, match=r"taken\.toml"):
-        servos.export_ranges("secret 0", taken)
-    assert taken.read_text() == "mine"
-    servos.ingest(secret_servo.record(secret_servo.values_of(70), 70, steps=50), "servo_pendulum", name="new")
-    calibration = servos.calibrate("new", method="random", budget=2)
-    assert calibration.method == "random"
-    with pytest.raises(NoMatchError, match="no query or diagnosis"):
-        servos.export_ranges("new", tmp_path / "none.toml")
-    other = servos.registry.latest("calibration").id
-    with pytest.raises(UsageError, match="'calibration'"):
-        servos.export_ranges(other, tmp_path / "none.toml")
-    opened, identity = changed(synthesised=None)
-    with pytest.raises(NoMatchError, match="made no simulator"):
-        opened.export_ranges(identity, tmp_path / "none.toml")
-    assert not (tmp_path / "none.toml").exists()
 
 
 def test_the_example_for_playground_draws_the_same(servos, asked, tmp_path: Path) -> None:
