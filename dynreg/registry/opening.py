@@ -35,8 +35,10 @@ VERSION = 2  # 2 came with the ledger
 _MARKER_BYTES = 1000  # a marker has 44
 
 
-def open_directory(path: Path, create: bool) -> Directory:
+def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
     """Open (or create) the registry at `path`; one that may only be read gets a temporary folder for what is put.
+
+    aside : open it as if it might only be read, so that nothing in its folder changes.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def open_directory(path: Path, create: bool) -> Directory:
             do="run `dynreg verify --repair`, which writes it anew",
         )
     if not (path / MARKER).is_file():
-        _create(path, create)
+        _create(path, create, aside)
     check_marker(path)
     check_links(path)
     if lost_catalog(path):
@@ -60,7 +62,7 @@ def open_directory(path: Path, create: bool) -> Directory:
             expected="a registry with its catalogue",
             do="restore it from a copy, or run `dynreg verify --repair` to rebuild it from the stored files",
         )
-    if not may_write(path):
+    if aside or not may_write(path):
         return beside(path)
     make_folders(path)
     catalog = Catalog(path)
@@ -201,7 +203,7 @@ def write_marker(path: Path) -> None:
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
 
-def _create(path: Path, create: bool) -> None:
+def _create(path: Path, create: bool, aside: bool) -> None:
     if path.exists() and not path.is_dir():
         problem = f"{str(path)!r} is a file"
     elif path.is_dir() and any(not is_temporary(p.name) for p in path.iterdir()):
@@ -217,5 +219,7 @@ def _create(path: Path, create: bool) -> None:
     raise RegistryError(
         problem,
         expected="a registry directory" + (" or an empty place for a new one" if create else ""),
-        do="name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
+        do="give the folder of a registry, such as `dynreg export` writes"
+        if aside
+        else "name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
     )

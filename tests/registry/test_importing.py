@@ -101,3 +101,61 @@ def test_a_measured_entry_is_exported_with_what_it_needs(registry, tmp_path):
     with Registry.open(tmp_path / "out") as copy:
         assert copy.measured(entry).id == registry.measured(entry).id
         assert [i.id for i in copy.recordings()] == [recording] and copy.count("bench") == 0
+
+
+@pytest.fixture
+def richer(registry, tmp_path):
+    """The small registry with a second recording, which is the last one, and results about both."""
+    first = registry.recordings()[0].id
+    other = "ef" * 32
+    registry.put_robot(make_robot(tmp_path / "other_robot"), other, "leg")
+    last = registry.put_recording(make_recording(2), ROBOT, "second run")
+    registry.put_result("neighbours", last, {"k": 6})
+    registry.put_result("neighbours", first, {"k": 7})
+    return registry
+
+
+def state(registry):
+    return registry.recordings(), registry.ids("result"), registry.latest(), registry.population("bench").size
+
+
+def test_an_empty_registry_gets_the_order_of_the_other_one(richer, here):
+    take_in(here, richer)
+    assert state(here) == state(richer)
+    assert here.resolve("@last", ("recording",)) == richer.resolve("@last", ("recording",))
+
+
+def test_what_is_here_stays_as_it_is_with_its_order(richer, here, tmp_path):
+    take_in(here, richer)
+    first, second = (info.id for info in here.recordings())
+    other = "ef" * 32
+    here.put_recording(make_recording(1), other, "on a leg")  # @last, with another usual robot
+    here.put_result("neighbours", second, {"k": 6})  # the latest
+    here.put_result("diagnosis", first, {"k": 8})
+    before, pages = state(here), sorted((here.path / "ledger").iterdir())
+    brought = take_in(here, richer)
+    assert not any(brought.added.values()) and state(here) == before
+    assert sorted((here.path / "ledger").iterdir()) == pages
+
+
+def test_a_recording_that_is_here_gets_the_names_that_are_free(richer, here, tmp_path):
+    take_in(here, richer)
+    first = here.recordings()[0].id
+    other = "ef" * 32
+    richer.put_recording(make_recording(1), other, "on a leg")
+    before = here.recordings()
+    assert take_in(here, richer).left_out == ()
+    assert [info.id for info in here.recordings()] == [info.id for info in before]
+    info = here.recording_info(first)
+    assert info.names == ("first run", "on a leg") and info.name == "first run"
+    assert info.robot_hash == ROBOT and info.robot_as("on a leg") == other
+    assert verify(here.path).faults == ()
+
+
+def test_a_population_grows_by_what_there_is_and_not_by_what_is_planned(registry, here):
+    take_in(here, registry)
+    registry.put_population(make_population(size=1000))
+    take_in(here, registry)
+    assert here.population("bench").size == 10 and here.missing_spans("bench") == ()
+    registry.put_shard("bench", 10, make_shard(10, 12))
+    assert take_in(here, registry).added["entry"] == 2 and here.population("bench").size == 12
