@@ -8,7 +8,10 @@ from dynreg.results.stored import Import
 
 
 def import_registry(registry: Registry, path: Path, progress: Progress | None = None) -> Import:
-    """Take everything in the registry at `path` into `registry`, and leave that one as it is; raises as `registry.take_in`."""
+    """Take everything in the registry at `path` into `registry`; that one stays as it is.
+
+    Raises as `registry.take_in`, and RegistryError where there is no registry at `path`.
+    """
     with open_source(path) as source:
         brought = take_in(registry, source, progress or (lambda *_: None))
     return Import(registry=str(registry.path), source=str(path), **vars(brought))
