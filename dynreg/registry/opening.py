@@ -11,7 +11,7 @@ from sqlalchemy import Connection, func, select
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import CorruptError, NoPlaceError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog, identity_of
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
@@ -145,7 +145,7 @@ def beside(path: Path) -> Directory:
         home = Path(tempfile.mkdtemp(prefix="dynreg-"))
     except OSError as error:
         raise RegistryError(
-            f"{str(path)!r} is read-only, and there is no temporary folder to work in: {error.strerror}",
+            f"there is no temporary folder for a copy of the catalogue of {str(path)!r}: {error.strerror}",
             expected="a place for temporary files",
             do="set TMPDIR to a folder that may be written",
         ) from error
@@ -156,8 +156,14 @@ def beside(path: Path) -> Directory:
         for page in pages_after(path, catalog.last_page()):
             shutil.copyfile(page, home / LEDGER / page.name)
         return Directory(path, catalog, home)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(home, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise NoPlaceError(
+                f"the catalogue of {str(path)!r} cannot be copied to {str(home)!r}: {error.strerror or error}",
+                expected="room for it among the temporary files, and the right to read it",
+                do="free some space, or set TMPDIR to a folder with room",
+            ) from error
         raise
 
 

@@ -256,3 +256,15 @@ def test_the_other_registry_stays_byte_for_byte(here, filled, tmp_path, form):
     assert here.populations() and verify(here.path).faults == ()
     with Registry.open(other) as renewed:  # its files are those of the present form, so that both fit
         assert take_in(here, renewed).left_out == ()
+
+
+def test_no_room_for_the_copy_of_a_catalogue_is_told(registry, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr(shutil, "copyfile", full)
+    with pytest.raises(RegistryError, match="cannot be copied to .*No space left on device.* TMPDIR"):
+        open_source(registry.path)
+    assert not list(tmp_path.glob("dynreg-*"))
