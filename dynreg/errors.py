@@ -68,6 +68,10 @@ class RegistryError(DynregError):
     """A registry directory that cannot be used as asked."""
 
 
+class NoPlaceError(RegistryError):
+    """A disk without room, a place that may not be written, a catalogue that stays locked."""
+
+
 class CorruptError(RegistryError):
     """Stored data lost or changed (exit status 3)."""
 

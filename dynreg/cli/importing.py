@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from dynreg.cli.call import Call
+from dynreg.errors import command
 
 
 def import_(
@@ -14,11 +15,13 @@ def import_(
 ) -> None:
     """Take everything that another registry holds into this one.
 
-    Ids stay as they are, so results still name their simulators. What is here already stays as it is. A name that
-    means another recording here is left out, and so is what is damaged in DIR: each is listed.
+    Ids stay as they are, so results still name their simulators. What is here already stays as it is, and so does DIR.
+    A name that means another recording here is left out, and so is what is damaged in DIR: each is listed. Where
+    something is damaged, the command ends with exit status 3.
 
     Example: dynreg import monday-registry
     """
     with call.open(create=True) as session, call.progress() as progress:
         result = session.import_registry(source, progress=progress)
-    call.emit(result, hint="dynreg list")
+    given = call.shared.registry
+    call.emit(result, hint=command("list", *(() if given is None else ("--registry", given))))

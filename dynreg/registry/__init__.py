@@ -4,7 +4,7 @@ from dynreg.registry.collecting import Unneeded, collect
 from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.exporting import export
 from dynreg.registry.files import write_file
-from dynreg.registry.importing import Imported, take_in
+from dynreg.registry.importing import Imported, open_source, take_in
 from dynreg.registry.records import (
     EntryRecord,
     MeasuredEntry,
@@ -36,6 +36,7 @@ __all__ = [
     "VerifyReport",
     "collect",
     "export",
+    "open_source",
     "removal",
     "remove",
     "take_in",

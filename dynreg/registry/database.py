@@ -7,7 +7,7 @@ from pathlib import Path
 from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.pool import NullPool
 
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import CorruptError, NoPlaceError, RegistryError
 
 BUSY_SECONDS = 60.0
 _LONGEST = 1 << 26  # bytes of one value: the manifest of a robot with some 500,000 files
@@ -63,25 +63,25 @@ def explained(path: Path, error: Exception) -> RegistryError:
     name = getattr(cause, "sqlite_errorname", "") or ""
     kind = "_".join(name.split("_")[:2])
     if kind in _LOCKED:
-        return RegistryError(
+        return NoPlaceError(
             f"the catalogue {str(path)!r} stayed locked for {BUSY_SECONDS:.0f} s",
             expected="short transactions of other processes",
             do="wait for the other dynreg processes, or end the one that hangs",
         )
     if kind in _NO_PLACE:
-        return RegistryError(
+        return NoPlaceError(
             f"the catalogue {str(path)!r} cannot be opened or written: {cause} ({name})",
             expected="a directory and a catalogue that may be written",
             do="mend their permissions, then run the same command again",
         )
     if kind in _REFUSED:
-        return RegistryError(
+        return NoPlaceError(
             f"SQLite refused to work on the catalogue {str(path)!r}: {cause} ({name})",
             expected="values of a usual size, and a dynreg and a SQLite that fit each other",
             do="run the same command again with --debug, and tell what it says",
         )
     if kind in ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_NOMEM") and name != _CUT_SHORT:
-        return RegistryError(
+        return NoPlaceError(
             f"the disk or the memory failed under the catalogue {str(path)!r}: {cause} ({name})",
             expected="room for a few MB more, and a disk that reads and writes",
             do="free some space or check the disk, then run the same command again",

@@ -1,6 +1,6 @@
 """The one place where the registry's code changes the disk, so that a test can record a change or let it fail.
 
-What cannot be done to a name raises RegistryError in one line. `create`, `write` and `sync` raise OSError: they work
+What cannot be done to a name raises NoPlaceError in one line. `create`, `write` and `sync` raise OSError: they work
 for `files.write_file`, which tells of the file as a whole.
 """
 
@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dynreg.errors import RegistryError
+from dynreg.errors import NoPlaceError
 
 # Bytes as they are, and no child process that holds them: each where the system knows of it.
 FLAGS = sum(getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC"))
 
 
-def refused(what: str, path: Path, error: OSError) -> RegistryError:
+def refused(what: str, path: Path, error: OSError) -> NoPlaceError:
     """The error for `what` cannot be done to `path`."""
-    return RegistryError(
+    return NoPlaceError(
         f"cannot {what} {str(path)!r}: {error.strerror or error}",
         expected="a place that may be written, with room left, on a disk that works",
         do="free some space, mend its permissions, or name another place, then run the same command again",

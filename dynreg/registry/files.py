@@ -189,8 +189,9 @@ def unreadable(path: Path, error: Exception | str) -> RegistryError:
             expected="a disk that reads, and the right to read",
             do="look after the disk, or mend the permissions; nothing was changed",
         )
+    told = (error.strerror if isinstance(error, OSError) else None) or str(error).rstrip(": ")
     return CorruptError(
-        f"{str(path)!r} cannot be read: {error}",
+        f"{str(path)!r} cannot be read: {told}",
         expected="the file as it was registered",
         do="run `dynreg verify --repair` to see what is lost and what can be rebuilt",
     )

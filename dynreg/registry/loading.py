@@ -192,6 +192,19 @@ def load_shards(directory: Directory, population_id: str) -> Iterator[tuple[int,
         yield shard.start, data
 
 
+def load_shard(directory: Directory, population_id: str, start: int) -> ShardData:
+    """The shard of a population whose first entry has the number `start`; CorruptError where it is lost or damaged."""
+    with directory.catalog.read() as connection:
+        row = next((s for s in _shards(connection, population_id) if s.start == start), None)
+    if row is None:
+        raise NoMatchError(
+            f"population {population_id[:12]} has no shard from entry {start} on",
+            expected="a shard that was there a moment ago",
+            do="run the same command again",
+        )
+    return read_shard(*directory.checked(row.states_path, row.arrays_path))[1]
+
+
 def _shards(connection: Connection, population_id: str) -> Sequence[Row]:
     table = tables.shards
     return connection.execute(

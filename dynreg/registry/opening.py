@@ -11,7 +11,7 @@ from sqlalchemy import Connection, func, select
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import CorruptError, NoPlaceError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog, identity_of
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
@@ -35,8 +35,10 @@ VERSION = 2  # 2 came with the ledger
 _MARKER_BYTES = 1000  # a marker has 44
 
 
-def open_directory(path: Path, create: bool) -> Directory:
+def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
     """Open (or create) the registry at `path`; one that may only be read gets a temporary folder for what is put.
+
+    aside : open it as if it might only be read, so that nothing in its folder changes.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def open_directory(path: Path, create: bool) -> Directory:
             do="run `dynreg verify --repair`, which writes it anew",
         )
     if not (path / MARKER).is_file():
-        _create(path, create)
+        _create(path, create, aside)
     check_marker(path)
     check_links(path)
     if lost_catalog(path):
@@ -60,7 +62,7 @@ def open_directory(path: Path, create: bool) -> Directory:
             expected="a registry with its catalogue",
             do="restore it from a copy, or run `dynreg verify --repair` to rebuild it from the stored files",
         )
-    if not may_write(path):
+    if aside or not may_write(path):
         return beside(path)
     make_folders(path)
     catalog = Catalog(path)
@@ -143,7 +145,7 @@ def beside(path: Path) -> Directory:
         home = Path(tempfile.mkdtemp(prefix="dynreg-"))
     except OSError as error:
         raise RegistryError(
-            f"{str(path)!r} is read-only, and there is no temporary folder to work in: {error.strerror}",
+            f"there is no temporary folder for a copy of the catalogue of {str(path)!r}: {error.strerror}",
             expected="a place for temporary files",
             do="set TMPDIR to a folder that may be written",
         ) from error
@@ -154,8 +156,14 @@ def beside(path: Path) -> Directory:
         for page in pages_after(path, catalog.last_page()):
             shutil.copyfile(page, home / LEDGER / page.name)
         return Directory(path, catalog, home)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(home, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise NoPlaceError(
+                f"the catalogue of {str(path)!r} cannot be copied to {str(home)!r}: {error.strerror or error}",
+                expected="room for it among the temporary files, and the right to read it",
+                do="free some space, or set TMPDIR to a folder with room",
+            ) from error
         raise
 
 
@@ -201,7 +209,7 @@ def write_marker(path: Path) -> None:
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
 
-def _create(path: Path, create: bool) -> None:
+def _create(path: Path, create: bool, aside: bool) -> None:
     if path.exists() and not path.is_dir():
         problem = f"{str(path)!r} is a file"
     elif path.is_dir() and any(not is_temporary(p.name) for p in path.iterdir()):
@@ -217,5 +225,7 @@ def _create(path: Path, create: bool) -> None:
     raise RegistryError(
         problem,
         expected="a registry directory" + (" or an empty place for a new one" if create else ""),
-        do="name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
+        do="give the folder of a registry, such as `dynreg export` writes"
+        if aside
+        else "name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
     )

@@ -63,6 +63,28 @@ def put_recording(
     return recording.id
 
 
+def add_name(directory: Directory, recording_id: str, name: str, robot_hash: str) -> None:
+    """Call a stored recording by a further name, where no recording has it; else nothing changes.
+
+    Its usual robot, the name that it got last and its place in the order stay. robot_hash : of the robot under this
+    name. Raises as `put_recording`.
+    """
+    check_name(name)
+    called, latest = tables.recording_names, tables.latest_names
+    with directory.catalog.write() as writing:
+        row = require(writing.connection, tables.recordings, recording_id, "recording")
+        robot = require_robot(writing.connection, robot_hash).name
+        if _holder(writing.connection, name) is not None:
+            return
+        of = select(called.c.name).where(called.c.recording_id == recording_id)
+        first = min(writing.connection.execute(of).scalars(), default=name)
+        writing.put(called, {"name": name, "recording_id": recording_id})
+        if row_of(writing.connection, latest, recording_id) is None:
+            writing.put(latest, {"recording_id": recording_id, "name": first})
+        if require_robot(writing.connection, row.robot_hash).name != robot:
+            writing.put(tables.robots_of_names, {"name": name, "robot_hash": robot_hash})
+
+
 def recording_file(recording: Recording, robot_hash: str) -> tuple[StoredFile, bytes]:
     """The file of a recording that was ingested with a robot."""
     from dynreg.data.table import to_parquet

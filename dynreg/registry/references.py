@@ -12,7 +12,7 @@ from dynreg.errors import AmbiguousError, Assumed, NoMatchError, RegistryError
 from dynreg.registry.versions import newest
 
 LAST = "@last"
-_ID_COLUMNS = {
+ID_COLUMNS = {
     "robot": tables.robots.c.hash,
     "population": tables.populations.c.id,
     "entry": tables.entries.c.id,
@@ -26,7 +26,7 @@ _NAME_COLUMNS = {
     "population": (tables.populations.c.name, tables.populations.c.id),
     "recording": (tables.recording_names.c.name, tables.recording_names.c.recording_id),
 }
-KINDS = tuple(_ID_COLUMNS)
+KINDS = tuple(ID_COLUMNS)
 _PREFIX = re.compile(r"[0-9a-f]{4,}")
 _SHOWN = 5
 
@@ -74,6 +74,12 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
     )
 
 
+def holds(connection: Connection, kind: str, identity: str) -> bool:
+    """Whether there is a thing of this kind with this whole id."""
+    column = ID_COLUMNS[kind]
+    return connection.execute(select(column).where(column == identity)).first() is not None
+
+
 def _last(connection: Connection) -> str:
     table = tables.recordings
     found = connection.execute(select(table.c.id).order_by(table.c.ordinal.desc()).limit(1)).scalar()
@@ -87,7 +93,7 @@ def _last(connection: Connection) -> str:
 
 
 def _by_id(connection: Connection, ref: str, kinds: Collection[str]) -> list[tuple[str, str]]:
-    columns = {kind: _ID_COLUMNS[kind] for kind in KINDS if kind in kinds}
+    columns = {kind: ID_COLUMNS[kind] for kind in KINDS if kind in kinds}
     return [
         (k, i) for k, c in columns.items() for i in connection.execute(select(c).where(c == ref)).scalars()
     ]
@@ -142,7 +148,7 @@ def _by_prefix(connection: Connection, ref: str, kinds: Collection[str]) -> list
         return []
     found = []
     for kind in (kind for kind in KINDS if kind in kinds):
-        column = _ID_COLUMNS[kind]
+        column = ID_COLUMNS[kind]
         # "g" comes after every hexadecimal digit: a range that the key's index serves.
         query = select(column).where(column >= ref, column < f"{ref}g").order_by(column).limit(_SHOWN + 1)
         found += [(kind, identity) for identity in connection.execute(query).scalars()]

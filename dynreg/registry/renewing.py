@@ -35,16 +35,18 @@ Work = tuple[
 ]  # row, column of its file, new file
 
 
-def renew(directory: Directory) -> None:
+def renew(directory: Directory, aside: bool = False) -> None:
     """Bring the files of a registry to the present form, once; of one that may only be read, none.
+
+    aside : those of one that may only be read, too, in its temporary folder and without a word.
 
     Where there is no room for them they stay as they are, and the next opening tries again.
     """
-    if directory.read_only or not directory.catalog.lacks(migrations.FILES):
+    if (directory.read_only and not aside) or not directory.catalog.lacks(migrations.FILES):
         return
     with suppress(DynregError):
         for number, (table, row, column, made) in enumerate(_old(directory)):
-            if not number:
+            if not number and not aside:
                 what = f"the registry {str(directory.path)!r} is of an older form"
                 warnings.warn(f"{what}: its files are written anew, once", Renewed, 2)
             with suppress(CorruptError):
@@ -73,7 +75,7 @@ def _replace(
         directory.register(writing, file, data)
         writing.put(table, held._asdict() | {column: file.path})
         writing.remove(tables.files, (row[column],))
-    remove_files(directory.path, [row[column]])
+    remove_files(directory.home, [row[column]])
 
 
 def _rows(directory: Directory, table: Table) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from dynreg.data.names import joint_of, quantity_of
+from dynreg.errors import CorruptError, command
 from dynreg.report.grid import table, value_text
 from dynreg.report.words import count, number
 from dynreg.results.result import Result
@@ -122,8 +123,22 @@ def _verification(result: Verification) -> Group:
 @tables.register
 def _import(result: Import) -> Group:
     rows = [(kind, result.added[kind], result.known[kind]) for kind in result.added]
-    shown = table(("kind", "new", "here before"), rows, f"{result.source} to {result.registry}")
+    shown = table(
+        ("kind", "new", "here before"), rows, f"import of {result.source!r} into {result.registry!r}"
+    )
     return Group(shown, *(Text(f"left out: {one}") for one in result.left_out))
+
+
+def refusal(result: Result) -> CorruptError | None:
+    """The error of an import that had to leave out what is damaged."""
+    if not isinstance(result, Import) or not result.damaged:
+        return None
+    mend = command("verify", "--repair", "--registry", result.source)
+    return CorruptError(
+        f"{count(result.damaged, 'thing')} left out, as {result.source!r} is damaged",
+        expected="a sound registry; everything else was taken",
+        do=f"export again from a sound registry, or run `{mend}`, and import again",
+    )
 
 
 @tables.register

@@ -116,7 +116,7 @@ class Import(Result):
     """What `import` brought from another registry.
 
     added, known : {kind: how many} of its things that are new here, and that were here before. left_out : what was not
-    taken, and why.
+    taken, and why. damaged : how many things were left out because they cannot be read in the other registry.
     """
 
     schema_: Literal["dynreg/import/1"] = Field(default="dynreg/import/1", alias="schema")
@@ -125,6 +125,7 @@ class Import(Result):
     added: dict[str, int]
     known: dict[str, int]
     left_out: tuple[str, ...]
+    damaged: int = 0
 
     def rows(self) -> list[dict[str, Any]]:
         return [{"kind": kind, "added": self.added[kind], "known": self.known[kind]} for kind in self.added]

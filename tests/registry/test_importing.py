@@ -1,5 +1,12 @@
 """What another registry holds comes in by content; what is here stays."""
 
+import errno
+import re
+import shutil
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from registry_contents import (
@@ -12,8 +19,10 @@ from registry_contents import (
     make_shard,
 )
 
+import dynreg.registry.disk as disk
+import dynreg.registry.tables as tables
 from dynreg.errors import RegistryError
-from dynreg.registry import Registry, export, remove, take_in, verify
+from dynreg.registry import Registry, export, open_source, remove, take_in, verify
 
 
 @pytest.fixture
@@ -101,3 +110,161 @@ def test_a_measured_entry_is_exported_with_what_it_needs(registry, tmp_path):
     with Registry.open(tmp_path / "out") as copy:
         assert copy.measured(entry).id == registry.measured(entry).id
         assert [i.id for i in copy.recordings()] == [recording] and copy.count("bench") == 0
+
+
+@pytest.fixture
+def richer(registry, tmp_path):
+    """The small registry with a second recording, which is the last one, and results about both."""
+    first = registry.recordings()[0].id
+    other = "ef" * 32
+    registry.put_robot(make_robot(tmp_path / "other_robot"), other, "leg")
+    last = registry.put_recording(make_recording(2), ROBOT, "second run")
+    registry.put_result("neighbours", last, {"k": 6})
+    registry.put_result("neighbours", first, {"k": 7})
+    return registry
+
+
+def state(registry):
+    return registry.recordings(), registry.ids("result"), registry.latest(), registry.population("bench").size
+
+
+def test_an_empty_registry_gets_the_order_of_the_other_one(richer, here):
+    take_in(here, richer)
+    assert state(here) == state(richer)
+    assert here.resolve("@last", ("recording",)) == richer.resolve("@last", ("recording",))
+
+
+def test_what_is_here_stays_as_it_is_with_its_order(richer, here, tmp_path):
+    take_in(here, richer)
+    first, second = (info.id for info in here.recordings())
+    other = "ef" * 32
+    here.put_recording(make_recording(1), other, "on a leg")  # @last, with another usual robot
+    here.put_result("neighbours", second, {"k": 6})  # the latest
+    here.put_result("diagnosis", first, {"k": 8})
+    before, pages = state(here), sorted((here.path / "ledger").iterdir())
+    brought = take_in(here, richer)
+    assert not any(brought.added.values()) and state(here) == before
+    assert sorted((here.path / "ledger").iterdir()) == pages
+
+
+def test_a_recording_that_is_here_gets_the_names_that_are_free(richer, here, tmp_path):
+    take_in(here, richer)
+    first = here.recordings()[0].id
+    other = "ef" * 32
+    richer.put_recording(make_recording(1), other, "on a leg")
+    before = here.recordings()
+    assert take_in(here, richer).left_out == ()
+    assert [info.id for info in here.recordings()] == [info.id for info in before]
+    info = here.recording_info(first)
+    assert info.names == ("first run", "on a leg") and info.name == "first run"
+    assert info.robot_hash == ROBOT and info.robot_as("on a leg") == other
+    assert verify(here.path).faults == ()
+
+
+def test_a_population_grows_by_what_there_is_and_not_by_what_is_planned(registry, here):
+    take_in(here, registry)
+    registry.put_population(make_population(size=1000))
+    take_in(here, registry)
+    assert here.population("bench").size == 10 and here.missing_spans("bench") == ()
+    registry.put_shard("bench", 10, make_shard(10, 12))
+    assert take_in(here, registry).added["entry"] == 2 and here.population("bench").size == 12
+
+
+def odd_simulator(registry):
+    registry.put_simulator({"values": {"mass": 2.0}})
+
+
+def unknown_robot(registry):
+    registry.put_simulator({"robot": "99" * 32})
+
+
+def odd_name(registry):
+    with registry.directory.catalog.write() as writing:
+        row = {"name": "@odd", "recording_id": registry.recordings()[0].id}
+        writing.put(tables.recording_names, row)
+
+
+def lost_recording(registry):
+    next((registry.path / "recordings").iterdir()).unlink()
+
+
+def odd_provenance(registry, monkeypatch):
+    read = Registry.recording
+    monkeypatch.setattr(
+        Registry, "recording", lambda *a: replace(read(*a), provenance={"files": [1, "two", {"three": b"4"}]})
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (odd_simulator, "simulator .*KeyError: 'robot'"),
+        (unknown_robot, "simulator .*no robot"),
+        (odd_name, "recording .*'@odd' cannot be a recording's name"),
+        (lost_recording, "recording .*cannot be read"),
+        (odd_provenance, "recording .*(Error|cannot)"),
+    ],
+)
+def test_one_odd_thing_is_left_out_and_all_else_is_taken(registry, here, monkeypatch, spoil, told):
+    spoil(*(registry, monkeypatch) if spoil is odd_provenance else (registry,))
+    brought = take_in(here, registry)
+    assert re.search(told, "\n".join(brought.left_out)) and brought.damaged >= 1
+    assert here.count("bench") == 10 and len(here.ids("simulator")) == 1
+    assert len(here.recordings()) == (0 if "recording" in told else 1)
+    assert verify(here.path).faults == ()
+
+
+def test_only_a_target_that_cannot_be_written_ends_an_import(registry, here, monkeypatch):
+    def full(descriptor, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(disk, "write", full)
+    with pytest.raises(RegistryError, match="No space left"):
+        take_in(here, registry)
+
+
+def test_what_differs_or_has_a_taken_name_is_not_damaged(registry, here, tmp_path):
+    here.put_robot(make_robot(tmp_path / "other"), ROBOT, "arm")
+    here.put_population(make_population(seed=8))
+    here.put_recording(make_recording(2), ROBOT, "first run")
+    brought = take_in(here, registry)
+    assert brought.damaged == 0 and len(brought.left_out) == 3
+    assert "10 of its 10 entries are missing here" in "; ".join(brought.left_out)
+
+
+def test_sound_shards_of_a_damaged_population_are_taken(registry, here):
+    min((registry.path / "shards").glob("*.parquet")).unlink()
+    brought = take_in(here, registry)
+    (told,) = (line for line in brought.left_out if line.startswith("population"))
+    assert told.endswith("No such file or directory; 4 of its 10 entries are missing here")
+    assert brought.damaged == 1 and here.count("bench") == 6
+
+
+@pytest.mark.parametrize("form", ["form_2.zip", "format_1.zip", None])
+def test_the_other_registry_stays_byte_for_byte(here, filled, tmp_path, form):
+    other = tmp_path / "other"
+    if form is None:
+        shutil.copytree(filled, other)
+    else:
+        shutil.unpack_archive(Path(__file__).with_name(form), other)
+    before = {path: path.is_file() and path.read_bytes() for path in other.rglob("*")}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with open_source(other) as source:
+            assert take_in(here, source).left_out == ()
+    assert {path: path.is_file() and path.read_bytes() for path in other.rglob("*")} == before
+    assert here.populations() and verify(here.path).faults == ()
+    with Registry.open(other) as renewed:  # its files are those of the present form, so that both fit
+        assert take_in(here, renewed).left_out == ()
+
+
+def test_no_room_for_the_copy_of_a_catalogue_is_told(registry, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr(shutil, "copyfile", full)
+    with pytest.raises(RegistryError, match="cannot be copied to .*No space left on device.* TMPDIR"):
+        open_source(registry.path)
+    assert not list(tmp_path.glob("dynreg-*"))
