@@ -184,6 +184,8 @@ class ShardData:
         wrong = [f"{name} {array.shape}" for name, array in lengths.items() if array.shape[:1] != (count,)]
         if self.periods is not None and self.periods.shape != self.states.shape[:2]:
             wrong.append(f"periods {self.periods.shape}")
+        elif self.periods is not None and not (np.isfinite(self.periods) & (self.periods > 0)).all():
+            wrong.append("periods that are not finite and above 0")
         if wrong or count == 0 or self.values.ndim != 2 or self.states.ndim != 4:
             raise RegistryError(
                 f"a shard with values {self.values.shape}, states {self.states.shape} {' '.join(wrong)}",

@@ -27,7 +27,8 @@ from dynreg.registry.populations import get_population, population_file
 from dynreg.registry.recordings import get_recording, recording_file
 from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import robot_folder
-from dynreg.registry.shards import is_old, read_shard, read_states_header
+from dynreg.registry.headers import is_old
+from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.registry.sweeping import remove_files
 
 Work = tuple[

@@ -35,6 +35,7 @@ from dynreg.registry.indexes import read_index
 from dynreg.registry.measured import measured_of
 from dynreg.registry.opening import MARKER
 from dynreg.registry.populations import record_of
+from dynreg.registry.records import PopulationRecord, ShardData
 from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.search.journal import damage
 
@@ -161,7 +162,9 @@ def _pair(root: Path, found: Found, halves: _Halves) -> None:
         population, start, stop = span
         rest_path = halves.rest[span]
         try:
-            _, data = read_shard(root / states_path, root / rest_path)
+            header, data = read_shard(root / states_path, root / rest_path)
+            if population in found.populations:
+                _check_fits(found.populations[population]["record"], header, data)
         except (DynregError, KeyError, TypeError, ValueError, OverflowError) as error:
             found.bad[states_path] = found.bad[rest_path] = _damage(error)
             continue
@@ -175,13 +178,21 @@ def _pair(root: Path, found: Found, halves: _Halves) -> None:
         found.shards[population, start] = FoundShard(row, entries, data.layout)
 
 
+def _check_fits(record: PopulationRecord, header: dict[str, Any], data: ShardData) -> None:
+    """Raise ValueError where the entries of a shard are none of this population's."""
+    if header["states"] != [channel.name for channel in record.channels]:
+        raise ValueError("its states are not those of its population")
+    if data.values.shape[1] != len(record.parameters):
+        raise ValueError("its parameters are not those of its population")
+
+
 def _read_population(found: Found, path: Path, file: StoredFile) -> None:
     header, arrays = decode_arrays(path)
     try:
-        record_of(path, (header, arrays), size=1)
+        record = record_of(path, (header, arrays), size=1)
     except RegistryError as error:  # the record refuses, too, what a population cannot be
         raise unreadable(path, error.problem) from error
-    found.populations[header["id"]] = {"header": header, "path": file.path}
+    found.populations[header["id"]] = {"header": header, "path": file.path, "record": record}
 
 
 def _read_recording(found: Found, path: Path, file: StoredFile) -> None:

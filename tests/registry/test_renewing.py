@@ -11,7 +11,8 @@ from older_form import POPULATION, fill, recording
 import dynreg.registry.renewing as renewing
 from dynreg.errors import RegistryError, Renewed
 from dynreg.registry import Registry, verify
-from dynreg.registry.shards import is_old, read_states_header
+from dynreg.registry.headers import is_old
+from dynreg.registry.shards import read_states_header
 from dynreg.sim.engines import rollout
 from dynreg.sim.ports import log_periods
 from dynreg.sim.robot import load_robot
