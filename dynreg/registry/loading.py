@@ -231,7 +231,7 @@ def _header(path: Path, shard: Row, record: PopulationRecord) -> dict[str, Any]:
     header = read_states_header(path)
     if [header[key] for key in ("population", "start", "stop")] != [record.id, shard.start, shard.stop]:
         raise unreadable(path, "it belongs to another shard")
-    if header["states"] != [channel.name for channel in record.channels]:
+    if header["states"] != [channel.name for channel in record.channels] or not record.fits(header["shape"]):
         raise unreadable(path, "its states are not those of its population")
     return header
 

@@ -23,11 +23,11 @@ from dynreg.errors import CorruptError, DynregError, Renewed
 from dynreg.registry.directory import Directory
 from dynreg.registry.entries import states_file
 from dynreg.registry.files import StoredFile, read_regular
+from dynreg.registry.headers import is_old
 from dynreg.registry.populations import get_population, population_file
 from dynreg.registry.recordings import get_recording, recording_file
 from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import robot_folder
-from dynreg.registry.headers import is_old
 from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.registry.sweeping import remove_files
 

@@ -180,7 +180,7 @@ def _pair(root: Path, found: Found, halves: _Halves) -> None:
 
 def _check_fits(record: PopulationRecord, header: dict[str, Any], data: ShardData) -> None:
     """Raise ValueError where the entries of a shard are none of this population's."""
-    if header["states"] != [channel.name for channel in record.channels]:
+    if header["states"] != [channel.name for channel in record.channels] or not record.fits(header["shape"]):
         raise ValueError("its states are not those of its population")
     if data.values.shape[1] != len(record.parameters):
         raise ValueError("its parameters are not those of its population")
@@ -188,10 +188,8 @@ def _check_fits(record: PopulationRecord, header: dict[str, Any], data: ShardDat
 
 def _read_population(found: Found, path: Path, file: StoredFile) -> None:
     header, arrays = decode_arrays(path)
-    try:
-        record = record_of(path, (header, arrays), size=1)
-    except RegistryError as error:  # the record refuses, too, what a population cannot be
-        raise unreadable(path, error.problem) from error
+    bank = {name: array for name, array in arrays.items() if name.startswith("bank.")}
+    record = record_of(path, (header, bank), size=1)  # kept for its shards, without the large arrays
     found.populations[header["id"]] = {"header": header, "path": file.path, "record": record}
 
 

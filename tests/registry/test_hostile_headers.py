@@ -4,12 +4,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from registry_contents import POPULATION, ROBOT, make_population, make_robot, make_shard
 
+import dynreg.registry.entries as entries
+import dynreg.registry.populations as populations
 import dynreg.registry.shards as shards
-from dynreg.errors import CorruptError
+from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry import Registry, verify
+from dynreg.registry.codec import encode_arrays
 from dynreg.registry.loading import load_shards
 
 HEADERS = {
@@ -27,6 +31,22 @@ HEADERS = {
     "states of which one stands twice": {"states": ["arm/position", "arm/position", "supply"]},
     "states that are no names": {"states": [["arm/position"], 1, None]},
     "a form of tomorrow": {"schema": "dynreg/shard/99"},
+}
+
+ACTIONS = np.ones((2, 4, 1))
+POPULATIONS = {
+    "no commands": ({}, {"bank.actions": None}),
+    "commands of fewer steps": ({}, {"bank.actions": ACTIONS[:, :2]}),
+    "commands of fewer episodes": ({}, {"bank.settings": np.zeros((1, 1))}),
+    "commands of more columns": ({}, {"bank.inputs": np.ones((2, 4, 2))}),
+    "commands without axes": ({}, {"bank.actions": np.ones(8)}),
+    "units of fewer parameters": ({"parameter_units": ["kg"]}, {}),
+    "units that are a text": ({"parameter_units": "kg"}, {}),
+    "columns that are numbers": ({"actions": [[1, 2]]}, {}),
+    "columns that are texts": ({"inputs": ["ab"]}, {}),
+    "a parameter that stands twice": ({"parameters": ["mass", "mass"]}, {}),
+    "ranges that are a list": ({"spec": {"ranges": [["mass", 0.5, 2.0, "linear"]]}}, {}),
+    "a range that no float holds": ({"spec": {"ranges": {"mass": [0.5, 10**400, "linear"]}}}, {}),
 }
 
 
@@ -75,3 +95,53 @@ def test_a_shard_of_tomorrow_is_not_called_damaged(write: Any, monkeypatch: pyte
     path = write()
     with pytest.raises(CorruptError, match="newer dynreg"), Registry.open(path) as opened:
         opened.load("bench")
+
+
+@pytest.mark.parametrize("title", POPULATIONS)
+def test_a_population_whose_parts_do_not_agree_is_refused_and_found(
+    title: str, write, tmp_path, monkeypatch
+) -> None:
+    header, changed = POPULATIONS[title]
+
+    def lies(arrays: dict[str, np.ndarray], told: dict[str, Any]) -> bytes:
+        both = dict(arrays) | changed
+        return encode_arrays({k: v for k, v in both.items() if v is not None}, told | header)
+
+    monkeypatch.setattr(populations, "encode_arrays", lies)
+    with pytest.raises(CorruptError, match="populations/"):  # the shard needs it
+        write()
+    path = tmp_path / "registry"
+    assert any(fault.kind == "population" for fault in verify(path).faults)
+    verify(path, repair=True)
+
+
+@pytest.mark.parametrize("size", [(2, 3), (1, 4), (3, 4)])
+def test_commands_that_are_of_other_episodes_than_the_states_are_refused(size, write, monkeypatch) -> None:
+    def lies(arrays: dict[str, np.ndarray], told: dict[str, Any]) -> bytes:
+        other = {"bank.actions": np.ones((*size, 1)), "bank.inputs": np.ones((*size, 1))}
+        return encode_arrays(dict(arrays) | other | {"bank.settings": np.ones((size[0], 1))}, told)
+
+    record = make_population(2)
+    with monkeypatch.context() as patched:
+        patched.setattr(populations, "encode_arrays", lies)
+        patched.setattr(entries, "get_population", lambda *told: record)
+        path = write()
+    ask(path)
+    assert any("of its population" in fault.problem for fault in verify(path).faults)
+
+
+def test_entries_of_other_steps_than_the_commands_are_not_put(tmp_path: Path) -> None:
+    with Registry.open(tmp_path / "registry", create=True) as made:
+        made.put_robot(make_robot(tmp_path / "robot"), ROBOT, "arm")
+        made.put_population(make_population(2))
+        with pytest.raises(RegistryError, match="states of shape"):
+            made.put_shard("bench", 0, make_shard(0, 2, steps=6))
+
+
+def test_a_population_whose_columns_were_never_told_still_opens(tmp_path: Path) -> None:
+    untold = {name: () for name in ("actions", "inputs", "settings", "parameter_units")}
+    with Registry.open(tmp_path / "registry", create=True) as made:
+        made.put_robot(make_robot(tmp_path / "robot"), ROBOT, "arm")
+        made.put_population(make_population(2, **untold, arrays={}))
+        made.put_shard("bench", 0, make_shard(0, 2))
+        assert made.parts("bench")[0].read()[0].actions.shape == (2, 5, 0)
