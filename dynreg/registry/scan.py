@@ -32,7 +32,7 @@ from dynreg.registry.files import (
     unreadable,
 )
 from dynreg.registry.indexes import read_index
-from dynreg.registry.measured import measured_of
+from dynreg.registry.measured import measured_of, weights_layout
 from dynreg.registry.opening import MARKER
 from dynreg.registry.populations import record_of
 from dynreg.registry.records import PopulationRecord, ShardData
@@ -62,6 +62,9 @@ class Found:
     measured: dict[str, dict[str, Any]] = field(default_factory=dict)
     simulators: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, dict[str, Any]] = field(default_factory=dict)
+    models: dict[str, dict[str, Any]] = field(
+        default_factory=dict
+    )  # layout of the weights of measured entries
     bad: dict[str, str] = field(default_factory=dict)
     hashes: dict[str, str] = field(default_factory=dict)  # sha256 of every file, by its path
 
@@ -103,6 +106,7 @@ def scan(root: Path, registered: set[str], removed: Collection[str] = ()) -> Fou
         except (DynregError, KeyError, TypeError, ValueError, RecursionError) as error:
             found.bad[relative] = _damage(error)
     _pair(root, found, halves)
+    _compare_models(found)
     for path in sorted((root / CACHE).rglob("*.json")):
         if not is_temporary(path.name) and not is_sound(path):
             found.bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
@@ -207,6 +211,19 @@ def _read_measured(found: Found, path: Path, file: StoredFile) -> None:
     entry = measured_of(path, decode_arrays(path))
     row = {"id": entry.id, "population_id": entry.population_id, "recording_id": entry.recording_id}
     found.measured[entry.id] = row | {"path": file.path}
+    found.models[entry.id] = weights_layout(entry)
+
+
+def _compare_models(found: Found) -> None:
+    """Put aside measured entries whose models are not of the kind of those of their population."""
+    layouts: dict[str, dict[str, Any]] = {}
+    for (population, _), shard in sorted(found.shards.items(), key=lambda held: held[0]):
+        layouts.setdefault(population, shard.layout["weights"])
+    for identity, model in found.models.items():
+        row = found.measured[identity]
+        if layouts.get(row["population_id"], model) != model:
+            found.bad[row["path"]] = "its model has other weights than the models of its population"
+            del found.measured[identity]
 
 
 def _read_simulator(found: Found, path: Path, file: StoredFile) -> None:

@@ -1,14 +1,24 @@
 """A stranger's files, whole by their own hashes: what their headers say is checked before anything is made of it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from registry_contents import POPULATION, ROBOT, make_population, make_robot, make_shard
+from registry_contents import (
+    POPULATION,
+    ROBOT,
+    make_measured,
+    make_population,
+    make_recording,
+    make_robot,
+    make_shard,
+)
 
 import dynreg.registry.entries as entries
+import dynreg.registry.measured as measured
 import dynreg.registry.populations as populations
 import dynreg.registry.shards as shards
 from dynreg.errors import CorruptError, RegistryError
@@ -145,3 +155,41 @@ def test_a_population_whose_columns_were_never_told_still_opens(tmp_path: Path) 
         made.put_population(make_population(2, **untold, arrays={}))
         made.put_shard("bench", 0, make_shard(0, 2))
         assert made.parts("bench")[0].read()[0].actions.shape == (2, 5, 0)
+
+
+FIT = {"w0": np.ones((3, 4), np.float16), "b0": np.ones(4, np.float16)}
+MODELS = {
+    "weights that are not finite": ({}, FIT | {"b0": np.full(4, np.nan, np.float16)}),
+    "weights of another shape": ({}, FIT | {"b0": np.ones(5, np.float16)}),
+    "weights of another kind of number": ({}, FIT | {"b0": np.ones(4, np.float32)}),
+    "weights that are whole numbers": ({}, FIT | {"b0": np.ones(4, np.int64)}),
+    "weights of another name": ({}, FIT | {"b1": np.ones(4, np.float16)}),
+    "a loss that no float holds": ({"own_loss": 10**400}, FIT),
+    "a loss that is no number": ({"train_loss": float("nan")}, FIT),
+    "a loss that is a text": ({"own_loss": "0.5"}, FIT),
+}
+
+
+@pytest.mark.parametrize("title", MODELS)
+def test_a_measured_model_that_is_none_is_refused_and_found(title: str, write, monkeypatch) -> None:
+    header, weights = MODELS[title]
+
+    def lies(arrays: dict[str, np.ndarray], told: dict[str, Any]) -> bytes:
+        return encode_arrays(arrays, told | header)
+
+    path = write()
+    with Registry.open(path) as opened:
+        recording = opened.put_recording(make_recording(1), ROBOT, "first run")
+        entry = replace(make_measured(recording), weights=weights)
+        with monkeypatch.context() as patched:
+            patched.setattr(measured, "encode_arrays", lies)
+            if not header:
+                with pytest.raises(RegistryError, match="a model in population"):
+                    opened.put_measured(entry)
+            patched.setattr(measured, "_oddity", lambda *told: "")
+            identity = opened.put_measured(entry)
+        with pytest.raises(CorruptError, match="measured/"):
+            opened.measured(identity)
+    assert any(fault.kind == "measured" for fault in verify(path).faults)
+    verify(path, repair=True)
+    assert not verify(path).faults
