@@ -100,7 +100,7 @@ def _population(told: Simulated) -> str:
     ranges = told.spec.get("ranges", {})
     rows = []
     for i, c in enumerate(told.parameters):
-        low, high, scale = ranges.get(c.name, (np.nan, np.nan, ""))
+        low, high, scale = (*ranges.get(c.name, (np.nan, np.nan)), "")[:3]
         values = told.values[:, i]
         told_range = f"{low:.6g} to {high:.6g}" if np.isfinite([low, high]).all() else "not told"
         rows.append((c.name, c.unit, told_range, scale, f"{values.min():.6g} to {values.max():.6g}"))

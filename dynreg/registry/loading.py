@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, Row, select
@@ -53,7 +54,7 @@ def load_population(
         numbers=numbers,
         parameters=record.parameters,
         values=_stack(parts, "values"),
-        states=_states(directory, shards) if "states" in columns else None,
+        states=_states(directory, shards, record) if "states" in columns else None,
         weights=strip(_stack_all(parts, "weights/"), "weights/") if "weights" in columns else None,
         own_loss=_stack(parts, "own_loss"),
         train_loss=_stack(parts, "train_loss"),
@@ -69,10 +70,10 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
     _check_whole(entry.population_id, holds, np.array([entry.number]), alone=True)
     position = entry.number - holds[0].start
     states_path, arrays_path = directory.checked(holds[0].states_path, holds[0].arrays_path)
-    header = read_states_header(states_path)
+    record = get_population(directory, entry.population_id)
+    header = _header(states_path, holds[0], record)
     states = np.empty((1, *header["shape"][1:]), np.float32)
     read_states(states_path, states, position)
-    record = get_population(directory, entry.population_id)
     arrays = _rest(arrays_path, holds[0].stop - holds[0].start, record)
     row = {name: array[position] for name, array in arrays.items()}
     return EntryRecord(
@@ -154,7 +155,7 @@ def shard_parts(
         own = [r for r in rows if shard.start <= r.number < shard.stop and (not wanted or r.id in wanted)]
         if own:
             numbers = np.array([row.number for row in own])
-            shape = tuple(read_states_header(path)["shape"])
+            shape = tuple(_header(path, shard, record)["shape"])
             ids = tuple(row.id for row in own)
             parts.append(ShardPart(path, shape, record, ids, numbers, numbers - shard.start))
     return tuple(parts)
@@ -187,8 +188,11 @@ def load_shards(directory: Directory, population_id: str) -> Iterator[tuple[int,
     """The shards of a population one after the other, with the number of their first entry."""
     with directory.catalog.read() as connection:
         shards = _shards(connection, population_id)
+    record = get_population(directory, population_id)
     for shard in shards:
-        _, data = read_shard(*directory.checked(shard.states_path, shard.arrays_path))
+        paths = directory.checked(shard.states_path, shard.arrays_path)
+        _header(paths[0], shard, record)
+        _, data = read_shard(*paths)
         yield shard.start, data
 
 
@@ -235,10 +239,21 @@ def _check_whole(population_id: str, shards: Sequence[Row], numbers: np.ndarray,
         )
 
 
-def _states(directory: Directory, shards: Sequence[Row]) -> np.ndarray:
+def _header(path: Path, shard: Row, record: PopulationRecord) -> dict[str, Any]:
+    """The header of a shard's states, which are those of its row in the catalogue; CorruptError else."""
+    header = read_states_header(path)
+    if [header[key] for key in ("population", "start", "stop")] != [record.id, shard.start, shard.stop]:
+        raise unreadable(path, "it belongs to another shard")
+    if header["states"] != [channel.name for channel in record.channels] or not record.fits(header["shape"]):
+        raise unreadable(path, "its states are not those of its population")
+    return header
+
+
+def _states(directory: Directory, shards: Sequence[Row], record: PopulationRecord) -> np.ndarray:
     paths = directory.checked(*(shard.states_path for shard in shards))
+    headers = [_header(path, shard, record) for path, shard in zip(paths, shards, strict=True)]
     offsets = np.cumsum([0, *(shard.stop - shard.start for shard in shards)])
-    out = np.empty((offsets[-1], *read_states_header(paths[0])["shape"][1:]), np.float32)
+    out = np.empty((offsets[-1], *headers[0]["shape"][1:]), np.float32)
     with ThreadPoolExecutor(_THREADS) as pool:
         for _ in pool.map(
             lambda i: read_states(paths[i], out[offsets[i] : offsets[i + 1]]), range(len(paths))

@@ -11,7 +11,7 @@ from sqlalchemy import Connection, Row, select
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
-from dynreg.errors import CorruptError, DiffersError
+from dynreg.errors import CorruptError, DiffersError, RegistryError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
@@ -19,6 +19,7 @@ from dynreg.registry.files import LOCKS, StoredFile, content_name, sweep, try_lo
 from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
+from dynreg.registry.shapes import check_spec
 
 Span = tuple[int, int]  # numbers of entries: first, and one past the last
 
@@ -86,22 +87,37 @@ def record_of(path: Path, told: tuple[dict[str, Any], dict[str, np.ndarray]], si
         odd = [name for name, kind in kinds.items() if not isinstance(header[name], kind)]
         if odd or not all(isinstance(name, str) for name in header["parameters"]):
             raise ValueError(f"its {(odd or ['parameters'])[0]!r} is of another kind")
+        check_spec(header["spec"])
         return PopulationRecord(
             id=header["id"],
             robot_hash=header["robot"],
             name=header["name"],
-            channels=tuple(Channel(name, unit) for name, unit in header["channels"]),
+            channels=_channels(header["channels"]),
             parameters=tuple(header["parameters"]),
             size=size,
             seed=header["seed"],
             spec=header["spec"],
             arrays=arrays,
             shard_size=header["shard_size"],
-            **{g: tuple(Channel(name, unit) for name, unit in header.get(g, ())) for g in COMMANDED},
-            parameter_units=tuple(header.get("parameter_units", ())),
+            **{group: _channels(header.get(group, [])) for group in COMMANDED},
+            parameter_units=_texts(header.get("parameter_units", [])),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise unreadable(path, error) from error
+    except RegistryError as error:  # the record refuses what a population cannot be
+        raise unreadable(path, error.problem) from error
+
+
+def _texts(told: Any) -> tuple[str, ...]:
+    if not isinstance(told, list) or not all(isinstance(text, str) for text in told):
+        raise ValueError(f"{told!r:.80} where names or units belong")
+    return tuple(told)
+
+
+def _channels(told: Any) -> tuple[Channel, ...]:
+    if not isinstance(told, list):
+        raise ValueError(f"{told!r:.80} where channels belong")
+    return tuple(Channel(name, unit) for name, unit in map(_texts, told))
 
 
 def missing_spans(directory: Directory, population_id: str) -> tuple[Span, ...]:

@@ -11,9 +11,10 @@ import numpy as np
 from dynreg.data.recording import Channel
 from dynreg.data.trajectories import KEYS, Columns, Trajectories
 from dynreg.errors import RegistryError
+from dynreg.registry.shapes import AXES, bank_shape, fits_bank
 
 _ID = re.compile(r"[0-9a-f]{16,}")
-COMMANDED = ("actions", "inputs", "settings")  # what all entries of a population are told alike
+COMMANDED = tuple(AXES)  # what all entries of a population are told alike
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,22 @@ class PopulationRecord:
                 expected="at least one entry in shards of at least one",
                 do="ask for a population of one entry or more",
             )
+        units = len(self.parameter_units) in (0, len(self.parameters))
+        try:
+            if not units or len(set(self.parameters)) < len(self.parameters):
+                raise ValueError(f"{len(self.parameter_units)} units of the parameters {self.parameters}")
+            bank_shape(self.arrays, {group: getattr(self, group) for group in COMMANDED})
+        except ValueError as error:
+            raise RegistryError(
+                f"population {self.name!r}: {error}",
+                expected="a unit for each parameter; bank arrays (E, T, columns), settings (E, columns)",
+                do="give one column for each channel, and the same episodes and steps in all",
+            ) from error
+
+    def fits(self, shape: Sequence[int]) -> bool:
+        """Whether states of a shape (n, E, T+1, S) are of its channels, and of the episodes and steps of its bank."""
+        bank = bank_shape(self.arrays, {group: getattr(self, group) for group in COMMANDED})
+        return shape[3] == len(self.channels) and fits_bank(bank, shape)
 
     @property
     def columns(self) -> Columns:
@@ -83,11 +100,17 @@ class PopulationRecord:
     ) -> Trajectories:
         """What entries (n,) did: states (n, E, T+1, S), a period (n, E) [s] apart, under the commands of all."""
         episodes, rows = states.shape[1:3]
+        if not self.fits(states.shape):
+            raise RegistryError(
+                f"states of shape {states.shape} in population {self.id[:12]}",
+                expected="the channels of the population, and the episodes and steps of its bank",
+                do="compute the entries with the population's settings",
+            )
 
         def told(group: str, shape: tuple[int, ...]) -> np.ndarray:
-            count, out = len(getattr(self, group)), np.full(shape, np.nan, np.float32)
-            out = np.repeat(out[..., None], count, axis=-1)
-            if count:
+            count = len(getattr(self, group))
+            out = np.full((*shape, count), np.nan, np.float32)
+            if count:  # no command follows the last state
                 values = self.arrays[f"bank.{group}"]
                 out[tuple(slice(size) for size in values.shape[:-1])] = values
             return out
@@ -184,6 +207,8 @@ class ShardData:
         wrong = [f"{name} {array.shape}" for name, array in lengths.items() if array.shape[:1] != (count,)]
         if self.periods is not None and self.periods.shape != self.states.shape[:2]:
             wrong.append(f"periods {self.periods.shape}")
+        elif self.periods is not None and not (np.isfinite(self.periods) & (self.periods > 0)).all():
+            wrong.append("periods that are not finite and above 0")
         if wrong or count == 0 or self.values.ndim != 2 or self.states.ndim != 4:
             raise RegistryError(
                 f"a shard with values {self.values.shape}, states {self.states.shape} {' '.join(wrong)}",

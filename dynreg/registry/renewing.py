@@ -20,19 +20,25 @@ import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
 from dynreg.data.table import is_old as is_old_recording
 from dynreg.errors import CorruptError, DynregError, Renewed
+from dynreg.limits import limits
 from dynreg.registry.directory import Directory
 from dynreg.registry.entries import states_file
 from dynreg.registry.files import StoredFile, read_regular
+from dynreg.registry.headers import is_old
 from dynreg.registry.populations import get_population, population_file
 from dynreg.registry.recordings import get_recording, recording_file
 from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import robot_folder
-from dynreg.registry.shards import is_old, read_shard, read_states_header
+from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.registry.sweeping import remove_files
 
 Work = tuple[
     Table, dict[str, Any], str, Callable[[], tuple[StoredFile, bytes]]
 ]  # row, column of its file, new file
+
+# What an odd robot.toml, or a file that a stranger wrote, may raise: such a file stays as it is.
+_ODD_ROBOT = (AttributeError, LookupError, TypeError, ValueError, ArithmeticError, RecursionError)
+_ODD = (DynregError, OSError, *_ODD_ROBOT)
 
 
 def renew(directory: Directory, aside: bool = False) -> None:
@@ -49,7 +55,7 @@ def renew(directory: Directory, aside: bool = False) -> None:
             if not number and not aside:
                 what = f"the registry {str(directory.path)!r} is of an older form"
                 warnings.warn(f"{what}: its files are written anew, once", Renewed, 2)
-            with suppress(CorruptError):
+            with suppress(CorruptError, *_ODD_ROBOT):
                 _replace(directory, table, row, column, *made())
         directory.catalog.note(migrations.FILES)
 
@@ -85,7 +91,7 @@ def _rows(directory: Directory, table: Table) -> list[dict[str, Any]]:
 
 def _populations(directory: Directory) -> Iterator[Work]:
     for row in _rows(directory, tables.populations):
-        with suppress(DynregError, OSError, KeyError, TypeError, ValueError):
+        with suppress(*_ODD):
             record = get_population(directory, row["id"])
             told = replace(record, **_told(_robot(directory, record)))
             if told.columns != record.columns and all(
@@ -96,7 +102,7 @@ def _populations(directory: Directory) -> Iterator[Work]:
 
 def _shards(directory: Directory) -> Iterator[Work]:
     for row in _rows(directory, tables.shards):
-        with suppress(DynregError, OSError, KeyError, TypeError, ValueError):
+        with suppress(*_ODD):
             states, rest = directory.checked(row["states_path"], row["arrays_path"])
             if is_old(read_states_header(states)):
                 record = get_population(directory, row["population_id"])
@@ -113,7 +119,7 @@ def _shards(directory: Directory) -> Iterator[Work]:
 
 def _recordings(directory: Directory) -> Iterator[Work]:
     for row in _rows(directory, tables.recordings):
-        with suppress(DynregError):
+        with suppress(*_ODD):
             if is_old_recording(*directory.checked(row["path"])):
                 recording = get_recording(directory, row["id"])
                 made = recording, row["robot_hash"]
@@ -122,22 +128,32 @@ def _recordings(directory: Directory) -> Iterator[Work]:
 
 def _robot(directory: Directory, record: PopulationRecord) -> Mapping[str, Any]:
     path = robot_folder(directory, record.robot_hash) / "robot.toml"
-    return tomllib.loads(read_regular(path).decode())
+    data = read_regular(path, limits().toml_bytes + 1)
+    if len(data) > limits().toml_bytes:
+        raise ValueError(f"{path.name!r} is too long")
+    return tomllib.loads(data.decode())
 
 
 def _told(robot: Mapping[str, Any]) -> dict[str, Any]:
     """What a record lacks, by a robot.toml as it was when records lacked it."""
-    inputs = {one["name"]: one["unit"] for one in robot.get("inputs", ())}
+    inputs = _units(robot, "inputs")
     enables = dict.fromkeys(drive["enable"] for drive in robot.get("drives", ()) if drive.get("enable"))
     groups = {
-        "actions": {one["name"]: one["unit"] for one in robot.get("actions", ())},
+        "actions": _units(robot, "actions"),
         "inputs": inputs | dict.fromkeys(enables, "1"),
-        "settings": {one["name"]: one["unit"] for one in robot.get("settings", ())},
+        "settings": _units(robot, "settings"),
     }
     units = tuple(one["unit"] for one in robot.get("parameters", ()))
+    texts = [text for columns in groups.values() for named in columns.items() for text in named]
+    if not all(isinstance(text, str) for text in (*texts, *units)):
+        raise ValueError("a name or a unit that is no text")
     return {
         group: tuple(Channel(*named) for named in columns.items()) for group, columns in groups.items()
     } | {"parameter_units": units}
+
+
+def _units(robot: Mapping[str, Any], group: str) -> dict[str, str]:
+    return {one["name"]: one["unit"] for one in robot.get(group, ())}
 
 
 def _periods(robot: Mapping[str, Any], record: PopulationRecord, values: np.ndarray) -> np.ndarray:
@@ -153,4 +169,5 @@ def _periods(robot: Mapping[str, Any], record: PopulationRecord, values: np.ndar
         for target, _, op in (text.strip().rpartition(" ") for text in sets):
             if target.strip() == "control.rate":
                 rate = {"=": lambda r, v: v + 0 * r, "*=": np.multiply, "+=": np.add}[op](rate, value)
-    return 1.0 / rate
+    with np.errstate(all="ignore"):  # a shard takes only periods that are finite and above 0
+        return 1.0 / rate

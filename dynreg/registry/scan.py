@@ -32,9 +32,10 @@ from dynreg.registry.files import (
     unreadable,
 )
 from dynreg.registry.indexes import read_index
-from dynreg.registry.measured import measured_of
+from dynreg.registry.measured import measured_of, weights_layout
 from dynreg.registry.opening import MARKER
 from dynreg.registry.populations import record_of
+from dynreg.registry.records import PopulationRecord, ShardData
 from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.search.journal import damage
 
@@ -61,6 +62,9 @@ class Found:
     measured: dict[str, dict[str, Any]] = field(default_factory=dict)
     simulators: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, dict[str, Any]] = field(default_factory=dict)
+    models: dict[str, dict[str, Any]] = field(
+        default_factory=dict
+    )  # layout of the weights of measured entries
     bad: dict[str, str] = field(default_factory=dict)
     hashes: dict[str, str] = field(default_factory=dict)  # sha256 of every file, by its path
 
@@ -102,6 +106,7 @@ def scan(root: Path, registered: set[str], removed: Collection[str] = ()) -> Fou
         except (DynregError, KeyError, TypeError, ValueError, RecursionError) as error:
             found.bad[relative] = _damage(error)
     _pair(root, found, halves)
+    _compare_models(found)
     for path in sorted((root / CACHE).rglob("*.json")):
         if not is_temporary(path.name) and not is_sound(path):
             found.bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
@@ -161,7 +166,9 @@ def _pair(root: Path, found: Found, halves: _Halves) -> None:
         population, start, stop = span
         rest_path = halves.rest[span]
         try:
-            _, data = read_shard(root / states_path, root / rest_path)
+            header, data = read_shard(root / states_path, root / rest_path)
+            if population in found.populations:
+                _check_fits(found.populations[population]["record"], header, data)
         except (DynregError, KeyError, TypeError, ValueError, OverflowError) as error:
             found.bad[states_path] = found.bad[rest_path] = _damage(error)
             continue
@@ -175,13 +182,19 @@ def _pair(root: Path, found: Found, halves: _Halves) -> None:
         found.shards[population, start] = FoundShard(row, entries, data.layout)
 
 
+def _check_fits(record: PopulationRecord, header: dict[str, Any], data: ShardData) -> None:
+    """Raise ValueError where the entries of a shard are none of this population's."""
+    if header["states"] != [channel.name for channel in record.channels] or not record.fits(header["shape"]):
+        raise ValueError("its states are not those of its population")
+    if data.values.shape[1] != len(record.parameters):
+        raise ValueError("its parameters are not those of its population")
+
+
 def _read_population(found: Found, path: Path, file: StoredFile) -> None:
     header, arrays = decode_arrays(path)
-    try:
-        record_of(path, (header, arrays), size=1)
-    except RegistryError as error:  # the record refuses, too, what a population cannot be
-        raise unreadable(path, error.problem) from error
-    found.populations[header["id"]] = {"header": header, "path": file.path}
+    bank = {name: array for name, array in arrays.items() if name.startswith("bank.")}
+    record = record_of(path, (header, bank), size=1)  # kept for its shards, without the large arrays
+    found.populations[header["id"]] = {"header": header, "path": file.path, "record": record}
 
 
 def _read_recording(found: Found, path: Path, file: StoredFile) -> None:
@@ -198,6 +211,19 @@ def _read_measured(found: Found, path: Path, file: StoredFile) -> None:
     entry = measured_of(path, decode_arrays(path))
     row = {"id": entry.id, "population_id": entry.population_id, "recording_id": entry.recording_id}
     found.measured[entry.id] = row | {"path": file.path}
+    found.models[entry.id] = weights_layout(entry)
+
+
+def _compare_models(found: Found) -> None:
+    """Put aside measured entries whose models are not of the kind of those of their population."""
+    layouts: dict[str, dict[str, Any]] = {}
+    for (population, _), shard in sorted(found.shards.items(), key=lambda held: held[0]):
+        layouts.setdefault(population, shard.layout["weights"])
+    for identity, model in found.models.items():
+        row = found.measured[identity]
+        if layouts.get(row["population_id"], model) != model:
+            found.bad[row["path"]] = "its model has other weights than the models of its population"
+            del found.measured[identity]
 
 
 def _read_simulator(found: Found, path: Path, file: StoredFile) -> None:

@@ -6,7 +6,6 @@ schema's metadata the parameters of each entry. The two files tell all that the 
 it can be rebuilt from them.
 """
 
-import json
 import mmap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,15 +15,23 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dynreg.errors import CorruptError
-from dynreg.limits import limits, refuse
+from dynreg.errors import RegistryError
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import open_regular, unreadable
+from dynreg.registry.headers import SCHEMA, TOGETHER, checked_header, together
 from dynreg.registry.records import PopulationRecord, ShardData
 
-SCHEMA = "dynreg/shard/2"  # of the Parquet file; the first had episode, step and states alone, and no name
-# Entries whose rows are a row group. Commands are the same in each: a dictionary for a few costs little.
-TOGETHER = 20
+# What a damaged file makes its readers raise.
+_ODD = (
+    OSError,
+    pa.ArrowException,
+    KeyError,
+    TypeError,
+    IndexError,
+    ValueError,
+    OverflowError,
+    RecursionError,
+)
 
 
 def encode_rows(data: ShardData, record: PopulationRecord, start: int, ids: Sequence[str]) -> bytes:
@@ -96,30 +103,13 @@ def encode_rest(data: ShardData, header: dict[str, Any]) -> bytes:
 def read_states_header(path: Path) -> dict[str, Any]:
     """The header of a Parquet shard, with `shape` (n, E, T+1, S), the names of its `states` and `periods` (n, E).
 
-    Raises CorruptError when its row groups are not of whole entries.
+    Raises CorruptError where it is none of a shard's, or does not fit the row groups.
     """
     try:
         with _mapped(path) as stream:
-            header = json.loads(stream.schema_arrow.metadata[b"dynreg"])
-            n, episodes, steps, channels = header["shape"]
-            if n * episodes * steps * channels > limits().numbers:
-                refuse(CorruptError, path.name, f"{n * episodes * steps * channels} numbers", "numbers")
-            rows = {stream.metadata.row_group(i).num_rows for i in range(stream.num_row_groups)}
-            header["states"] = _states_of(header, stream)
-            header["periods"] = _periods_of(header)
-            per = _together(header)
-            sizes = [episodes * steps * min(per, n - at) for at in range(0, n, per)]
-            whole = [stream.metadata.row_group(i).num_rows for i in range(stream.num_row_groups)] == sizes
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as error:
+            return checked_header(path, stream)
+    except _ODD as error:
         raise unreadable(path, error) from error
-    if not whole:
-        raise unreadable(path, f"it has {stream.num_row_groups} row groups of {rows} rows")
-    return header
-
-
-def is_old(header: dict[str, Any]) -> bool:
-    """Whether a shard's Parquet file is of the first form, which tells episode, step and states alone."""
-    return "schema" not in header
 
 
 def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
@@ -133,10 +123,12 @@ def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
     at = 0
     try:
         with _mapped(path) as stream:
-            header = json.loads(stream.schema_arrow.metadata[b"dynreg"])
-            names, per = _states_of(header, stream), _together(header)
-            if len(names) != channels:
-                raise ValueError(f"it has {len(names)} channels, not {channels}")
+            header = checked_header(path, stream)
+            names, per = header["states"], together(header)
+            if header["shape"][1:] != [episodes, steps, channels]:
+                raise ValueError(
+                    f"its entries are of the shape {header['shape'][1:]}, not {list(out.shape[1:])}"
+                )
             groups = range(first // per, (first + count - 1) // per + 1)
             skip = (first - groups.start * per) * rows
             for columns in _decoded(stream, names, groups, TOGETHER * rows):
@@ -145,7 +137,7 @@ def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
                 for j, column in enumerate(columns):
                     flat[at : at + end - begin, j] = column[begin:end]
                 at, skip = at + end - begin, skip - begin
-    except (OSError, pa.ArrowException, KeyError, TypeError, IndexError, ValueError, RecursionError) as error:
+    except _ODD as error:
         raise unreadable(path, error) from error
     if at != len(flat):
         raise unreadable(path, f"it holds {at} rows, not {len(flat)}")
@@ -158,29 +150,6 @@ def _decoded(
     batches = stream.iter_batches(batch_size=rows, row_groups=groups, columns=list(names), use_threads=False)
     for batch in batches:
         yield [_values(batch.column(name)) for name in names]
-
-
-def _states_of(header: dict[str, Any], stream: pq.ParquetFile) -> list[str]:
-    names = stream.schema_arrow.names
-    told = names[2:] if is_old(header) else header["states"]
-    if not isinstance(told, list) or not set(told) <= set(names):
-        raise ValueError(f"it lacks the states {told!r:.80}")
-    return told
-
-
-def _periods_of(header: dict[str, Any]) -> np.ndarray | None:
-    """(n, E) seconds from a row to the next; None where nobody told them."""
-    if header.get("periods") is None:
-        return None
-    periods = np.array(header["periods"], dtype=np.float64)
-    if periods.shape != tuple(header["shape"][:2]):
-        raise ValueError(f"periods of shape {periods.shape} for {header['shape'][:2]} episodes")
-    return periods
-
-
-def _together(header: dict[str, Any]) -> int:
-    """Entries in a row group."""
-    return 1 if is_old(header) else TOGETHER
 
 
 def read_shard(states_path: Path, rest_path: Path) -> tuple[dict[str, Any], ShardData]:
@@ -203,6 +172,8 @@ def read_shard(states_path: Path, rest_path: Path) -> tuple[dict[str, Any], Shar
         )
     except KeyError as error:
         raise unreadable(rest_path, f"it lacks {error}") from error
+    except (RegistryError, TypeError, ValueError) as error:  # arrays that do not fit each other
+        raise unreadable(rest_path, getattr(error, "problem", str(error))) from error
 
 
 def strip(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

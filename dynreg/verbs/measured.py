@@ -1,22 +1,30 @@
 """Real robots as entries: a recording's own model, registered beside those of simulators."""
 
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
+
 from dynreg.data.recording import Recording
 from dynreg.distance.population import Population, Shared
 from dynreg.distance.query import DistanceQuery, own_model, transitions_of
 from dynreg.distance.rows import Rows, recording_rows
 from dynreg.distance.table import DISTANCES
-from dynreg.errors import LogError
+from dynreg.errors import CorruptError, Damaged, LogError
 from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack, stack_of
 from dynreg.registry import MeasuredEntry, Registry
 from dynreg.results.neighbours import MeasuredNeighbour
 from dynreg.verbs.subjects import Recorded
 
+T = TypeVar("T")
+
 
 def register_measured(asked: Recorded, population: Population, *, threads: int = 0) -> str | None:
     """The id of a recording's entry in a population: its model, trained on all of it, stored where it was not.
 
-    None where it has no model: its control is timed, too few of its rows were measured, or it is not stored itself.
+    None where it has no model: its control is timed, too few of its rows were measured, its loss
+    is no number, or it is not stored itself.
     """
     registry, recording, shared = asked.registry, asked.recording, population.shared
     if not registry.holds(recording.id):
@@ -30,6 +38,8 @@ def register_measured(asked: Recorded, population: Population, *, threads: int =
     except LogError:
         return None
     own, trained = (float(losses(model, *part)[0]) for part in (rows.held, rows.train))
+    if not (math.isfinite(own) and math.isfinite(trained)):
+        return None
     weights = {name: array[0] for name, array in model.as_arrays().items()}
     return registry.put_measured(MeasuredEntry(population.id, recording.id, weights, own, trained))
 
@@ -40,16 +50,28 @@ def near_measured(
     """The k other recordings of the population that are nearest by a distance; none where it cannot tell."""
     registry, population = asked.registry, query.population
     others = {r: e for r, e in registry.measured_in(population.id).items() if r != asked.recording.id}
-    if not others:
+    sound = list(each_sound(others, lambda entry: model_of(registry, entry)))
+    if not sound:
         return ()
-    apart = DISTANCES[distance].to_models(query, stack_of([model_of(registry, e) for e in others.values()]))
+    apart = DISTANCES[distance].to_models(query, stack_of([model for _, _, model in sound]))
     if apart is None:
         return ()
-    near = sorted(zip(apart.tolist(), others.items(), strict=True))[:k]
+    near = sorted((far, (r, e)) for far, (r, e, _) in zip(apart.tolist(), sound, strict=True))[:k]
     return tuple(
         MeasuredNeighbour(entry=entry, recording=r, name=registry.recording_info(r).name, distance=far)
         for far, (r, entry) in near
     )
+
+
+def each_sound(held: Mapping[str, str], read: Callable[[str], T]) -> Iterator[tuple[str, str, T]]:
+    """(recording, entry, what `read` makes of the entry) of each; a damaged one is passed over, which is said."""
+    for recording, entry in held.items():
+        try:
+            made = read(entry)
+        except CorruptError as error:
+            warnings.warn(f"measured entry {entry[:12]} is passed over: {error.problem}", Damaged, 3)
+        else:
+            yield recording, entry, made
 
 
 def rows_of(shared: Shared, recording: Recording) -> Rows:

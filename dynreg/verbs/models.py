@@ -15,7 +15,7 @@ from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack, stack_of
 from dynreg.registry import Registry
 from dynreg.rng import stream
-from dynreg.verbs.measured import model_of, rows_of
+from dynreg.verbs.measured import each_sound, model_of, rows_of
 from dynreg.verbs.populations import load_graph, load_population, shared_of
 from dynreg.verbs.simulators import told_last
 
@@ -95,9 +95,11 @@ def near_entries(registry: Registry, ref: str, k: int) -> "pd.DataFrame":
         (float(d), ids[i], "entry", f"{record.name}-{numbers[i]}")
         for i, d in zip(found.ids.tolist(), found.distances, strict=True)
     ]
-    for recording, entry in registry.measured_in(record.id).items():
-        apart = _apart(own, _judged(registry, population.shared, "measured", entry))
-        rows.append((apart, entry, "measured", registry.recording_info(recording).name))
+    held = registry.measured_in(record.id)
+    for recording, entry, other in each_sound(
+        held, lambda entry: _judged(registry, population.shared, "measured", entry)
+    ):
+        rows.append((_apart(own, other), entry, "measured", registry.recording_info(recording).name))
     near = sorted(row for row in rows if row[1] != identity)[:k]
     return pd.DataFrame(
         [(i, kind, name, d) for d, i, kind, name in near], columns=["id", "kind", "name", "distance"]

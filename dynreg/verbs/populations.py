@@ -60,7 +60,7 @@ def begin(
     if known is not None:
         if plan.n > known.size:
             registry.put_population(replace(known, size=plan.n))
-        return identity, shared_from(robot, known.spec, known.arrays)
+        return identity, _shared(robot, known)
     report("base model", 0, 1)
     with watch.of("base"):
         shared = make_shared(robot, plan.seed, plan.training, plan.threads)
@@ -198,6 +198,24 @@ def load_graph(registry: Registry, ref: str, entries: Sequence[str] | None = Non
 def shared_of(registry: Registry, record: PopulationRecord) -> Shared:
     """What a population's entries share, its robot from the registry's own copy, with the population's ranges."""
     robot = load_robot(registry.robot_folder(record.robot_hash))
-    ranges = {name: (low, high) for name, (low, high, _) in record.spec["ranges"].items()}
-    robot = replace(robot, space=robot.space.with_ranges(ranges))
-    return shared_from(robot, record.spec, record.arrays)
+    try:
+        ranges = {name: (low, high) for name, (low, high, _) in record.spec["ranges"].items()}
+        robot = replace(robot, space=robot.space.with_ranges(ranges))
+    except (KeyError, TypeError, ValueError) as error:
+        raise _lacking(record, error) from error
+    return _shared(robot, record)
+
+
+def _shared(robot: Robot, record: PopulationRecord) -> Shared:
+    try:
+        return shared_from(robot, record.spec, record.arrays)
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
+        raise _lacking(record, error) from error
+
+
+def _lacking(record: PopulationRecord, error: Exception) -> CorruptError:
+    return CorruptError(
+        f"population {record.id[:12]} does not hold what its models need: {error}",
+        expected="the ranges, the commands and the training of a population",
+        do="run `dynreg verify` on the registry",
+    )

@@ -11,7 +11,8 @@ from older_form import POPULATION, fill, recording
 import dynreg.registry.renewing as renewing
 from dynreg.errors import RegistryError, Renewed
 from dynreg.registry import Registry, verify
-from dynreg.registry.shards import is_old, read_states_header
+from dynreg.registry.headers import is_old
+from dynreg.registry.shards import read_states_header
 from dynreg.sim.engines import rollout
 from dynreg.sim.ports import log_periods
 from dynreg.sim.robot import load_robot
@@ -114,6 +115,50 @@ def test_one_whose_robot_is_damaged_answers_as_it_is(old):
         with Registry.open(old) as registry:
             assert len(registry.load(POPULATION)) == 4
     assert all(is_old(read_states_header(path)) for path in (old / "shards").glob("*.parquet"))
+
+
+ODD = {
+    "more parameters than values": "[robot]\ncontrol_rate = 50.0\n"
+    + '[[parameters]]\nname = "p"\nunit = "1"\nsets = ["control.rate *="]\n' * 99,
+    "a target that is a number": '[robot]\ncontrol_rate = 50.0\n[[parameters]]\nunit = "1"\nsets = [5]\n',
+    "a drive that is a text": 'drives = ["x"]\n[robot]\ncontrol_rate = 50.0\n[[parameters]]\nsets = 5\n',
+    "deep brackets": "a = " + "[" * 100_000,
+    "a rate of zero": "[robot]\ncontrol_rate = 0.0\n",
+    "a rate that no float holds": f"[robot]\ncontrol_rate = {10**400}\n",
+    "a robot that is a list": "robot = [1]\n",
+    "too long": "[robot]\ncontrol_rate = 50.0\n" + "#" * 1_000_000,
+    "bytes of no text": b"\xff\xfe",
+}
+
+
+@pytest.fixture
+def put_robot_file(tmp_path, monkeypatch):
+    """Let the registry have another robot.toml, as if it had been registered so."""
+
+    def put(content: bytes) -> None:
+        (tmp_path / "odd").mkdir()
+        (tmp_path / "odd" / "robot.toml").write_bytes(content)
+        monkeypatch.setattr(renewing, "robot_folder", lambda *_: tmp_path / "odd")
+
+    return put
+
+
+@pytest.mark.parametrize("title", ODD)
+def test_an_odd_robot_file_leaves_what_it_told_as_it_is(title, old, put_robot_file):
+    put_robot_file(ODD[title] if isinstance(ODD[title], bytes) else ODD[title].encode())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", Renewed)
+        with Registry.open(old) as registry:
+            assert len(registry.load(POPULATION)) == 4
+    assert all(is_old(read_states_header(path)) for path in (old / "shards").glob("*.parquet"))
+
+
+def test_units_that_are_no_text_are_not_written_into_a_population(old, put_robot_file):
+    (toml,) = (old / "robots").rglob("robot.toml")
+    put_robot_file(toml.read_bytes().replace(b'unit = "rad"', b"unit = 5"))
+    with pytest.warns(Renewed), Registry.open(old) as registry:
+        assert registry.population(POPULATION).actions == ()
 
 
 def test_times_are_those_at_which_the_engine_reads_states():

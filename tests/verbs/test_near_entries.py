@@ -8,7 +8,7 @@ import pytest
 import tiny_registry
 
 import dynreg
-from dynreg.errors import NoMatchError, UsageError
+from dynreg.errors import Damaged, NoMatchError, UsageError
 from dynreg.verbs.populations import load_population
 
 
@@ -64,6 +64,20 @@ def test_a_recordings_own_model_is_an_entry_like_any_other(reg, tmp_path):
     assert [item.name for item in reg.list("measured").items] != []
     assert reg.query("bench", replay=False, synthesise=False).measured[0].name == "second"
     assert len(reg.list("measured").items) == 2, "each recording has one"
+
+
+def test_a_damaged_model_of_a_recording_is_passed_over(reg, tmp_path):
+    entries = reg.population("servo_pendulum").id
+    reg.query("bench", replay=False, synthesise=False)
+    (own,) = reg.list("measured").items
+    (file,) = (tmp_path / "registry" / "measured").iterdir()
+    file.write_bytes(file.read_bytes()[:-1])
+    with pytest.warns(Damaged, match="is passed over"):
+        assert own.id not in set(reg.neighbours(entries[0], 8).id)
+    (tmp_path / "second.csv").write_text(scaled(0.98))
+    reg.ingest(tmp_path / "second.csv", "servo_pendulum", name="second")
+    with pytest.warns(Damaged, match="is passed over"):
+        assert reg.query("second", replay=False, synthesise=False).measured == ()
 
 
 def test_the_held_out_part_of_a_query_does_not_see_the_stored_model(reg):
