@@ -300,8 +300,9 @@ class Session:
     def import_registry(self, source: str | Path, *, progress: Progress | None = None) -> "Import":
         """Take everything that another registry holds into this one, by content; ids stay as they are.
 
-        What is here already stays as it is, and what is left out is told. Raises RegistryError where there is no
-        registry at `source`, or this one may not be written.
+        What is here already stays as it is, and so does the other registry. What is left out is told, and how many
+        things were left out because they are `damaged`. Raises RegistryError where there is no registry at `source`,
+        or this one may not be written.
         """
         from dynreg.verbs.import_registry import import_registry
 
