@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from fuzzer import findings
 from fuzzer.corpus import Case, cases
+from fuzzer.formats import small
 from fuzzer.journal import Journal, table
 from fuzzer.loop import SPAN, Loop
 from fuzzer.mutate import raw
@@ -23,6 +24,7 @@ from hypothesis import strategies as st
 
 from dynreg.errors import LogError
 from dynreg.limits import variable
+from dynreg.registry.files import CONTENTS, INDEX, ROBOTS
 
 EXAMPLES = 25  # of each target, in every run of the tests; `make fuzz` draws many more
 BOUNDS = Bounds()
@@ -35,6 +37,10 @@ def bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path.parent)  # where MuJoCo leaves its log
     for name, limit in LIMITS.items():
         monkeypatch.setenv(variable(name), str(limit))
+
+
+def test_files_of_every_folder_of_a_registry_are_changed() -> None:
+    assert {name.split("/")[0] for name, _ in small.files()} == {*CONTENTS, INDEX} - {ROBOTS}
 
 
 @pytest.mark.usefixtures("bounded")

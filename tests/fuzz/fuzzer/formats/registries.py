@@ -195,6 +195,8 @@ def ask(folder: Path) -> None:
         one(registry.latest)
         one(registry.content_hash)
         one(lambda: registry.load_entry(registry.load("bench").ids[1]))
+        one(lambda: [part.read() for part in registry.parts("bench")])
+        one(lambda: [registry.measured(entry) for entry in registry.measured_in("bench").values()])
         one(lambda: registry.robot_folder("arm"))
         one(lambda: registry.index("bench", "landmarks"))
         for info in registry.recordings() if not problems else ():
@@ -221,6 +223,7 @@ _STATEMENTS = tuple(
         ("recordings", ("id", "ordinal", "path", "robot_hash")),
         ("recording_names", ("name", "recording_id")),
         ("results", ("id", "kind", "recording_id", "path", "ordinal")),
+        ("measured", ("id", "population_id", "recording_id", "path")),
         ("simulators", ("id", "path")),
         ("pages", ("number", "sha256")),
         ("seals", ("rows", "digest", "name")),

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.table import to_parquet
-from dynreg.registry import PopulationRecord, Registry, ShardData
+from dynreg.registry import MeasuredEntry, PopulationRecord, Registry, ShardData
 from dynreg.registry.codec import encode_arrays
 from dynreg.registry.ledger import pages_after, read_page
 from dynreg.registry.shards import encode_rows
@@ -20,7 +20,7 @@ from fuzzer.scratch import held
 _ROBOT, POPULATION = "ab" * 32, "cd" * 32
 _CHANNELS = (Channel("arm/position", "rad"), Channel("arm/velocity", "rad/s"))
 _HEADER = {"population": POPULATION, "start": 0, "stop": 2}
-_FOLDERS = ("shards", "populations", "recordings", "simulators", "results", "index")
+_FOLDERS = ("shards", "populations", "recordings", "measured", "simulators", "results", "index")
 
 
 class copied:
@@ -48,6 +48,7 @@ def _fill(folder: Path) -> None:
         registry.put_population(_population())
         registry.put_shard("bench", 0, _shard())
         recording = registry.put_recording(_made(), _ROBOT, "first run")
+        registry.put_measured(_measured(recording))
         registry.put_result("neighbours", recording, {"k": 5})
         registry.put_simulator({"robot": _ROBOT, "values": {"mass": 1.5}})
         registry.put_index("bench", "landmarks", {"losses": np.ones((2, 2))})
@@ -104,6 +105,11 @@ def _shard() -> ShardData:
         extra={"falls": numbers},
         periods=np.full((2, 2), 0.02),
     )
+
+
+def _measured(recording: str) -> MeasuredEntry:
+    weights = {name: array[0] for name, array in _shard().weights.items()}
+    return MeasuredEntry(POPULATION, recording, weights, own_loss=0.5, train_loss=0.25)
 
 
 @cache
