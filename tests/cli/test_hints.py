@@ -14,7 +14,7 @@ from dynreg.cli.main import app
 SOURCES = Path(dynreg.__file__).parent
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 COMMAND = re.compile(r"dynreg ((?:robots )?[a-z]+)\b([^`;&|\n]*)")
-OF_OTHERS = {"--play", "--seeds"}  # of an example and of a benchmark
+OF_OTHERS = {"--play", "--seeds", "--without-effects"}  # of examples and of a benchmark
 
 
 def options() -> dict[str, set[str]]:

@@ -13,7 +13,7 @@ from flips import answers, flipped, found, judged, make, wrong
 from registry_contents import ROBOT, make_population, make_recording
 
 from dynreg.data.recording import Recording
-from dynreg.errors import CorruptError, Damaged, DynregError, RegistryError
+from dynreg.errors import CorruptError, Damaged, DynregError, NoPlaceError, RegistryError
 from dynreg.registry import Registry, tables, verify, verifying
 from dynreg.registry.files import try_lock
 
@@ -236,13 +236,13 @@ def test_a_repair_without_room_touches_nothing(work, registry_snapshot, monkeypa
 
 
 CODES = {
-    "SQLITE_FULL": (RegistryError, "room"),
-    "SQLITE_IOERR_WRITE": (RegistryError, "room"),
-    "SQLITE_IOERR_SHMSIZE": (RegistryError, "room"),
-    "SQLITE_BUSY": (RegistryError, "locked"),
-    "SQLITE_BUSY_SNAPSHOT": (RegistryError, "locked"),
-    "SQLITE_READONLY_DIRECTORY": (RegistryError, "permissions"),
-    "SQLITE_CANTOPEN": (RegistryError, "permissions"),
+    "SQLITE_FULL": (NoPlaceError, "room"),
+    "SQLITE_IOERR_WRITE": (NoPlaceError, "room"),
+    "SQLITE_IOERR_SHMSIZE": (NoPlaceError, "room"),
+    "SQLITE_BUSY": (NoPlaceError, "locked"),
+    "SQLITE_BUSY_SNAPSHOT": (NoPlaceError, "locked"),
+    "SQLITE_READONLY_DIRECTORY": (NoPlaceError, "permissions"),
+    "SQLITE_CANTOPEN": (NoPlaceError, "permissions"),
     "SQLITE_CORRUPT": (CorruptError, "repair"),
     "SQLITE_CORRUPT_INDEX": (CorruptError, "repair"),
     "SQLITE_NOTADB": (CorruptError, "repair"),
