@@ -1,7 +1,8 @@
 """A dataset: transitions of simulators and of real robots over the same columns, read part by part."""
 
+from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from dynreg.datasets.torch_dataset import TorchDataset
 
 ROWS = 4096  # transitions in a batch
+AHEAD = 2  # parts that are read while one is used
 GROUP = 65536  # states in a batch of Arrow: few enough that a big shard is not copied as a whole
 
 
@@ -106,14 +108,16 @@ class Dataset:
 
     def _read(self) -> Iterator[tuple[int, Sequence[Trajectories]]]:
         """The number of the first entry of each part, and what is in it."""
-        with ThreadPoolExecutor(1) as pool:
-            ahead = None
+        with ThreadPoolExecutor(AHEAD) as pool:
+            waiting: deque[tuple[int, Future]] = deque()
             for first, part in zip(self.firsts, self.parts, strict=True):
-                ready, ahead = ahead, (first, pool.submit(part.read))
-                if ready is not None:
-                    yield ready[0], ready[1].result()
-            if ahead is not None:
-                yield ahead[0], ahead[1].result()
+                waiting.append((first, pool.submit(part.read)))
+                if len(waiting) > AHEAD:
+                    begin, ready = waiting.popleft()
+                    yield begin, ready.result()
+            while waiting:
+                begin, ready = waiting.popleft()
+                yield begin, ready.result()
 
     def batches(self, rows: int = ROWS, *, seed: int | None = None) -> Iterator[Transitions]:
         """Transitions, about `rows` at a time (whole entries of a part where they are shorter).
