@@ -97,7 +97,7 @@ def draw(ranges: dict, count: int, rng: np.random.Generator) -> list[dict[str, f
     at = np.array([one["centre"] for one in free]) + deviation * normal
     for i, one in enumerate(free):  # what is clipped takes the others along
         beyond = np.clip(at[:, i], 0.0, 1.0) - at[:, i]
-        at += beyond[:, None] * correlations[i] * deviation / one["deviation"]
+        at += beyond[:, None] * correlations[i] * deviation / max(one["deviation"], 1e-12)
     values = np.clip(at, 0.0, 1.0)
     for i, one in enumerate(free):
         if one["draw"] == "uniform":

@@ -37,7 +37,7 @@ def draw(ranges: dict, rng: jax.Array) -> dict[str, jax.Array]:
         root @ jax.random.normal(normal, (len(free),))
     )
     for i, one in enumerate(free):  # what is clipped takes the others along
-        at += (jp.clip(at[i], 0.0, 1.0) - at[i]) * correlations[i] * deviation / one["deviation"]
+        at += (jp.clip(at[i], 0.0, 1.0) - at[i]) * correlations[i] * deviation / max(one["deviation"], 1e-12)
     at, even = jp.clip(at, 0.0, 1.0), jax.random.uniform(flat, (len(free),))
     values = {}
     for i, one in enumerate(free):

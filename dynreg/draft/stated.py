@@ -16,11 +16,15 @@ def stated_of(text: str, setting: str) -> Stated:
 
     >>> stated_of("1500", "kp"), stated_of("1500,wrist*=300", "kp")
     (1500.0, {'*': 1500.0, 'wrist*': 300.0})
+    >>> stated_of("wrist*=300,1500,wrist*=200", "kp")
+    {'*': 1500.0, 'wrist*': 200.0}
     """
     found: dict[str, float] = {}
     for part in text.split(","):
         name, equals, number = part.rpartition("=")
-        found[name.strip() if equals else EVERY] = _number(number, text, setting)
+        key = name.strip() if equals else EVERY
+        found.pop(key, None)  # a key that is given again comes last
+        found[key] = _number(number, text, setting)
     return found[EVERY] if found.keys() == {EVERY} else found
 
 

@@ -36,7 +36,7 @@ class LiveSimulator:
     data : mujoco.MjData, the live state. What is written into `qpos`, `qvel` or `xfrc_applied` acts from the next step
         on; `ctrl` is the step's own. To render it or to call mj_forward on it changes nothing.
     period : [s] of the log that a command lasts.
-    outside : keys of the effects that `model` has not, or not wholly: those on commands, drives, friction and sensors.
+    outside : keys of the effects that `model` lacks, or has in part: those on commands, drives, friction and sensors.
         They act in `step`, and mujoco.mj_step does without them.
     """
 

@@ -192,7 +192,7 @@ print(episode.observations.shape, episode.actions.shape)
 """,
             (
                 "There is no task: all rewards are 0.",
-                "No episode is terminated, also where a robot fell; each is truncated at its end.",
+                "No episode is terminated, even if a robot fell in it; each is truncated at its end.",
                 "infos holds the times, the inputs and the settings.",
                 "An episode's metadata.json tells its entry.",
             ),
