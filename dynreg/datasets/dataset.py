@@ -186,6 +186,7 @@ class Dataset:
         """A torch `IterableDataset` of batches; give it to `DataLoader(..., batch_size=None)`. See `TorchDataset`."""
         from dynreg.datasets.torch_dataset import TorchDataset
 
+        check_rows(rows)
         return TorchDataset(self, rows, seed)
 
 

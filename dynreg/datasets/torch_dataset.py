@@ -1,17 +1,27 @@
 """A dataset for torch's DataLoader. Loads torch; import it inside functions only."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
 from torch.utils.data import IterableDataset, get_worker_info
 
-from dynreg.datasets.dataset import check_rows
+from dynreg.data.transitions import Transitions
+from dynreg.models.normaliser import Normaliser
 from dynreg.rng import stream_seed
 
-if TYPE_CHECKING:
-    from dynreg.datasets.dataset import Dataset
+
+class Batched(Protocol):
+    """What batches come from: a `Dataset`, or some of its parts."""
+
+    normaliser: Normaliser | None
+
+    def of_parts(self, numbers: slice) -> "Batched":
+        """Only these parts."""
+
+    def batches(self, rows: int, *, seed: int | None) -> Iterator[Transitions]:
+        """Transitions, at most `rows` at a time, in the order that a seed draws."""
 
 
 class Batch(NamedTuple):
@@ -40,8 +50,7 @@ class TorchDataset(IterableDataset):
     epoch : a new one draws a new order; see `set_epoch`.
     """
 
-    def __init__(self, dataset: "Dataset", rows: int, seed: int | None):
-        check_rows(rows)
+    def __init__(self, dataset: Batched, rows: int, seed: int | None):
         self.dataset, self.rows, self.seed, self.epoch = dataset, rows, seed, 0
         self.normaliser = dataset.normaliser
 

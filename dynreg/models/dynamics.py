@@ -88,7 +88,7 @@ class DynamicsModel:
         """The same as an `nn.Module` with the normaliser inside; see `DynamicsModule`."""
         from dynreg.models.module import DynamicsModule
 
-        return DynamicsModule(self)
+        return DynamicsModule(self.stack, self.normaliser, self.usual, self.alone)
 
     def _rows(self, name: str, values: ndarray, steps: int, width: int) -> ndarray:
         """(1 or M, N, steps, width) of what was given for all models or for each."""

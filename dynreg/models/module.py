@@ -1,14 +1,11 @@
 """Dynamics models as a torch module, for training and for gradients. Loads torch; import it inside functions only."""
 
-from typing import TYPE_CHECKING
-
+import numpy as np
 import torch
 from torch import nn
 
-from dynreg.models.normaliser import FIELDS
-
-if TYPE_CHECKING:
-    from dynreg.models.dynamics import DynamicsModel
+from dynreg.models.mlp import MlpStack
+from dynreg.models.normaliser import Normaliser
 
 
 class DynamicsModule(nn.Module):
@@ -19,14 +16,14 @@ class DynamicsModule(nn.Module):
     for alone. The weights are parameters, the normaliser and the nominal context are buffers.
     """
 
-    def __init__(self, model: "DynamicsModel"):
+    def __init__(self, stack: MlpStack, normaliser: Normaliser, usual: np.ndarray, alone: bool):
         super().__init__()
-        self.alone = model.alone
-        self.weights = nn.ParameterList(torch.tensor(w) for w in model.stack.weights)
-        self.biases = nn.ParameterList(torch.tensor(b)[:, None] for b in model.stack.biases)
-        for name in FIELDS:
-            self.register_buffer(name, torch.tensor(getattr(model.normaliser, name)))
-        self.register_buffer("usual", torch.tensor(model.usual, dtype=torch.float32))
+        self.alone = alone
+        self.weights = nn.ParameterList(torch.tensor(w) for w in stack.weights)
+        self.biases = nn.ParameterList(torch.tensor(b)[:, None] for b in stack.biases)
+        for name, array in normaliser.as_arrays().items():
+            self.register_buffer(name, torch.tensor(array))
+        self.register_buffer("usual", torch.tensor(usual, dtype=torch.float32))
 
     def forward(
         self, states: torch.Tensor, actions: torch.Tensor, context: torch.Tensor | None = None
