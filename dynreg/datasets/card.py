@@ -150,9 +150,7 @@ def _recordings(export: Export) -> str:
 
 def _roles(export: Export) -> Iterator[tuple[str, Channel]]:
     """States, actions, inputs and settings, each with what it is."""
-    c = export.dataset.columns
-    told = {"state": c.states, "action": c.actions, "input": c.inputs, "setting": c.settings}
-    return ((role, channel) for role, named in told.items() for channel in named)
+    return ((role, c) for role, some in export.dataset.columns.by_role.items() for c in some)
 
 
 def _passed(export: Export) -> str:

@@ -87,6 +87,11 @@ class PopulationRecord:
         return shape[3] == len(self.channels) and fits_bank(bank, shape)
 
     @property
+    def units(self) -> dict[str, str]:
+        """{parameter: its unit}, "" where nobody told it."""
+        return dict(zip(self.parameters, self.parameter_units or ("",) * len(self.parameters), strict=True))
+
+    @property
     def columns(self) -> Columns:
         """The columns of a shard's rows; those that are not told are left out."""
         return Columns(self.channels, self.actions, self.inputs, self.settings)

@@ -63,10 +63,9 @@ def encode_rows(data: ShardData, record: PopulationRecord, start: int, ids: Sequ
 
 def _header(data: ShardData, record: PopulationRecord, start: int, ids: Sequence[str]) -> dict[str, Any]:
     """What the schema's metadata tells: whose rows these are, and the parameters and losses of each entry."""
-    units = record.parameter_units or ("",) * len(record.parameters)
     parameters = {
         name: {"unit": unit, "values": values}
-        for name, unit, values in zip(record.parameters, units, data.values.T.tolist(), strict=True)
+        for (name, unit), values in zip(record.units.items(), data.values.T.tolist(), strict=True)
     }
     columns = record.columns.by_role
     return {

@@ -108,6 +108,11 @@ class Robot:
         return np.array(given + [1.0] * (len(self.inputs) - len(given)))
 
     @property
+    def context_defaults(self) -> np.ndarray:
+        """(I+K,) inputs and settings where a log tells none: defaults, then nominal values."""
+        return np.array([*self.input_defaults, *(s.nominal for s in self.file.settings)])
+
+    @property
     def rate(self) -> float:
         """Commands a second [Hz]."""
         if self.file.robot.control_rate is None:

@@ -70,8 +70,7 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
 
 
 def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:
-    defaults = dict(zip(robot.inputs, robot.input_defaults.tolist(), strict=True))
-    defaults |= {setting.name: setting.nominal for setting in robot.file.settings}
+    defaults = dict(zip((*robot.inputs, *robot.settings), robot.context_defaults.tolist(), strict=True))
     return RecordingPart(registry.recording_path(identity), identity, columns_of(robot), defaults)
 
 
@@ -101,8 +100,5 @@ def population_frame(registry: Registry, ref: str) -> "pd.DataFrame":
     frame = pd.DataFrame(columns, index=pd.Index(held.numbers, name="number"))
     if graph is not None:
         frame["links"] = [tuple(held.numbers[np.asarray(ids)].tolist()) for ids in graph.neighbours]
-    units = (
-        dict(zip(record.parameters, record.parameter_units, strict=True)) if record.parameter_units else {}
-    )
-    frame.attrs = {"population": record.id, "robot": record.name, "units": units}
+    frame.attrs = {"population": record.id, "robot": record.name, "units": record.units}
     return frame

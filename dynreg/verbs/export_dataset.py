@@ -113,7 +113,7 @@ def _robot(registry: Registry, record: PopulationRecord) -> "Robot":
 
 def _usual(robot: "Robot") -> np.ndarray:
     """Nominal inputs and settings."""
-    return np.array([*robot.input_defaults, *(s.nominal for s in robot.file.settings)])
+    return robot.context_defaults
 
 
 def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> Simulated:
@@ -121,12 +121,11 @@ def _simulated(registry: Registry, population: str, entries: Sequence[str]) -> S
     at = {identity: i for i, identity in enumerate(held.ids)}
     rows = np.array([at[identity] for identity in entries])
     robot = _robot(registry, record)
-    units = record.parameter_units or ("",) * len(record.parameters)
     return Simulated(
         population=population,
         spec=record.spec,
         columns=record.columns,
-        parameters=tuple(Channel(*told) for told in zip(record.parameters, units, strict=True)),
+        parameters=tuple(Channel(*told) for told in record.units.items()),
         entries=tuple(entries),
         numbers=held.numbers[rows],
         values=held.values[rows],

@@ -62,7 +62,7 @@ def dynamics_model(registry: Registry, refs: str | Sequence[str]) -> DynamicsMod
         states=robot.channels,
         actions=robot.actions,
         context=(*robot.inputs, *robot.settings),
-        usual=np.array([*robot.input_defaults, *(s.nominal for s in robot.file.settings)]),
+        usual=robot.context_defaults,
     )
 
 

@@ -15,8 +15,6 @@ from dynreg.errors import UsageError
 if TYPE_CHECKING:
     from dynreg.datasets.export import Export
 
-RECORDINGS, ENTRIES = "recordings", "entries and populations"
-
 
 @dataclass(frozen=True)
 class Format:
@@ -25,7 +23,7 @@ class Format:
     Attributes
     ----------
     id : the word for it, and its module here.
-    writes : what there is afterwards. takes : what it can hold.
+    writes : what there is afterwards.
     loader : what reads it, as pip installs it. read : how, in Python; PLACE stands for the name of what was written.
     alone : how, where it is the log of a recording alone; "" where that is the same.
     entries : its table of entries; PLACE likewise, "" where it has none.
@@ -37,7 +35,6 @@ class Format:
 
     id: str
     writes: str
-    takes: tuple[str, ...]
     loader: str
     read: str
     notes: tuple[str, ...] = ()
@@ -55,15 +52,6 @@ class Format:
 
     def check(self, export: "Export") -> None:
         """UsageError for an export that it cannot hold."""
-        kinds = {RECORDINGS: export.recordings, ENTRIES: export.populations}
-        odd = [kind for kind, some in kinds.items() if some and kind not in self.takes]
-        if odd:
-            others = [one.id for one in FORMATS.values() if odd[0] in one.takes]
-            raise UsageError(
-                f"{odd[0]} as {self.id}",
-                expected=" or ".join(self.takes),
-                do=f"leave them out, or choose one of {', '.join(others)}",
-            )
         getattr(self._module, "check", lambda _: None)(export)
 
     def write(self, export: "Export", folder: Path, name: str) -> None:
@@ -75,7 +63,6 @@ class Format:
         return import_module(f"{__name__}.{self.id}_files")
 
 
-_ALL = (RECORDINGS, ENTRIES)
 _KEYS = ("entry", "number", "episode", "step", "time")  # those of `Dataset.to_arrow`
 _NEXT = "The command in a row leads from its state to the state in the next row."
 _LAST = "A simulated episode ends with a state that no command follows:"
@@ -86,7 +73,6 @@ FORMATS: dict[str, Format] = {
         Format(
             "parquet",
             "a folder: rows in data/, entries.parquet with the parameters, a card",
-            _ALL,
             "datasets",
             """\
 from datasets import load_dataset
@@ -109,7 +95,6 @@ print(rows[0])
         Format(
             "csv",
             "a file; beside it its card and, of simulated entries, FILE.entries.csv with the parameters",
-            _ALL,
             "pandas",
             """\
 import pandas as pd
@@ -136,7 +121,6 @@ print(rows.groupby("episode").size())
         Format(
             "mcap",
             "a log with its map and card beside it; of several things a folder of these",
-            _ALL,
             "mcap",
             """\
 import json
@@ -161,7 +145,6 @@ for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
         Format(
             "lerobot",
             "a folder: a LeRobot dataset, version 3.0",
-            _ALL,
             "lerobot",
             """\
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -181,7 +164,6 @@ print(dataset[0]["observation.state"], dataset[0]["action"])
         Format(
             "minari",
             "a folder: a Minari dataset, in Arrow",
-            _ALL,
             "'minari[arrow]'",
             """\
 import minari
@@ -200,7 +182,6 @@ print(episode.observations.shape, episode.actions.shape)
         Format(
             "safetensors",
             "a folder: the trained models of entries, also of those of recordings, in one file",
-            _ALL,
             "safetensors",
             '''\
 import json
