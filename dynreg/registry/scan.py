@@ -36,7 +36,7 @@ from dynreg.registry.measured import measured_of, weights_layout
 from dynreg.registry.opening import MARKER
 from dynreg.registry.populations import record_of
 from dynreg.registry.records import PopulationRecord, ShardData
-from dynreg.registry.shards import read_shard, read_states_header
+from dynreg.registry.shards import check_told, read_shard, read_states_header
 from dynreg.search.journal import damage
 
 _KNOWN_AT_TOP = {MARKER, FILE, *BESIDE, CACHE, LOCKS, LOST_AND_FOUND, SEARCHES, *FOLDERS}
@@ -168,7 +168,9 @@ def _pair(root: Path, found: Found, halves: _Halves) -> None:
         try:
             header, data = read_shard(root / states_path, root / rest_path)
             if population in found.populations:
-                _check_fits(found.populations[population]["record"], header, data)
+                record = found.populations[population]["record"]
+                _check_fits(record, header, data)
+                check_told(header, data, record)
         except (DynregError, KeyError, TypeError, ValueError, OverflowError) as error:
             found.bad[states_path] = found.bad[rest_path] = _damage(error)
             continue

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from dynreg.errors import RegistryError
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import open_regular, unreadable
-from dynreg.registry.headers import SCHEMA, TOGETHER, checked_header, together
+from dynreg.registry.headers import SCHEMA, TOGETHER, checked_header, is_old, together
 from dynreg.registry.records import PopulationRecord, ShardData
 
 # What a damaged file makes its readers raise.
@@ -89,6 +89,16 @@ def _values(column: pa.Array) -> np.ndarray:
     if column.type != pa.float32() or column.null_count:
         raise ValueError(f"a channel of {column.type} with {column.null_count} gaps")
     return np.frombuffer(column.buffers()[1], np.float32, len(column), 4 * column.offset)
+
+
+def check_told(header: dict[str, Any], data: ShardData, record: PopulationRecord) -> None:
+    """ValueError where a shard's header tells strangers something else of its entries than its arrays hold."""
+    if is_old(header):
+        return
+    right = _header(data, record, header["start"], data.entry_ids(record.id))
+    for key in ("entries", "parameters", "own_loss", "columns"):
+        if canonical_json(header.get(key)) != canonical_json(right[key]):
+            raise ValueError(f"what its header tells under {key!r} is not what it holds")
 
 
 def encode_rest(data: ShardData, header: dict[str, Any]) -> bytes:

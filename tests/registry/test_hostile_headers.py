@@ -100,6 +100,24 @@ def test_a_shard_whose_header_lies_is_refused_and_found(title: str, write, monke
     assert not verify(path).faults
 
 
+TOLD = {
+    "other ids": {"entries": ["ab" * 32, "cd" * 32]},
+    "other parameters": {"parameters": {"mass": {"unit": "kg", "values": [9.0, 9.0]}}},
+    "other losses": {"own_loss": [0.0, 0.0]},
+    "other units": {"columns": {"arm/position": {"role": "state", "unit": "deg"}}},
+    "nothing": {"entries": None},
+}
+
+
+@pytest.mark.parametrize("title", TOLD)
+def test_a_header_that_tells_strangers_something_else_is_found(title: str, write, monkeypatch) -> None:
+    told = shards._header
+    with monkeypatch.context() as lying:
+        lying.setattr(shards, "_header", lambda *a: told(*a) | TOLD[title])
+        path = write()
+    assert any("is not what it holds" in fault.problem for fault in verify(path).faults)
+
+
 def test_a_shard_of_tomorrow_is_not_called_damaged(write: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shards, "SCHEMA", "dynreg/shard/99")
     path = write()
