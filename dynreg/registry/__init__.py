@@ -5,14 +5,12 @@ from dynreg.registry.comparing import Fault, VerifyReport
 from dynreg.registry.exporting import export
 from dynreg.registry.files import write_file
 from dynreg.registry.importing import Imported, open_source, take_in
+from dynreg.registry.infos import RecordingInfo, ResultRecord, RobotInfo
 from dynreg.registry.records import (
     EntryRecord,
     MeasuredEntry,
     PopulationArrays,
     PopulationRecord,
-    RecordingInfo,
-    ResultRecord,
-    RobotInfo,
     ShardData,
 )
 from dynreg.registry.registry import Registry

@@ -11,7 +11,7 @@ from dynreg.registry.codec import strict_json
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name
 from dynreg.registry.hashes import result_id
-from dynreg.registry.records import ResultRecord
+from dynreg.registry.infos import ResultRecord
 from dynreg.registry.rows import require
 
 KIND = re.compile(r"[a-z][a-z_]*")

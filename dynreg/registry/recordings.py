@@ -10,7 +10,7 @@ from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, RegistryError, UsageError
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import StoredFile, content_name, unreadable
-from dynreg.registry.records import RecordingInfo
+from dynreg.registry.infos import RecordingInfo
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
 from dynreg.registry.writing import Writing

@@ -27,15 +27,13 @@ from dynreg.folder import Folder
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import SEARCHES
 from dynreg.registry.hashes import hash_of
+from dynreg.registry.infos import RecordingInfo, ResultRecord, RobotInfo
 from dynreg.registry.opening import open_directory, take_away
 from dynreg.registry.records import (
     EntryRecord,
     MeasuredEntry,
     PopulationArrays,
     PopulationRecord,
-    RecordingInfo,
-    ResultRecord,
-    RobotInfo,
     ShardData,
 )
 from dynreg.registry.renewing import renew

@@ -14,7 +14,7 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, UsageError
 from dynreg.registry.exporting import simulators_in
 from dynreg.registry.files import INDEX, ROBOTS
-from dynreg.registry.records import RobotInfo
+from dynreg.registry.infos import RobotInfo
 from dynreg.registry.registry import Registry
 from dynreg.registry.sweeping import remove_files, size_of
 from dynreg.registry.versions import numbered

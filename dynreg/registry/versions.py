@@ -3,7 +3,7 @@
 from sqlalchemy import Connection, func, select
 
 import dynreg.registry.tables as tables
-from dynreg.registry.records import RobotInfo
+from dynreg.registry.infos import RobotInfo
 
 
 def numbered(connection: Connection, without: str | None = None) -> tuple[RobotInfo, ...]:

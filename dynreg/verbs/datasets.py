@@ -32,25 +32,7 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     """
     if not refs:
         raise UsageError("a dataset of nothing", expected="at least one id", do="see `dynreg list`")
-    wanted: dict[str, set[str] | None] = {}
-    recordings: dict[str, str] = {}
-    others: set[str] = set()  # populations of the entries of recordings
-    for ref in refs:
-        kind, identity = registry.resolve(told_last(registry, ref), KINDS)
-        if kind == "population":
-            wanted[identity] = None
-        elif kind == "entry":
-            population, _ = registry.entry(identity)
-            held = wanted.setdefault(population, set())
-            if held is not None:
-                held.add(identity)
-        elif kind == "measured":
-            entry = registry.measured(identity)
-            recordings[entry.recording_id] = entry.recording_id
-            others.add(entry.population_id)
-        else:
-            recordings[identity] = ref
-    recordings = dict(sorted(recordings.items()))
+    wanted, recordings, others = _wanted(registry, refs)
     records = [registry.population(identity) for identity in sorted(wanted)]
     parts: list[Part] = [part for r in records for part in registry.parts(r.id, wanted[r.id])]
     robots = [robot_of(registry, identity, ref) for identity, ref in recordings.items()]
@@ -67,6 +49,31 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     ]
     shared = [*records, *(registry.population(one) for one in sorted(others - set(wanted)))]
     return Dataset(names[0], told[0], tuple(parts), _normaliser(shared))
+
+
+def _wanted(
+    registry: Registry, refs: Sequence[str]
+) -> tuple[dict[str, set[str] | None], dict[str, str], set[str]]:
+    """Ids of entries by population (None for all), words for recordings, and populations of recordings' entries."""
+    wanted: dict[str, set[str] | None] = {}
+    recordings: dict[str, str] = {}
+    others: set[str] = set()
+    for ref in refs:
+        kind, identity = registry.resolve(told_last(registry, ref), KINDS)
+        if kind == "population":
+            wanted[identity] = None
+        elif kind == "entry":
+            population, _ = registry.entry(identity)
+            held = wanted.setdefault(population, set())
+            if held is not None:
+                held.add(identity)
+        elif kind == "measured":
+            entry = registry.measured(identity)
+            recordings[entry.recording_id] = entry.recording_id
+            others.add(entry.population_id)
+        else:
+            recordings[identity] = ref
+    return wanted, dict(sorted(recordings.items())), others
 
 
 def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:
