@@ -1,11 +1,11 @@
 """Rows (state, action, next state) of a Recording: what dynamics models learn from."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dynreg.data.recording import Recording
+from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import LogError
 
 
@@ -51,6 +51,21 @@ class Transitions:
     def take(self, rows: slice | np.ndarray) -> "Transitions":
         """These rows (a slice or numbers)."""
         return Transitions(**{name: getattr(self, name)[rows] for name in self._told})
+
+
+def filled(recording: Recording, inputs: Mapping[str, float], settings: Mapping[str, float]) -> Recording:
+    """A recording with these values of inputs (channels) where it has none, or NaN, and of settings that it lacks."""
+    missing = [name for name in inputs if name not in recording.names]
+    channels = recording.channels + tuple(Channel(name, "1") for name in missing)
+    names = [channel.name for channel in channels]
+    episodes = []
+    for e in recording.episodes:
+        values = np.pad(e.values, ((0, 0), (0, len(missing))), constant_values=np.nan)
+        for name, value in inputs.items():
+            column = values[:, names.index(name)]
+            column[np.isnan(column)] = value
+        episodes.append(Episode(e.name, e.time, values, dict(settings) | dict(e.settings)))
+    return Recording(channels, tuple(episodes), recording.measured, recording.provenance)
 
 
 def joined(parts: Sequence[Transitions]) -> Transitions:

@@ -1,29 +1,30 @@
 """A recording as a part of a dataset: its episodes in the columns of its robot."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from dynreg.data.recording import Episode, Recording
+from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.table import read_parquet
 from dynreg.data.trajectories import Columns, Trajectories
+from dynreg.data.transitions import filled
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingPart:
     """A stored recording, read when it is asked for.
 
-    path : of its Parquet file. identity : its id. defaults : values of inputs and settings where the log has none, by
-    name.
+    path : of its Parquet file. identity : its id. inputs, settings : values where the log has none, by name.
     """
 
     path: Path
     identity: str
     columns: Columns
-    defaults: Mapping[str, float]
+    inputs: Mapping[str, float]
+    settings: Mapping[str, float]
 
     @property
     def entries(self) -> tuple[str, ...]:
@@ -57,30 +58,27 @@ class RecordingPart:
 
     def read(self) -> tuple[Trajectories, ...]:
         """An episode in each; LogError where the file is damaged."""
-        recording = read_parquet(self.path)
+        recording = filled(read_parquet(self.path), self.inputs, self.settings)
         return tuple(self._episode(recording, episode) for episode in recording.episodes)
 
     def _episode(self, recording: Recording, episode: Episode) -> Trajectories:
-        columns = self.columns
+        columns, held = self.columns, {name: i for i, name in enumerate(recording.names)}
 
-        def told(names: list[str]) -> np.ndarray:
-            out = np.full((len(episode.time), len(names)), np.nan, np.float32)
-            for i, name in enumerate(names):
-                if name in recording.names:
-                    out[:, i] = episode.values[:, recording.names.index(name)]
-                if name in self.defaults:
-                    out[np.isnan(out[:, i]), i] = self.defaults[name]
+        def told(channels: Sequence[Channel]) -> np.ndarray:
+            out = np.full((len(episode.time), len(channels)), np.nan, np.float32)
+            for i, channel in enumerate(channels):
+                if channel.name in held:
+                    out[:, i] = episode.values[:, held[channel.name]]
             return out
 
-        settings = [episode.settings.get(c.name, self.defaults.get(c.name, np.nan)) for c in columns.settings]
         return Trajectories(
             columns=columns,
             entries=(self.identity,),
             numbers=None,
             episodes=(episode.name,),
             time=episode.time[None, None],
-            states=told([c.name for c in columns.states])[None, None],
-            actions=told([c.name for c in columns.actions])[None],
-            inputs=told([c.name for c in columns.inputs])[None],
-            settings=np.array(settings, np.float32)[None],
+            states=told(columns.states)[None, None],
+            actions=told(columns.actions)[None],
+            inputs=told(columns.inputs)[None],
+            settings=np.array([[episode.settings[c.name] for c in columns.settings]], np.float32),
         )

@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.data.transitions import Transitions, transitions
+from dynreg.data.recording import Recording
+from dynreg.data.transitions import Transitions, filled, transitions
 from dynreg.distance.population import Population, Shared
 from dynreg.distance.rows import Rows, recording_rows, thin
 from dynreg.errors import LogError
@@ -106,8 +106,8 @@ class DistanceQuery:
 
 def transitions_of(robot: Robot, recording: Recording) -> Transitions:
     """A recording's transitions in a robot's columns; optional inputs that it lacks take the robot's defaults."""
-    filled = with_defaults(robot, recording)
-    return transitions(filled, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
+    whole = with_defaults(robot, recording)
+    return transitions(whole, robot.channels, robot.actions, [*robot.inputs, *robot.settings])
 
 
 def own_model(shared: Shared, rows: Rows, threads: int = 0) -> MlpStack:
@@ -125,15 +125,5 @@ def own_model(shared: Shared, rows: Rows, threads: int = 0) -> MlpStack:
 
 def with_defaults(robot: Robot, recording: Recording) -> Recording:
     """The recording with the robot's default inputs and settings where it has none, or NaN."""
-    missing = [i for i, name in enumerate(robot.inputs) if name not in recording.names]
-    channels = recording.channels + tuple(Channel(robot.inputs[i], "1") for i in missing)
-    nominal = {s.name: s.nominal for s in robot.file.settings}
-    defaults = robot.input_defaults
-    episodes = []
-    for e in recording.episodes:
-        values = np.concatenate([e.values, np.tile(defaults[missing], (len(e.time), 1))], axis=1)
-        for i, name in enumerate(robot.inputs):
-            column = [c.name for c in channels].index(name)
-            values[:, column] = np.where(np.isnan(values[:, column]), defaults[i], values[:, column])
-        episodes.append(Episode(e.name, e.time, values, nominal | dict(e.settings)))
-    return Recording(channels, tuple(episodes), recording.measured, recording.provenance)
+    nominal = {setting.name: setting.nominal for setting in robot.file.settings}
+    return filled(recording, dict(zip(robot.inputs, robot.input_defaults.tolist(), strict=True)), nominal)

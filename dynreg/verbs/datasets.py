@@ -77,8 +77,9 @@ def _wanted(
 
 
 def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:
-    defaults = dict(zip((*robot.inputs, *robot.settings), robot.context_defaults.tolist(), strict=True))
-    return RecordingPart(registry.recording_path(identity), identity, columns_of(robot), defaults)
+    inputs = dict(zip(robot.inputs, robot.input_defaults.tolist(), strict=True))
+    settings = {setting.name: setting.nominal for setting in robot.file.settings}
+    return RecordingPart(registry.recording_path(identity), identity, columns_of(robot), inputs, settings)
 
 
 def _normaliser(records: Sequence[PopulationRecord]) -> Normaliser | None:
