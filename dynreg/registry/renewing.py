@@ -32,9 +32,8 @@ from dynreg.registry.robots import robot_folder
 from dynreg.registry.shards import read_shard, read_states_header
 from dynreg.registry.sweeping import remove_files
 
-Work = tuple[
-    Table, dict[str, Any], str, Callable[[], tuple[StoredFile, bytes]]
-]  # row, column of its file, new file
+# A row of a table, the column that names its file, and what makes the new file.
+Work = tuple[Table, dict[str, Any], str, Callable[[], tuple[StoredFile, bytes]]]
 
 # What an odd robot.toml, or a file that a stranger wrote, may raise: such a file stays as it is.
 _ODD_ROBOT = (AttributeError, LookupError, TypeError, ValueError, ArithmeticError, RecursionError)
