@@ -28,7 +28,7 @@ from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.examine import examine
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
-from dynreg.diagnose.threshold import known
+from dynreg.diagnose.threshold import Threshold, known
 from dynreg.diagnose.trial import Trial, Trials, Tried, same_cause, size_error
 from dynreg.diagnose.unexplained import unexplained
 from dynreg.evidence.estimate import estimates
@@ -108,7 +108,7 @@ class Robots:
         options = self.trials.options(one.without, one.max_causes)
         model, data = pose(self.trials.robot, log, options)
         problem = yield from planned(model, data, single_terms(model.robot, (), one.without))
-        return (yield from search(problem, log, known(NEEDED), options))
+        return (yield from search(problem, log, known(Threshold(NEEDED, ())), options))
 
 
 def _trial(key: str, size: str, *where: str) -> Trial:

@@ -14,8 +14,9 @@ from statistics import median
 import numpy as np
 from journal import Journal
 
-from dynreg.diagnose.threshold import SEARCH, USUAL, level
-from dynreg.diagnose.trial import Trial, Trials, null_scores
+from dynreg.diagnose.threshold import SEARCH, USUAL, Threshold
+from dynreg.diagnose.trial import Trial, Trials
+from dynreg.diagnose.trial import nulls as simulated
 from dynreg.evidence.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
 from dynreg.rng import stream_seed
@@ -44,7 +45,7 @@ KEPT = (
 class Job:
     """One trial of a robot under a plan.
 
-    keys : what it hides, () for nothing; size : how large; seed : of the robot; needed : the threshold [nats];
+    keys : what it hides, () for nothing; size : how large; seed : of the robot; needed : the threshold;
     without : effects that the diagnosis lacks; max_causes : where it stops; share, interval : as in `results_of`.
     """
 
@@ -53,7 +54,7 @@ class Job:
     keys: tuple[str, ...]
     size: str | None
     seed: int
-    needed: float
+    needed: Threshold
     without: tuple[str, ...] = ()
     max_causes: int = 1
     share: bool = False
@@ -86,34 +87,36 @@ def seeds(seed: int, *names: object, n: int) -> list[int]:
 
 def threshold(
     name: str, robot: Robot, plan: Protocol, given: argparse.Namespace, journal: Journal | None = None
-) -> float:
-    """[nats] that a cause needs, from robots without any; printed. One that the journal has is not sought again."""
+) -> Threshold:
+    """What a cause needs, from robots without any; printed. One that the journal has is not sought again."""
     began = time.perf_counter()
     lines = [line for line in journal.lines() if line.get("threshold") == name] if journal else []
     if given.threshold_runs == 0:
-        needed = USUAL
+        needed = Threshold(USUAL, ())
     elif lines and lines[-1]["runs"] == given.threshold_runs:
-        needed = lines[-1]["nats"]
+        needed = Threshold.of(lines[-1]["nulls"])
     else:
         parts = min(PARTS, given.threshold_runs)
         chunks = [(robot, plan, range(i, given.threshold_runs, parts)) for i in range(parts)]
         with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-            scores = [score for part in pool.map(nulls, chunks) for score in part]
-        needed = level(scores)
+            made = [one for part in pool.map(nulls, chunks) for one in part]
+        needed = Threshold.of(made)
         if journal:
-            journal.add({"threshold": name, "runs": given.threshold_runs, "nats": needed})
-        print(f"largest scores without an effect: {[round(s, 1) for s in sorted(scores)[::-1][:10]]}")
+            journal.add({"threshold": name, "runs": given.threshold_runs, "nulls": made})
+        largest = [[round(one, 1) for one in sorted(column)[::-1][:10]] for column in zip(*made, strict=True)]
+        print(f"without an effect: largest scores {largest[0]}, residuals over stated noise {largest[1]}")
     seconds = time.perf_counter() - began
     print(
-        f"{name}: threshold {needed:.1f} nats from {given.threshold_runs} robots, {seconds:.0f} s", flush=True
+        f"{name}: threshold {needed.nats:.1f} nats from {given.threshold_runs} robots, {seconds:.0f} s",
+        flush=True,
     )
     return needed
 
 
-def nulls(given: tuple[Robot, Protocol, range]) -> list[float]:
-    """[nats] of robots without an effect, by their numbers."""
+def nulls(given: tuple[Robot, Protocol, range]) -> list[tuple[float, float]]:
+    """Scores [nats] and residuals of robots without an effect, by their numbers."""
     robot, plan, numbers = given
-    return null_scores(Trials(robot, plan, seed=TUNE, threads=1), numbers)
+    return simulated(Trials(robot, plan, seed=TUNE, threads=1), numbers)
 
 
 def run(job: Job) -> TrialResult:
@@ -155,7 +158,16 @@ def _finished(jobs: Sequence[Job], left: Sequence[int], processes: int) -> Itera
 
 def _key(job: Job) -> str:
     """What tells a trial from all others of the table."""
-    said = (job.keys, job.size, job.seed, job.needed, job.without, job.max_causes, job.share, job.interval)
+    said = (
+        job.keys,
+        job.size,
+        job.seed,
+        job.needed.nats,
+        job.without,
+        job.max_causes,
+        job.share,
+        job.interval,
+    )
     return json.dumps(said)
 
 
@@ -173,7 +185,7 @@ def confident(result: TrialResult) -> bool:
     return result.verdict in ("named", "ambiguous")
 
 
-def document(name: str, done: Sequence[TrialResult], needed: float) -> dict:
+def document(name: str, done: Sequence[TrialResult], needed: Threshold) -> dict:
     """The tables of these trials: rates, effects by size, who was taken for whom, sizes of sets, seconds."""
     table = TrialTable.of(name, done).to_dict()
     effects = dict.fromkeys(r.hidden for r in done if r.hidden)
@@ -185,7 +197,7 @@ def document(name: str, done: Sequence[TrialResult], needed: float) -> dict:
             e or NOTHING: _names(r for r in done if r.hidden == e)
             for e in dict.fromkeys(r.hidden for r in done)
         },
-        "threshold": needed,
+        "threshold": needed.nats,
         "seconds": {
             "wall": _spread([r.seconds for r in done]),
             "core": _spread([r.core_seconds for r in done if r.core_seconds is not None]),
@@ -193,7 +205,7 @@ def document(name: str, done: Sequence[TrialResult], needed: float) -> dict:
     }
 
 
-def report(name: str, done: Sequence[TrialResult], needed: float) -> dict:
+def report(name: str, done: Sequence[TrialResult], needed: Threshold) -> dict:
     """Print the tables of these trials; the same as a document."""
     table, out = TrialTable.of(name, done), document(name, done, needed)
     print(table)

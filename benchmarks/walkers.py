@@ -18,7 +18,7 @@ from dynreg.diagnose.diagnose import Diagnosed, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
-from dynreg.diagnose.threshold import known
+from dynreg.diagnose.threshold import Threshold, known
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.lockstep import Search, run
 from dynreg.gait.tasks import Task, fitness, kinds, task_of
@@ -195,7 +195,7 @@ def named(walker: Walker, log: Recording, needed: float, effects: tuple[str, ...
 
     def diagnosed() -> Search[Diagnosed]:
         problem = yield from planned(model, data, single_terms(robot, effects))
-        return (yield from search(problem, log, known(needed), settings))
+        return (yield from search(problem, log, known(Threshold(needed, ())), settings))
 
     made = run(diagnosed(), threads=1)
     found, simulators = made.found, []

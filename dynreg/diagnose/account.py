@@ -8,7 +8,6 @@ from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.examine import Examined, examine
 from dynreg.diagnose.identifiability import Unidentified, same_as_parameters, unidentified
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.residual_fit import ResidualFit
 from dynreg.diagnose.unexplained import unexplained
 from dynreg.diagnose.where import ErrorRow, split_errors
@@ -21,7 +20,6 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.evidence.slopes import sensitivities
 from dynreg.replay.jitter import jitter
-from dynreg.replay.judged import Gain, channel_errors, gain
 from dynreg.sim.effects import Terms
 
 
@@ -29,26 +27,17 @@ from dynreg.sim.effects import Terms
 class Account:
     """The evaluation of a diagnosis on the judged windows (the test part; without one the select part).
 
-    states : (3, W, T+1, S) of the initial, the calibrated and the extended simulator. errors : (3, C) their mean
-    absolute errors in every weighted channel, in its unit. where : errors of the calibrated simulator by regime.
-    gains : of each cause over the causes before it; gain : of all causes together; None if nothing was held out.
-    calibration, over_start : gains of the calibrated and of the last simulator over that of the start; None if nothing
-    was held out. shares : (P',) of what calibration gains on the fit and select parts, what each free parameter makes
-    alone; None where it gains nothing there.
+    states : (3, W, T+1, S) of the initial, the calibrated and the extended simulator. where : errors of the calibrated
+    simulator by regime. shares : (P',) of what calibration gains on the fit and select parts, what each free parameter
+    makes alone; None where it gains nothing there.
     causes : parameters of each cause. draws : posterior draws of the extended simulator. simulators : {kind: parameters
     (P,) and effects}. unidentified : parameters that the recording does not identify. same :
     (key of a cause, parameter) that do the same. examined : the cause with its
     rivals. residuals : fits of the unexplained acceleration; None if the causes explain everything.
-    simulated : number of simulators that ran through the judged windows.
     """
 
     states: np.ndarray
-    errors: np.ndarray
     where: tuple[ErrorRow, ...]
-    gains: tuple[Gain | None, ...]
-    gain: Gain | None
-    calibration: Gain | None
-    over_start: Gain | None
     shares: np.ndarray | None
     causes: tuple[dict[str, Estimate], ...]
     draws: Posterior
@@ -57,7 +46,6 @@ class Account:
     same: tuple[tuple[str, str], ...]
     examined: Examined | None
     residuals: tuple[ResidualFit, ...] | None
-    simulated: int
 
 
 def with_account(search: Search[Diagnosed], options: DiagnosisOptions) -> Search[tuple[Diagnosed, Account]]:
@@ -67,13 +55,12 @@ def with_account(search: Search[Diagnosed], options: DiagnosisOptions) -> Search
 
 
 def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
-    """Simulate the judged windows once, and evaluate the diagnosis on them."""
+    """What the judged windows and the posterior of a diagnosis say."""
     found, problem, judged, seed = made.found, made.problem, made.judged, options.seed
     model, data, posed = found.model, found.data, problem.data
     given, chosen = found.current.hypothesis.given, posed.parts.chosen
-    points = [problem.model.start, found.base, *_stages(found)]
-    states = yield from problem.model.states(points, posed.windows.run.take(judged))
-    three = np.stack([states[0], states[1], states[-1]])
+    last = -1 if judged.causes else judged.CALIBRATED
+    three = judged.states[[judged.START, judged.CALIBRATED, last]]
     sample = data.sample(chosen)
     draws = yield from posterior(model, found.current, sample, seed=seed)
     (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)
@@ -81,17 +68,10 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     # of the log posterior; effect sizes have no prior, so an effect without influence has no curvature
     covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))
     names = [model.robot.space.parameters[i].name for i in model.coordinates.free]
-    left = [posed.window_errors(one, judged) for one in states] if made.tested else []
-    gained = lambda i, j: gain(left[i], left[j]) if left else None  # noqa: E731
     kinds = {"calibrated": found.base} | ({"extended": found.current} if found.accepted else {})
     return Account(
         states=three,
-        errors=channel_errors(posed.windows, three, judged)[:, posed.use],
-        where=split_errors(model.robot, posed.windows.take(judged), three[1]),
-        gains=tuple(gained(1 + i, 2 + i) for i in range(found.accepted)),
-        gain=gained(1, -1) if found.accepted else None,
-        calibration=gained(0, 1),
-        over_start=gained(0, -1),
+        where=split_errors(model.robot, posed.windows.take(judged.windows), three[1]),
         shares=(yield from _shares(made)),
         causes=tuple(estimates(model, found.current, given + i, draws) for i in range(found.accepted)),
         draws=draws,
@@ -100,7 +80,6 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
         same=same_as_parameters(found.current, names, curvature),
         examined=(yield from examine(found, draws, sample, options)),
         residuals=(yield from unexplained(found, made.verdict, seed)),
-        simulated=len(states),
     )
 
 
@@ -130,9 +109,3 @@ def simulator(
     terms = Terms(own, tuple(sizes)) if own else None
     where = {"engine": model.engine, "threads": options.threads, "seed": options.seed}
     return jitter(model.robot, data.windows, values, terms, data.parts.chosen, **where), terms
-
-
-def _stages(found: State) -> list[Point]:
-    """The point after each accepted cause; the last is the extended simulator, refitted on fit and select."""
-    after = [naming.chosen.point for naming in found.rounds[: found.accepted]]
-    return [*after[:-1], found.current] if after else [found.current]

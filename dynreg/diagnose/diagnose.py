@@ -7,11 +7,11 @@ the threshold (screen, refit, score), fit all parameters together, and judge the
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dynreg.data.recording import Recording
 from dynreg.diagnose.calibrate import calibrate
+from dynreg.diagnose.doubts import Doubt, doubts
 from dynreg.diagnose.joints import terms_at
+from dynreg.diagnose.judging import Judged, judge, unpenalised
 from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
@@ -43,18 +43,9 @@ class Diagnosed:
     found: State
     threshold: Threshold
     evidence: Evidence
+    judged: Judged
+    doubts: tuple[Doubt, ...]
     verdict: Verdict
-
-    @property
-    def judged(self) -> np.ndarray:
-        """(K,) numbers of the judged windows: the test part; without one the select part."""
-        parts = self.problem.data.parts
-        return np.flatnonzero(parts.test if self.tested else parts.select)
-
-    @property
-    def tested(self) -> bool:
-        """Whether anything was held out."""
-        return bool(self.problem.data.parts.test.any())
 
 
 def diagnose(
@@ -69,7 +60,8 @@ def diagnose(
     """Name the effects that a simulator of `robot` lacks to explain the recording.
 
     start : the simulator, by default the nominal one. cache : of thresholds.
-    Fit, select and test parts have no trajectory in common; nothing here reads the test part.
+    Fit, select and test parts have no trajectory in common. The search does not read the test part; the verdict does,
+    once: causes that raise the error there are not called named.
     Raises the errors of `pose` and `offered`.
     """
     model, data = pose(robot, recording, options, start)
@@ -131,9 +123,12 @@ def search(
         state = yield from accepted(state, posed)
     report("causes", 1, 1)
     state = yield from plan.settle(state, posed, options.seed)
-    evidence = yield from Evidence.of(state, recording)
-    verdict = verdict_of(state.model.robot, evidence, state.rounds, state.accepted)
-    return Diagnosed(problem, state, least, evidence, verdict)
+    evidence = yield from Evidence.of(state, recording, least.ratios)
+    loose = yield from unpenalised(state, posed)
+    judged = yield from judge(problem.model, state, loose, posed)
+    doubted = doubts(state, judged)
+    verdict = verdict_of(state.model.robot, evidence, state.rounds, state.accepted, doubted)
+    return Diagnosed(problem, state, least, evidence, judged, doubted, verdict)
 
 
 def accepted(state: State, posed: Data) -> Search[State]:

@@ -23,7 +23,7 @@ from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
 from dynreg.diagnose.refitted import Fitted, Left, Refits
 from dynreg.diagnose.shared import Shared
-from dynreg.diagnose.threshold import known
+from dynreg.diagnose.threshold import Threshold, known
 from dynreg.diagnose.zeros import zeroed
 from dynreg.evidence.fit import fit
 from dynreg.evidence.interval import posterior
@@ -78,7 +78,7 @@ def with_own_effects(
     def one(recording: Recording) -> Search[Diagnosed]:
         model, data = pose(robot, recording, alone, answer)
         problem = yield from planned(model, data, offered(model, data, alone))
-        return (yield from search(problem, recording, known(limit), alone))
+        return (yield from search(problem, recording, known(Threshold(limit, ())), alone))
 
     effects = dict(answer.effects)
     for made in (yield from together([one(recording) for recording in recordings.values()])):

@@ -6,6 +6,7 @@ import numpy as np
 
 from dynreg.data.names import quantity_of
 from dynreg.data.recording import Episode, Recording
+from dynreg.replay.samples import correlation_time
 from dynreg.replay.windows import standing
 from dynreg.sim.robot import Robot
 
@@ -28,7 +29,8 @@ class Repeatability:
 
     spread : standard deviation of the difference of repeated runs over sqrt(2); None where nothing repeats.
     stated : standard deviation by the channel's stated noise and quantum; 0 where none is stated.
-    pairs, samples : pairs of runs compared and rows in them.
+    pairs, samples : pairs of runs compared and rows in them. independent : samples among these rows that do not just
+    repeat the one before; what differs between two runs often does so for long.
     """
 
     channel: str
@@ -37,6 +39,7 @@ class Repeatability:
     stated: float
     pairs: int
     samples: int
+    independent: float = 0.0
 
 
 def repeatability(robot: Robot, recording: Recording) -> tuple[Repeatability, ...]:
@@ -51,7 +54,7 @@ def repeatability(robot: Robot, recording: Recording) -> tuple[Repeatability, ..
     pairs = repeated(robot, recording)
     out = []
     for c, channel in enumerate(robot.file.channels):
-        squares, freedom, used, samples = 0.0, 0, 0, 0
+        squares, freedom, used, samples, independent = 0.0, 0, 0, 0, 0.0
         column = recording.names.index(channel.name) if channel.name in recording.names else None
         for a, b in pairs if column is not None else ():
             difference = a[:, column] - b[:, column]
@@ -64,8 +67,10 @@ def repeatability(robot: Robot, recording: Recording) -> tuple[Repeatability, ..
             apart = difference[known] - difference[first].mean()
             squares += float(np.sum(apart**2))
             freedom, used, samples = freedom + len(known) - 1, used + 1, samples + len(known)
+            independent += max(len(known) / correlation_time(apart) - 1.0, 0.0) if apart.any() else 0.0
         spread = float(np.sqrt(squares / freedom / 2)) if freedom else None
-        out.append(Repeatability(channel.name, channel.unit, spread, float(stated[c]), used, samples))
+        told = channel.name, channel.unit, spread, float(stated[c]), used, samples, independent
+        out.append(Repeatability(*told))
     return tuple(out)
 
 

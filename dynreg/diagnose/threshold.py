@@ -13,6 +13,8 @@ from dynreg.diagnose.noise import noisier, own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.settle import unlike
+from dynreg.diagnose.tail import exceeded
+from dynreg.diagnose.verdict import lefts, most_left
 from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search, together
 from dynreg.evidence.model import Model
@@ -27,11 +29,8 @@ from dynreg.sim.robot import Robot
 LEAST = 5.0  # nats: the lowest threshold; the leg on the ground needs it
 USUAL = 20.0  # the threshold without simulations: by contract, twice the thresholds of the benches (8.1, 5.3, 5.0)
 ALARMS = 0.01  # false-alarm rate of robots without an effect: by contract (bench_naming: 1 of 150)
-# The largest scores to which the exponential tail is fitted. Five determine its slope to 1 / sqrt(5), 45 %; of 20
-# robots, more than five do not belong to the tail.
-TAIL, TENTH = 5, 10  # number of scores, and at least one in so many of all
 KIND = "threshold"
-SEARCH = 10  # version of the scores: a new one invalidates cached thresholds
+SEARCH = 11  # version of the scores: a new one invalidates cached thresholds
 # Mean difference of the commands of a window, in each action's spread: of all actions, and of any one. All a row late
 # the packaged protocols differ by 0.24 and 0.55 at most (quadruped, 35 Hz), others of the same kinds by 1.5 and more.
 ALIKE, ANY = 0.3, 0.7
@@ -56,11 +55,22 @@ class Cache(Protocol):
 
 @dataclass(frozen=True)
 class Threshold:
-    """A threshold [nats], and the best scores of the simulated robots without an effect that it comes from."""
+    """A threshold [nats], and what the simulated robots without an effect say that it comes from.
+
+    scores : the best of each. ratios : of each what its calibrated simulator leaves, over the stated noise; see
+    `verdict.most_left`.
+    """
 
     nats: float
     scores: tuple[float, ...]
+    ratios: tuple[float, ...] = ()
     cached: bool = False
+
+    @classmethod
+    def of(cls, made: Sequence[tuple[float, float]]) -> "Threshold":
+        """From the (score, ratio) of each simulated robot; see `null`."""
+        scores, ratios = zip(*made, strict=True)
+        return cls(level(scores), scores, ratios)
 
 
 def threshold(
@@ -84,11 +94,11 @@ def threshold(
     report = progress or (lambda *_: None)
     report("threshold", 0, runs)
     seeds = [null_seed(options.seed, i) for i in range(runs)]
-    scores = yield from scores_of(problem, noise, seeds, lambda ended: report("threshold", ended, runs))
-    found = Threshold(level(scores), tuple(scores))
+    made = yield from nulls_of(problem, noise, seeds, lambda ended: report("threshold", ended, runs))
+    found = Threshold.of(made)
     if cache is not None:
         kept = (cache.cached(KIND, key) or {"found": []})["found"]
-        row = {"commands": told.tolist(), "nats": found.nats, "scores": scores}
+        row = {"commands": told.tolist(), "nats": found.nats, "scores": found.scores, "ratios": found.ratios}
         cache.cache(KIND, key, {"found": [*kept, row]})
     return found
 
@@ -104,19 +114,19 @@ def found_before(
     told = commands(problem.data)
     for one in [] if cache is None else (cache.cached(KIND, key) or {"found": []})["found"]:
         if same(told, np.array(one["commands"])):
-            return Threshold(one["nats"], tuple(one["scores"]), cached=True)
+            return Threshold(one["nats"], tuple(one["scores"]), tuple(one["ratios"]), cached=True)
     return None
 
 
-def known(nats: float) -> Search[Threshold]:
+def known(limit: Threshold) -> Search[Threshold]:
     """A known threshold."""
-    return Threshold(nats, ())
+    return limit
     yield  # makes this a search, one that asks for no rollouts
 
 
 def level(scores: Sequence[float]) -> float:
     """The threshold [nats] for the best scores of robots without an effect."""
-    return max(LEAST, exceeded(scores))
+    return max(LEAST, exceeded(scores, ALARMS))
 
 
 def null_seed(seed: int, number: int) -> int:
@@ -124,52 +134,40 @@ def null_seed(seed: int, number: int) -> int:
     return stream_seed(seed, "no effect", number) % 2**31
 
 
-def exceeded(scores: Sequence[float]) -> float:
-    """The score [nats] that a share `ALARMS` of robots exceeds, from an exponential tail fitted to the largest scores.
-
-    The excess over a high threshold is nearly exponential (J. Pickands, Statistical Inference Using Extreme Order
-    Statistics, Ann. Stat. 3, 1975). The largest score alone would make the threshold depend on one robot.
-    """
-    largest = np.sort(scores)[::-1]
-    tail = min(max(TAIL, len(largest) // TENTH), len(largest) - 1)
-    if tail == 0:
-        return float(largest[0])
-    excess = float(np.mean(largest[:tail] - largest[tail]))
-    return float(largest[tail]) + excess * np.log(tail / len(largest) / ALARMS)
-
-
-def scores_of(
+def nulls_of(
     problem: Problem,
     noise: Mapping[str, float],
     seeds: Sequence[int],
     done: Callable[[int], None] | None = None,
-) -> Search[list[float]]:
-    """`null_score` of the robots with these seeds, several at a time in lockstep.
+) -> Search[list[tuple[float, float]]]:
+    """`null` of the robots with these seeds, several at a time in lockstep.
 
     noise : of the log's own sensors; see `own_noise`. done : is called with the number of finished robots.
     """
-    robot, scores = noisier(problem.model.robot, noise), []
+    robot, made = noisier(problem.model.robot, noise), []
     for begin in range(0, len(seeds), TOGETHER):
         some = seeds[begin : begin + TOGETHER]
-        scores += yield from together([null_score(problem, robot, seed) for seed in some])
+        made += yield from together([null(problem, robot, seed) for seed in some])
         if done:
-            done(len(scores))
-    return scores
+            done(len(made))
+    return made
 
 
-def null_score(problem: Problem, robot: Robot, seed: int) -> Search[float]:
-    """The score [nats] of the best cause for one simulated robot without an effect, under the problem's commands.
+def null(problem: Problem, robot: Robot, seed: int) -> Search[tuple[float, float]]:
+    """One simulated robot without an effect, under the problem's commands: the score [nats] of the best cause, and what
+    the calibrated simulator leaves over the stated noise.
 
     robot : with the sensor noise of its log.
     """
     model, plan = problem.model, problem.plan
-    left = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
-    if not left:
-        return 0.0
     data = yield from null_data(problem, robot, seed)
     found = yield from calibrate(model, data, draws=plan.draws)
-    naming, _ = yield from plan.name(found.model, found.point, left, found.sample)
-    return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats)
+    left = yield from lefts(found.model, found.point, data)
+    terms = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
+    if not terms:
+        return 0.0, most_left(left)
+    naming, _ = yield from plan.name(found.model, found.point, terms, found.sample)
+    return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats), most_left(left)
 
 
 def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:

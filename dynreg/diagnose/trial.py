@@ -12,7 +12,7 @@ from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
-from dynreg.diagnose.threshold import Cache, known, null_seed, scores_of, threshold
+from dynreg.diagnose.threshold import Cache, Threshold, known, null_seed, nulls_of, threshold
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.fit import fit
 from dynreg.evidence.hypothesis import Hypothesis, single_terms
@@ -94,25 +94,27 @@ class Tried:
         return found.rounds[0].chosen.point.hypothesis.terms[-1] if found.accepted else None
 
 
-def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progress | None = None) -> float:
-    """The threshold [nats] under the protocol's commands."""
+def trial_threshold(
+    trials: Trials, cache: Cache | None = None, progress: Progress | None = None
+) -> Threshold:
+    """The threshold under the protocol's commands."""
     recording, options = _without_effect(trials)
 
-    def found() -> Search[float]:
+    def found() -> Search[Threshold]:
         problem = yield from _posed(trials, recording, options)
-        return (yield from threshold(problem, recording, options, cache, progress)).nats
+        return (yield from threshold(problem, recording, options, cache, progress))
 
     return run(found(), threads=trials.threads)
 
 
-def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
-    """The scores [nats] of the robots without an effect of these numbers; `trial_threshold` uses the same robots."""
+def nulls(trials: Trials, numbers: Iterable[int]) -> list[tuple[float, float]]:
+    """`threshold.null` of the robots without an effect of these numbers; `trial_threshold` uses the same robots."""
     recording, options = _without_effect(trials)
     seeds = [null_seed(options.seed, i) for i in numbers]
 
-    def found() -> Search[list[float]]:
+    def found() -> Search[list[tuple[float, float]]]:
         problem = yield from _posed(trials, recording, options)
-        return (yield from scores_of(problem, own_noise(trials.robot, recording), seeds))
+        return (yield from nulls_of(problem, own_noise(trials.robot, recording), seeds))
 
     return run(found(), threads=trials.threads)
 
@@ -129,8 +131,8 @@ def _posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> S
     return (yield from planned(model, data, single_terms(trials.robot, (), options.without)))
 
 
-def tried(trials: Trials, todo: Sequence[Trial], needed: float) -> list[Tried]:
-    """Hide effects in robots and diagnose their logs, all in lockstep; a cause needs `needed` nats.
+def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Tried]:
+    """Hide effects in robots and diagnose their logs, all in lockstep; a cause needs what `needed` says.
 
     The time that all took is shared out evenly.
     """

@@ -57,11 +57,9 @@ def channel_errors(windows: Windows, states: np.ndarray, chosen: np.ndarray) -> 
     Of what was measured in the windows `chosen`; NaN for channels that were not.
     """
     miss = np.abs(states[..., 1:, :] - windows.measured[chosen][:, 1:])
-    miss[~np.isfinite(miss)] = np.nan
-    out = np.full((len(states), states.shape[-1]), np.nan)
-    for s in np.flatnonzero(np.isfinite(miss).any(axis=(0, 1, 2))):
-        out[:, s] = np.nanmean(miss[..., s], axis=(1, 2))
-    return out
+    known = np.isfinite(miss)
+    count = known.sum(axis=(1, 2))
+    return np.where(count > 0, np.where(known, miss, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1), np.nan)
 
 
 def traced(

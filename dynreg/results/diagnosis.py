@@ -54,7 +54,8 @@ class Cause(EffectOn):
     """A physical effect that the simulator lacks.
 
     joints : those that have it; none for all of them, or for the robot as a whole.
-    evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost.
+    evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost. replaced :
+    whether calibrated parameters, far from their nameplate, stand in for it: then its gain over them says little.
     equivalent : keys of the causes that explain the data as well; separate_by : the experiment that separates them.
     inseparable : those of them that no commands separate: the others of its exact group.
     gain : by how much it lowers the error on the test part; null where nothing was held out.
@@ -64,10 +65,27 @@ class Cause(EffectOn):
     verdict: CauseVerdict
     parameters: dict[str, EffectEstimate]
     evidence_nats: float
+    replaced: bool = False
     equivalent: tuple[str, ...] = ()
     inseparable: tuple[str, ...] = ()
     separate_by: str = ""
     gain: Gain | None = None
+
+
+class Doubt(Result):
+    """A reason not to call the causes named, however much evidence they have.
+
+    kind : "pulled": a parameter left its nameplate by `value` sigma. "parameter_at_bound", "size_at_bound": a
+    parameter, or the size of a cause [medium sizes], ended at the edge of its range. "small": after the last fit a
+    cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the held-out
+    error; `value` is its gain. "no_better": the extended simulator errs more than a robot that holds still or just
+    follows its commands; `value` is its error over theirs.
+    of : the parameter or the key of the cause; "" of the whole simulator.
+    """
+
+    kind: Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better"]
+    of: str
+    value: float
 
 
 class Looked(EffectOn):
@@ -151,7 +169,10 @@ class Threshold(Result):
 class RolloutError(Result):
     """The error of one channel on one part of the recording, in `unit`.
 
-    repeatability : by how much two runs of the same commands differ; null where no run was repeated.
+    repeatability : by how much two runs of the same commands differ; null where no run was repeated. unpenalised : of
+    the simulator that was calibrated without the prior of the nameplate. held, followed : of a robot that holds still,
+    and of one whose joints just follow their commands with a lag; null where the channel has none, and in documents
+    that were stored before they were told.
     """
 
     channel: str
@@ -161,6 +182,9 @@ class RolloutError(Result):
     calibrated: float | None
     extended: float | None
     repeatability: float | None = None
+    unpenalised: float | None = None
+    held: float | None = None
+    followed: float | None = None
     part: Literal["test", "select", "fit"] = "test"
 
 
@@ -186,7 +210,9 @@ class Noise(Result):
 
     left : the unexplained error of the best simulator; where contacts make rollouts rough, the mean of its logarithm
     over the windows. basis : the source of the floor. The stated noise of a planar base includes that of its first
-    pose, which the whole path carries along. white : whether the residual looks like white noise; null where unknown.
+    pose, which the whole path carries along. limit : the ratio up to which it counts as explained, with the sampling
+    error of both. white : whether the residual looks like white noise; null where unknown. usual : whether simulated
+    robots without an effect leave as much; null where none were simulated.
     """
 
     channel: str
@@ -195,7 +221,9 @@ class Noise(Result):
     floor: float
     basis: Literal["repeatability", "stated_noise"]
     ratio: float | None
+    limit: float | None = None
     white: bool | None = None
+    usual: bool | None = None
 
 
 class ResidualShare(Result):
@@ -235,10 +263,11 @@ class Diagnosis(Result):
 
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
     verdict : of the first cause; "unknown": there is an error that no effect explains; "none": nothing is.
-    sentence : the verdict for a person. gain : of all causes together over the calibrated simulator, on the test part;
-    null without causes or where nothing was held out. calibration : of the calibrated simulator over that at the start,
-    on the test part. over_start : of the simulator that it leaves (the extended one, else the calibrated one) over that
-    at the start; below 0 where that one predicts it better.
+    sentence : the verdict for a person. gain : of all causes together over the better calibration (with the prior of
+    the nameplate, or without), on the test part; null without causes or where nothing was held out. calibration : of
+    the calibrated simulator over that at the start, on the test part. over_start : of the simulator that it leaves (the
+    extended one, else the calibrated one) over that at the start; below 0 where that one predicts it better.
+    doubts : what speaks against the causes; with any of them the verdict is at most "partly_explained".
     threshold_nats : the evidence below which no cause is named.
     posterior : of the free parameters and the sizes of the effects, in the simulator that it leaves; null in documents
     that were stored before it was kept.
@@ -264,6 +293,7 @@ class Diagnosis(Result):
     gain: Gain | None = None
     calibration: Gain | None = None
     over_start: Gain | None = None
+    doubts: tuple[Doubt, ...] = ()
     ranking: tuple[Ranked, ...]
     threshold_nats: float
     threshold: Threshold
@@ -327,6 +357,14 @@ class Diagnosis(Result):
         return "extended" if self.extended_simulator else "calibrated"
 
     @property
+    def leaves(self) -> bool:
+        """Whether an error is left that is more than noise; of documents without its limit the verdict says so."""
+        if self.noise is None or self.noise.limit is None or self.noise.ratio is None:
+            return self.verdict in ("partly_explained", "unknown")
+        white = self.noise.basis == "stated_noise" and bool(self.noise.white)
+        return not (self.noise.ratio <= self.noise.limit or white or bool(self.noise.usual))
+
+    @property
     def unexplained(self) -> bool:
         """Whether the model is known to lack something that no effect of the library is.
 
@@ -339,8 +377,10 @@ class Diagnosis(Result):
         """How far the intervals of the parameters can be relied on, in words."""
         if self.unexplained:
             return "Do not rely on these intervals: they hold only if the model is complete, and it is not."
-        if self.verdict == "partly_explained":
+        if self.verdict == "partly_explained" and self.leaves:
             return "These intervals hold only if the model is complete, and part of the error is unexplained."
+        if self.verdict == "partly_explained":
+            return "These intervals hold only if the model is complete, and what is said above speaks against that."
         return "These intervals hold if the model is complete."
 
     def rows(self) -> list[dict[str, Any]]:

@@ -19,10 +19,15 @@ def clearly_helps(gain: Gain | None) -> bool:
 def helping(of: Diagnosis) -> tuple[Cause, ...]:
     """The causes on which held-out data can be relied: each that clearly helps, or all where only all together do.
 
-    All of them where nothing was held out.
+    All of them where nothing was held out. A cause for which parameters stood in (`Cause.replaced`) cannot help over
+    these: it must not clearly do worse.
     """
-    alone = tuple(cause for cause in of.causes if cause.gain is None or clearly_helps(cause.gain))
+    alone = tuple(cause for cause in of.causes if _relied_on(cause))
     return of.causes if not alone and clearly_helps(of.gain) else alone
+
+
+def _relied_on(cause: Cause) -> bool:
+    return cause.gain is None or clearly_helps(cause.gain) or (cause.replaced and not cause.gain.worse)
 
 
 def doubtful(of: Diagnosis) -> tuple[Cause, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dynreg.results.diagnosis import (
     Cause,
     Diagnosis,
+    Doubt,
     EffectEstimate,
     Inseparable,
     Looked,
@@ -33,10 +34,12 @@ NOISE_FLOORS = {
 
 def diagnosis_sentence(of: Diagnosis) -> str:
     """The verdict of a diagnosis in one sentence: the causes, and whether the simulator at the start is better."""
-    verdict = _verdict_sentence(of)
-    if not of.worse:
+    verdict, against = _verdict_sentence(of), [*doubt_words(of)]
+    if of.worse:
+        against.append(f"{of.began} predicts the held-out part better")
+    if not against:
         return verdict
-    return f"{verdict.removesuffix('.')}, but {of.began} predicts the held-out part better."
+    return f"{verdict.removesuffix('.')}, but {_listed(against)}."
 
 
 def _verdict_sentence(of: Diagnosis) -> str:
@@ -49,7 +52,9 @@ def _verdict_sentence(of: Diagnosis) -> str:
         rest = {
             "unknown": "but no effect of the library explains the remaining error",
             "none": "and no effect of the library shows",
-            "partly_explained": f"and {causes} {explain} part of the remaining error",
+            "partly_explained": f"and {causes} {explain} part of the remaining error"
+            if of.leaves
+            else f"and the rest points to {causes}",
         }.get(of.verdict, f"and the recording shows {causes}")
         if of.causes and not shown:
             rest = "and no effect of the library clearly adds to that"
@@ -62,6 +67,8 @@ def _verdict_sentence(of: Diagnosis) -> str:
         return f"{name} shows an error that no effect of the library explains."
     if not shown:
         return f"No effect of the library clearly helps to predict {name}."
+    if of.verdict == "partly_explained" and not of.leaves:
+        return f"{name} points to {causes}."
     if of.verdict == "partly_explained":
         return f"{causes} {explain} part of the error of {name}."
     return f"{name} shows {causes}."
@@ -91,6 +98,35 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     out += stable_sentences(of.stable)
     out += inseparable_sentences(of.looked, of.inseparable)
     return tuple(line for line in out if line)
+
+
+def doubt_words(of: Diagnosis) -> tuple[str, ...]:
+    """What speaks against the causes that are told, a few words each.
+
+    A cause that does not help on held-out data is not told: it has a line of its own.
+    """
+    told = {cause.key for cause in helping(of)}
+    causes = {cause.key for cause in of.causes}
+    return tuple(_doubt(one) for one in of.doubts if one.of in told or one.of not in causes)
+
+
+def _doubt(one: Doubt) -> str:
+    match one.kind:
+        case "pulled":
+            return f"{one.of} would have to be {times(abs(one.value))} sigma from its value in robot.toml"
+        case "parameter_at_bound":
+            return f"{one.of} ends at the edge of its range"
+        case "size_at_bound":
+            return f"the size of {one.of} ends at the edge of its range"
+        case "small":
+            return f"the size of {one.of} ends at {100 * one.value:.0f} % of the weak one"
+        case "no_gain":
+            return f"with {one.of} the error on held-out data is {change(one.value)}"
+    return f"it errs {times(one.value)} times as much as joints that hold still or just follow their commands"
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)
 
 
 def _main(of: Diagnosis) -> str:
@@ -143,7 +179,7 @@ def _doubtful_sentence(of: Diagnosis) -> str:
     names = [cause.key for cause in doubtful(of)]
     if not names:
         return ""
-    listed = " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
+    listed = _listed(names)
     do, them = ("do", "them") if names[1:] else ("does", "it")
     also = "also " if helping(of) or calibration_leads(of) else ""
     return f"The search {also}accepted {listed}, which {do} not clearly help on held-out data: do not rely on {them}."

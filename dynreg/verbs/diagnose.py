@@ -188,7 +188,7 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     if progress:
         progress(JUDGED, 1, 1)
     ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
-    cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=seen.simulated, seconds=0.0)
+    cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=len(made.judged.states), seconds=0.0)
     found = document(asked, settings.start, options, made, seen, ids, cost)
     again = 0
     if asked.each:

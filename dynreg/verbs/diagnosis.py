@@ -6,6 +6,7 @@ import numpy as np
 
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
+from dynreg.diagnose.doubts import replaced, stopped_by_bounds
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.verdict import rivals
 from dynreg.evidence.estimate import gaussian
@@ -18,6 +19,7 @@ from dynreg.results.diagnosis import (
     Cause,
     Diagnosis,
     DiagnosisTrace,
+    Doubt,
     EffectEstimate,
     Moved,
     Noise,
@@ -64,10 +66,13 @@ def document(
     cost: Cost,
 ) -> Diagnosis:
     """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind."""
-    model, found, errors = made.problem.model, made.found, _errors(made, seen)
+    model, found, errors = made.problem.model, made.found, _errors(made)
     of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
-    worst = (seen.errors[1] / np.maximum(spread, 1e-12)).argmax()  # channel of the calibrated simulator
+    judged = made.judged
+    worst = (
+        judged.errors[judged.CALIBRATED] / np.maximum(spread, 1e-12)
+    ).argmax()  # channel of the calibrated simulator
     told = Diagnosis(
         robot=model.robot.name,
         recording=asked.recording.id,
@@ -77,9 +82,10 @@ def document(
         verdict=made.verdict,
         sentence="",
         causes=_causes(made, seen),
-        gain=_gain(seen.gain),
-        calibration=_gain(seen.calibration),
-        over_start=_gain(seen.over_start),
+        gain=_gain(judged.of_all),
+        calibration=_gain(judged.gained(judged.START, judged.CALIBRATED)),
+        over_start=_gain(judged.gained(judged.START, -1 if judged.causes else judged.CALIBRATED)),
+        doubts=tuple(Doubt(**vars(one)) for one in made.doubts),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
         threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
@@ -94,7 +100,7 @@ def document(
         finding=finding(seen.where),
         looked=looked(made, seen),
         inseparable=inseparable(made, seen),
-        noise=Noise(**vars(made.evidence.noise)),
+        noise=Noise(**vars(made.evidence.noise), usual=made.evidence.usual),
         **_left(seen),
         experiments=experiments(made),
         parts=_parts(asked, made),
@@ -140,51 +146,51 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
                 verdict=later if number else made.verdict,
                 parameters={name: EffectEstimate(**vars(e)) for name, e in seen.causes[number].items()},
                 evidence_nats=naming.chosen.nats,
+                replaced=replaced(naming),
                 equivalent=apart + same,
                 inseparable=same,
                 separate_by=term.effect.separate_by,
-                gain=_gain(seen.gains[number]),
+                gain=_gain(made.judged.of_cause(number)),
             )
         )
     return tuple(out)
 
 
-def _errors(made: Diagnosed, seen: Account) -> tuple[RolloutError, ...]:
+def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
     """Errors of every weighted channel."""
-    robot = made.problem.model.robot
+    robot, judged = made.problem.model.robot, made.judged
+    rows = dict(zip((*NAMES[:2], "unpenalised"), judged.errors, strict=False))
+    rows["extended"] = judged.errors[-1] if judged.causes else rows["calibrated"]
+    rows |= {"held": judged.held, "followed": judged.followed}
     return tuple(
         RolloutError(
             channel=robot.channels[column],
             unit=robot.file.channels[column].unit,
-            **dict(zip(NAMES, map(float, errors), strict=True)),
+            **{name: float(errors[c]) if np.isfinite(errors[c]) else None for name, errors in rows.items()},
             repeatability=made.evidence.repeats[robot.channels[column]].spread,
-            part="test" if made.tested else "select",
+            part="test" if judged.tested else "select",
         )
-        for column, errors in zip(made.problem.data.use, seen.errors.T, strict=True)
+        for c, column in enumerate(made.problem.data.use)
     )
 
 
 def parameters(model: Model, point: Point, seen: Account) -> dict[str, Pulled]:
     """Parameters of the point; those that are not fitted are as in the resulting simulator, without interval."""
     c, draws, simulator = model.coordinates, seen.draws, list(seen.simulators.values())[-1][0]
-    limits = c.nominal_bounds
-    value = c.values(np.clip(point.nominal, *limits.T))
+    stopped = dict(zip(c.free.tolist(), stopped_by_bounds(c, point).tolist(), strict=True))
+    value = c.values(np.clip(point.nominal, *c.nominal_bounds.T))
     low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
     out = {}
     for i, p in enumerate(model.robot.space.parameters):
         free = np.flatnonzero(c.free == i)
         pull = float(point.nominal[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
-        at_bound = bool(len(free)) and bool(
-            point.nominal[free[0]] <= limits[free[0], 0] + 1e-3
-            or point.nominal[free[0]] >= limits[free[0], 1] - 1e-3
-        )
         out[p.name] = Pulled(
             value=float(value[i] if len(free) else simulator[i]),
             low=float(min(low[i], value[i])) if len(free) else None,
             high=float(max(high[i], value[i])) if len(free) else None,
             unit=p.unit,
             nominal=float(p.nominal),
-            at_bound=at_bound,
+            at_bound=stopped.get(i, False),
             limits=(p.low, p.high),
             pulled_sigma=pull,
             share=_share(seen, free),
@@ -260,7 +266,13 @@ def _traces(asked: Recorded, made: Diagnosed, seen: Account) -> tuple[DiagnosisT
     """The channels with the largest calibrated error in some windows, thinned."""
     model, data = made.problem.model, made.problem.data
     each = traced(
-        model.robot, asked.recording, data.windows, seen.states, made.judged, worst=1, channels=CHANNELS
+        model.robot,
+        asked.recording,
+        data.windows,
+        seen.states,
+        made.judged.windows,
+        worst=1,
+        channels=CHANNELS,
     )
     return tuple(
         DiagnosisTrace(

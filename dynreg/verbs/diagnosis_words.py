@@ -1,11 +1,11 @@
 """The text of a diagnosis beside its numbers: where the error lies, inputs, notes, and what to record next."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed, no_candidates
+from dynreg.diagnose.doubts import at_bounds
 from dynreg.diagnose.identifiability import Unidentified
 from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.noise import own_noise
@@ -110,26 +110,19 @@ def notes(
         out.append(
             f"the noise of {name} is about {sigma / stated[name]:.0f} times the value in robot.toml: correct it there"
         )
-    out += at_the_edge(parameters)
+    out += at_the_edge([name for name, _ in at_bounds(made.problem.model.coordinates, made.found.current)])
     out += held_out_notes(robot, made.problem.data.windows, made.problem.data.parts)
     out += same_words(seen.same)
     return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified, parameters))
 
 
-def at_the_edge(parameters: dict[str, Pulled]) -> Iterator[str]:
-    """A line on the parameters that a wider range would let go further."""
-    names = [name for name, p in parameters.items() if p.at_bound and not _at_nothing(p)]
+def at_the_edge(names: Sequence[str]) -> Iterator[str]:
+    """A line on the parameters that a wider range would let go further; see `doubts.at_bounds`."""
     if names:
         yield (
             f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} at the edge of the allowed range: widen the "
             "range in robot.toml, or look for another cause"
         )
-
-
-def _at_nothing(p: Pulled) -> bool:
-    """Whether a parameter is at the lower end of a range that begins at 0: less friction than none is no option."""
-    low, high = p.limits or (-math.inf, math.inf)
-    return low == 0.0 and p.value - low < high - p.value
 
 
 def same_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:

@@ -74,6 +74,6 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
         results += results_of(trials, todo[number : number + TOGETHER], needed)
     report("trials", len(todo), len(todo))
     notes = [
-        f"threshold: {needed:.3g} nats, from {settings.threshold_runs} simulated robots without an effect"
+        f"threshold: {needed.nats:.3g} nats, from {settings.threshold_runs} simulated robots without an effect"
     ]
     return TrialTable.of(asked.robot.name, results, notes)

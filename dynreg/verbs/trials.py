@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from dynreg.data.names import joint_of
+from dynreg.diagnose.threshold import Threshold
 from dynreg.diagnose.trial import (
     Trial,
     Trials,
@@ -25,7 +26,7 @@ from dynreg.sim.robot import Robot
 
 
 def results_of(
-    trials: Trials, todo: Sequence[Trial], needed: float, *, share: bool = True, interval: bool = False
+    trials: Trials, todo: Sequence[Trial], needed: Threshold, *, share: bool = True, interval: bool = False
 ) -> list[TrialResult]:
     """Hide effects in robots, diagnose their logs in lockstep, and score the first cause of each.
 

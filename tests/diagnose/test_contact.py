@@ -9,7 +9,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Contact
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.threshold import known
+from dynreg.diagnose.threshold import Threshold, known
 from dynreg.evidence.accuracy import rough
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.likelihood import objective
@@ -29,7 +29,9 @@ def test_a_payload_on_the_ground_is_named_and_its_simulator_fitted_finely():
     model, data = pose(robot, log, ASKED)
     model = replace(model, accuracy=rough(robot))
     terms = single_terms(robot, ("payload", "coulomb_friction"))
-    found = run(search(Problem(model, data, tuple(terms), Contact()), log, known(20.0), ASKED)).found
+    found = run(
+        search(Problem(model, data, tuple(terms), Contact()), log, known(Threshold(20.0, ())), ASKED)
+    ).found
     assert found.accepted == 1 and [t.key for t in found.current.hypothesis.terms] == ["payload"]
     every = data.sample(data.both)
     points = [model.start, found.base, found.rounds[0].chosen.point, found.current]

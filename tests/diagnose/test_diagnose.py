@@ -14,7 +14,7 @@ from dynreg.diagnose.diagnose import Diagnosed, diagnose, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
-from dynreg.diagnose.threshold import known
+from dynreg.diagnose.threshold import Threshold, known
 from dynreg.errors import LogError
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.hypothesis import Coordinates
@@ -126,7 +126,7 @@ def test_a_diagnosis_leaves_its_problem_as_it_was():
     model, data = pose(load_robot("servo_pendulum"), recording, ASKED)
     problem = run(planned(model, data, (term("cogging"), term("load_friction"))))
     before = bits(problem)
-    made = run(search(problem, recording, known(5.0), replace(ASKED, max_causes=2)))
+    made = run(search(problem, recording, known(Threshold(5.0, ())), replace(ASKED, max_causes=2)))
     assert made.found.accepted == 2 and made.problem is problem
     assert bits(problem) == before and not problem.model.corrections
     assert made.found.model.corrections, "what was corrected on the way is in a model of its own"
@@ -139,7 +139,7 @@ def test_what_takes_times_is_found_beyond_the_models_time_step():
         asked = replace(ASKED, effects=(hidden.key,), max_causes=1)
         model, data = pose(load_robot("servo_pendulum"), recording, asked)
         problem = yield from planned(model, data, hidden.terms)
-        found = (yield from search(problem, recording, known(1.0), asked)).found
+        found = (yield from search(problem, recording, known(Threshold(1.0, ())), asked)).found
         draws = yield from posterior(found.model, found.current, found.data.sample(found.data.parts.chosen))
         return next(iter(estimates(found.model, found.current, 0, draws).values()))
 

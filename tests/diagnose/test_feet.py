@@ -133,7 +133,7 @@ def found() -> Diagnosed:
     """A search for two causes among some of the whole base and of its legs."""
     model, data, _, log = posed()
     terms = single_terms(model.robot, ("payload", "ground_friction"))
-    return run(search(Problem(model, data, tuple(terms), LITTLE), log, known(30.0), SETTINGS))
+    return run(search(Problem(model, data, tuple(terms), LITTLE), log, known(Threshold(30.0, ())), SETTINGS))
 
 
 def test_a_segment_is_as_long_wherever_rollouts_are_cut_and_only_feet_need_it():
@@ -176,7 +176,7 @@ def test_with_and_without_a_term_it_is_fitted_on_all_windows_from_where_either_e
 
 def test_a_search_that_may_name_nothing_calibrates():
     model, data, _, log = posed()
-    made = run(search(Problem(model, data, (), LITTLE), log, known(5.0), SETTINGS))
+    made = run(search(Problem(model, data, (), LITTLE), log, known(Threshold(5.0, ())), SETTINGS))
     assert made.found.accepted == 0 and np.isfinite(made.found.base.nominal).all()
     assert made.found.current is made.found.base
 

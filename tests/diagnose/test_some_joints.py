@@ -13,7 +13,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
-from dynreg.diagnose.threshold import USUAL, null_score
+from dynreg.diagnose.threshold import USUAL, null
 from dynreg.diagnose.unexplained import unexplained
 from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import single_terms
@@ -181,4 +181,4 @@ def test_robots_without_an_effect_are_diagnosed_at_some_joints_too():
     recording = log_of(ARM, hide(ARM, (), None, 4), plan, engine="joint")
     settings = DiagnosisOptions(joints=("elbow",), threads=1)
     problem = run(planned(*pose(ARM, recording, settings), [term("coulomb_friction[elbow]")]))
-    assert 0.0 <= run(null_score(problem, ARM, 5)) < USUAL
+    assert 0.0 <= run(null(problem, ARM, 5))[0] < USUAL

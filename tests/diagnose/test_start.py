@@ -12,7 +12,7 @@ from dynreg.diagnose.diagnose import diagnose, offered, search
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
-from dynreg.diagnose.threshold import USUAL, known
+from dynreg.diagnose.threshold import USUAL, Threshold, known
 from dynreg.evidence.lockstep import run
 from dynreg.evidence.truth import Hidden, hide, log_of, protocol
 from dynreg.sim.config import SimConfig
@@ -59,7 +59,7 @@ def test_what_else_is_missing_is_named_and_the_extended_simulator_has_both(robot
     asked = DiagnosisOptions(hold_out="test_0", effects=OFFERED, max_causes=1, threads=1)
     model, data = pose(robot, recording, asked, begun(robot, hidden))
     problem = run(planned(model, data, offered(model, data, asked)))
-    found = run(search(problem, recording, known(USUAL), asked)).found
+    found = run(search(problem, recording, known(Threshold(USUAL, ())), asked)).found
     assert found.accepted == 1 and found.rounds[0].chosen.point.hypothesis.terms[-1].key == "load_friction"
     points = {"start": model.start, "calibrated": found.base, "extended": found.current}
     kinds = {kind: [t.key for t in simulator(model, data, p, asked)[1].terms] for kind, p in points.items()}

@@ -17,16 +17,17 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Short
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.tail import exceeded
 from dynreg.diagnose.threshold import (
     LEAST,
     USUAL,
+    Threshold,
     commands,
-    exceeded,
     known,
     level,
+    null,
     null_data,
     null_robot,
-    null_score,
     same,
     threshold,
 )
@@ -263,7 +264,7 @@ def test_other_sizes_or_parameters_of_the_start_are_paid_for(robot: Robot, recor
         assert one.paid(shelf)
         key = Keys()
         one.paid(key)
-        row = {"commands": commands(one.problem.data).tolist(), "nats": 7.0, "scores": [7.0]}
+        row = {"commands": commands(one.problem.data).tolist(), "nats": 7.0, "ratios": [], "scores": [7.0]}
         shelf.cache("threshold", key.asked, {"found": [row]})
         assert not one.paid(shelf)
 
@@ -323,15 +324,15 @@ def test_commands_of_other_shapes_are_others(case):
 
 def test_the_level_is_what_one_robot_in_a_hundred_exceeds():
     scores = np.random.default_rng(0).exponential(5.0, 4000)
-    assert exceeded(scores[:200]) == pytest.approx(5.0 * np.log(100.0), rel=0.25)
-    assert exceeded(scores) == pytest.approx(5.0 * np.log(100.0), rel=0.05)
-    assert level([0.0, 0.1]) == LEAST and exceeded([3.0]) == 3.0 and exceeded([1.0, 9.0]) > 9.0
+    assert exceeded(scores[:200], 0.01) == pytest.approx(5.0 * np.log(100.0), rel=0.25)
+    assert exceeded(scores, 0.01) == pytest.approx(5.0 * np.log(100.0), rel=0.05)
+    assert level([0.0, 0.1]) == LEAST and exceeded([3.0], 0.01) == 3.0 and exceeded([1.0, 9.0], 0.01) > 9.0
 
 
 def test_where_nothing_was_simulated_the_usual_threshold_holds(case):
     asked = replace(case.options, threshold_runs=0)
     assert run(counted(threshold(case.problem, case.recording, asked)))[0].nats == USUAL
-    assert run(known(7.0)).nats == 7.0
+    assert run(known(Threshold(7.0, ()))).nats == 7.0
 
 
 # ---- robots that lack nothing ----
@@ -363,7 +364,8 @@ def test_effects_beyond_what_a_fit_reaches_are_simulated_as_far_as_it_does(robot
 
 
 def test_an_effect_of_the_start_is_no_cause_that_a_simulated_robot_lacks(robot, recording):
-    """Where nothing else is offered nothing is simulated; where there is, the simulated robots lack little of it."""
+    """Where nothing else is offered no cause is scored; where there is, the simulated robots lack little of it."""
     problem = posed(robot, recording, started(robot, size=0.07)).problem
-    assert run(counted(null_score(replace(problem, terms=(term("cogging"),)), robot, 3))) == (0.0, 0)
-    assert run(null_score(problem, robot, 3)) < USUAL
+    nats, left = run(null(replace(problem, terms=(term("cogging"),)), robot, 3))
+    assert nats == 0.0 and 0.5 < left < 3.0
+    assert run(null(problem, robot, 3))[0] < USUAL

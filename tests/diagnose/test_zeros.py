@@ -7,6 +7,7 @@ import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.diagnose import Diagnosed
+from dynreg.diagnose.judging import judge
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Short
 from dynreg.diagnose.plans.plan import State
@@ -96,7 +97,9 @@ def test_a_trial_tells_an_interval_in_the_zeros_that_the_effect_was_fitted_with(
     windows = run(rezeroed(model, data, point, data.parts.chosen))
     state = State(model, replace(data, windows=windows).sample(data.fit), model.start, point, (), 1)
     evidence = run(Evidence.of(state, recording))
-    made = Diagnosed(Problem(model, data, (friction,), Short()), state, Threshold(0.0, ()), evidence, "named")
+    problem = Problem(model, data, (friction,), Short())
+    judged = run(judge(model, replace(state, accepted=0), model.start, data))
+    made = Diagnosed(problem, state, Threshold(0.0, ()), evidence, judged, (), "named")
     trials = Trials(model.robot, protocol(model.robot), threads=1)
     held = {}
     for size in (0.0004, 0.002):  # N*m; the point has 0.0003

@@ -26,6 +26,15 @@ from dynreg.results.sentence import over_start_sentence
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8
+ERRORS = {  # columns of the table of errors
+    "nominal": "nominal",
+    "calibrated": "calibrated",
+    "no prior": "unpenalised",
+    "extended": "extended",
+    "repeatability": "repeatability",
+    "holds still": "held",
+    "just follows": "followed",
+}
 
 
 def tables(result: Diagnosis) -> Group:
@@ -123,10 +132,10 @@ def _parameters(result: Diagnosis) -> RenderableType:
 
 def _errors(result: Diagnosis) -> RenderableType:
     shown = errors_by_importance(result)
-    rows = [
-        (e.channel, e.nominal, e.calibrated, e.extended, e.repeatability, e.unit)
-        for e in shown[:SHOWN_CHANNELS]
-    ]
+    known = {
+        name: key for name, key in ERRORS.items() if any(getattr(e, key) is not None for e in shown)
+    } or ERRORS
+    rows = [(e.channel, *(getattr(e, key) for key in known.values()), e.unit) for e in shown[:SHOWN_CHANNELS]]
     more = f", the first {SHOWN_CHANNELS} of {len(shown)} channels" if len(shown) > SHOWN_CHANNELS else ""
     title = f"mean absolute error on the {PART[result.error.part]}{more}"
-    return table(("channel", "nominal", "calibrated", "extended", "repeatability", "unit"), rows, title)
+    return table(("channel", *known, "unit"), rows, title)

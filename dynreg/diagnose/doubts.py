@@ -1,0 +1,129 @@
+"""Doubts: what speaks against calling a cause named, however much evidence it has."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dynreg.diagnose.judging import Judged
+from dynreg.diagnose.plans.plan import State
+from dynreg.diagnose.score import Naming
+from dynreg.evidence.estimate import EDGE
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, worth_naming
+from dynreg.evidence.point import Point
+
+PULLED = (
+    3.0  # sigma of its nameplate, beyond which a parameter more likely makes up for something: by contract
+)
+INSTEAD = 0.5  # of a cause's evidence, from which on parameters could stand in for it: by definition
+
+Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better"]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """One reason not to call a cause named.
+
+    kind : "pulled": a parameter had to leave its nameplate by `value` sigma. "parameter_at_bound", "size_at_bound": a
+        parameter, or the size of a cause, ended at the edge of its range, at `value`. "small": after the last fit a
+        cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the
+        held-out error; `value` is its gain. "no_better": the extended simulator errs more on the judged windows than a
+        robot that holds still or just follows its commands; `value` is its error over theirs.
+    of : the parameter or the key of the cause; "" of the whole simulator.
+    """
+
+    kind: Kind
+    of: str
+    value: float
+
+
+def doubts(state: State, judged: Judged) -> tuple[Doubt, ...]:
+    """The doubts about the causes that were accepted; () without a cause."""
+    if not state.accepted:
+        return ()
+    c, point = state.model.coordinates, state.current
+    return (
+        *_pulled(c, point),
+        *(Doubt("parameter_at_bound", name, value) for name, value in at_bounds(c, point)),
+        *_of_sizes(point),
+        *_without_gain(state, judged),
+        *_no_better(judged),
+    )
+
+
+def at_bounds(c: Coordinates, point: Point) -> list[tuple[str, float]]:
+    """(name, value) of the parameters at the edge of their range, but for those at 0, which no range can go below."""
+    stopped, values, out = stopped_by_bounds(c, point), c.values(point.nominal), []
+    for i, at_edge in zip(c.free, stopped, strict=True):
+        p = c.robot.space.parameters[i]
+        nothing = p.low == 0.0 and values[i] - p.low < p.high - values[i]
+        if at_edge and not nothing:
+            out.append((p.name, float(values[i])))
+    return out
+
+
+def stopped_by_bounds(c: Coordinates, point: Point) -> np.ndarray:
+    """(P',) whether each free parameter ended at an end of its range."""
+    low, high = c.nominal_bounds.T
+    return (point.nominal <= low + EDGE) | (point.nominal >= high - EDGE)
+
+
+def _pulled(c: Coordinates, point: Point) -> list[Doubt]:
+    parameters = [c.robot.space.parameters[i] for i in c.free]
+    return [
+        Doubt("pulled", p.name, float(z))
+        for p, z in zip(parameters, point.nominal, strict=True)
+        if np.isfinite(p.tolerance) and abs(z) > PULLED
+    ]
+
+
+def _of_sizes(point: Point) -> list[Doubt]:
+    """Of every accepted cause: a size at the edge of what a fit may reach, or one that is not worth a name."""
+    out, hypothesis = [], point.hypothesis
+    for number in range(hypothesis.given, len(hypothesis.terms)):
+        term, own = hypothesis.terms[number], point.effect[hypothesis.columns(number)]
+        alone = Hypothesis((term,))
+        edge = effect_bounds(alone)[:, 1]
+        sized = [not p.shape for p in term.effect.parameters]
+        at_edge = (np.abs(own) >= edge - EDGE) & sized
+        if at_edge.any():
+            out.append(Doubt("size_at_bound", term.key, float(own[at_edge][0])))
+        if not worth_naming(alone, own):
+            weak = [p.medium / p.weak if p.inverse else p.weak / p.medium for p in term.effect.parameters]
+            ratio = max(abs(z) / w for z, w, s in zip(own, weak, sized, strict=True) if s)
+            out.append(Doubt("small", term.key, float(ratio)))
+    return out
+
+
+def _without_gain(state: State, judged: Judged) -> list[Doubt]:
+    """The causes that raise the held-out error: at all beside what was accepted before, or clearly beside the better
+    calibration.
+
+    Where calibrated parameters stand in for a cause (`replaced`), its gain over them is chance: only what is clear
+    counts.
+    """
+    point, out = state.current, []
+    for number, naming in enumerate(state.rounds[: state.accepted]):
+        after = judged.CAUSES + number
+        gain = judged.gained(after - 1 if number else judged.CALIBRATED, after)
+        if gain is None:
+            continue
+        if judged.clearly_worse(number) or (gain.value < 0 and not replaced(naming)):
+            key = point.hypothesis.terms[point.hypothesis.given + number].key
+            out.append(Doubt("no_gain", key, gain.value))
+    return out
+
+
+def replaced(naming: Naming) -> bool:
+    """Whether calibrated parameters stand in for a cause.
+
+    Much of its evidence then comes from their return to the nameplate, and it cannot lower the error they reach.
+    """
+    relief = naming.start.point.penalty - naming.chosen.point.penalty
+    return relief >= INSTEAD * naming.chosen.nats
+
+
+def _no_better(judged: Judged) -> list[Doubt]:
+    """Whether a baseline without a simulator errs less than the extended simulator."""
+    ratio = float(judged.each[-1].mean() / judged.plain.mean()) if judged.plain.mean() > 0 else 0.0
+    return [Doubt("no_better", "", ratio)] if ratio > 1 else []

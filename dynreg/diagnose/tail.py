@@ -1,0 +1,23 @@
+"""What a share of simulated robots exceeds, from few of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+# The largest scores to which the exponential tail is fitted. Five determine its slope to 1 / sqrt(5), 45 %; of 20
+# robots, more than five do not belong to the tail.
+TAIL, TENTH = 5, 10  # number of scores, and at least one in so many of all
+
+
+def exceeded(scores: Sequence[float], share: float) -> float:
+    """The score that a share of robots exceeds, from an exponential tail fitted to the largest scores.
+
+    The excess over a high threshold is nearly exponential (J. Pickands, Statistical Inference Using Extreme Order
+    Statistics, Ann. Stat. 3, 1975). The largest score alone would make the threshold depend on one robot.
+    """
+    largest = np.sort(scores)[::-1]
+    tail = min(max(TAIL, len(largest) // TENTH), len(largest) - 1)
+    if tail == 0:
+        return float(largest[0])
+    excess = float(np.mean(largest[:tail] - largest[tail]))
+    return float(largest[tail]) + excess * np.log(tail / len(largest) / share)

@@ -1,0 +1,170 @@
+"""What speaks against calling a cause named, each reason alone; and the sentence that says so."""
+
+from dataclasses import replace
+
+import made_up_diagnosis
+import numpy as np
+import pytest
+from test_verdict import evidence, named
+
+from dynreg.diagnose.doubts import PULLED, Doubt, at_bounds, doubts, replaced
+from dynreg.diagnose.judging import Judged
+from dynreg.diagnose.plans.plan import State
+from dynreg.diagnose.score import Naming, Scored
+from dynreg.diagnose.verdict import verdict_of
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis
+from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
+from dynreg.replay.known import nominal_known
+from dynreg.results import Doubt as Told
+from dynreg.results import diagnosis_details, diagnosis_sentence
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
+
+ROBOT = load_robot("servo_pendulum")
+C = Coordinates(ROBOT, nominal_known(ROBOT))
+FRICTION = Hypothesis((term("load_friction"),))
+FREE = [ROBOT.space.parameters[i].name for i in C.free]
+
+
+def judged(*errors: float, plain: float = 1.0, windows: int = 6) -> Judged:
+    """Simulators with these errors in every window: initial, calibrated, unpenalised, and after each cause."""
+    wobble = 1.0 + 0.01 * np.random.default_rng(0).standard_normal((len(errors), windows))
+    each = np.array(errors)[:, None] * wobble
+    nothing = np.zeros((len(errors), windows, 2, 1))
+    return Judged(
+        np.arange(windows), True, nothing, each, each[:, :1], np.ones(1), np.ones(1), np.full(windows, plain)
+    )
+
+
+def state(nominal: dict[str, float] | None = None, effect: float = 1.0, before: float = 0.0) -> State:
+    """One accepted load friction of a size [medium]; parameters [sigma], and how far the first was without it."""
+    z = np.array([(nominal or {}).get(name, 0.0) for name in FREE])
+    point = Point(FRICTION, z, np.array([effect]))
+    was = Point(Hypothesis(), np.r_[before, np.zeros(len(z) - 1)], np.zeros(0))
+    naming = Naming(Scored(was, 0.0), (), Scored(point, 60.0), ())
+    sample = None  # nothing here looks at data
+    return State(Model(ROBOT, C), sample, was, point, (naming,), 1)
+
+
+def kinds(found: State, seen: Judged) -> list[tuple[str, str]]:
+    return [(one.kind, one.of) for one in doubts(found, seen)]
+
+
+FINE = judged(0.9, 0.5, 0.5, 0.3)
+
+
+def test_a_sound_cause_raises_no_doubt():
+    assert kinds(state(), FINE) == []
+    assert doubts(replace(state({"tip_mass": 9.0}), accepted=0), judged(0.9, 0.5, 0.5)) == ()
+
+
+def test_a_parameter_that_left_its_nameplate_is_a_doubt():
+    assert kinds(state({"tip_mass": 0.9 * PULLED}), FINE) == []
+    (one,) = doubts(state({"tip_mass": -1.5 * PULLED}), FINE)
+    assert one == Doubt("pulled", "tip_mass", -1.5 * PULLED)
+
+
+def test_a_parameter_at_the_edge_of_its_range_is_a_doubt_but_not_at_nothing():
+    edge = dict(zip(FREE, C.nominal_bounds[:, 1], strict=True))["zero_offset"]
+    assert ("parameter_at_bound", "zero_offset") in kinds(state({"zero_offset": edge}), FINE)
+    low = [i for i, p in enumerate(ROBOT.space.parameters) if p.low == 0.0]
+    assert not low, "no parameter of this robot begins at 0"
+    parameters = tuple(
+        replace(p, low=0.0, scale="linear") if p.name == "coulomb_friction" else p
+        for p in ROBOT.space.parameters
+    )
+    at_zero = replace(ROBOT, space=replace(ROBOT.space, parameters=parameters))
+    c = Coordinates(at_zero, nominal_known(ROBOT))
+    least = np.where(np.array(FREE) == "coulomb_friction", c.nominal_bounds[:, 0], 0.0)
+    assert at_bounds(c, Point(FRICTION, least, np.ones(1))) == []
+    most = np.where(np.array(FREE) == "coulomb_friction", c.nominal_bounds[:, 1], 0.0)
+    assert at_bounds(c, Point(FRICTION, most, np.ones(1))) == [("coulomb_friction", pytest.approx(0.08))]
+
+
+def test_a_size_at_its_bound_or_under_half_the_weak_one_is_a_doubt():
+    friction = FRICTION.parameters[0]
+    assert kinds(state(effect=friction.most / friction.medium), FINE) == [("size_at_bound", "load_friction")]
+    (one,) = doubts(state(effect=0.4 * friction.weak / friction.medium), FINE)
+    assert (one.kind, one.of, one.value) == ("small", "load_friction", pytest.approx(0.4))
+    assert kinds(state(effect=0.6 * friction.weak / friction.medium), FINE) == []
+
+
+def test_a_cause_that_raises_the_held_out_error_is_a_doubt():
+    assert kinds(state(), judged(0.9, 0.5, 0.5, 0.51)) == [("no_gain", "load_friction")]
+    assert kinds(state(), replace(judged(0.9, 0.5, 0.5, 0.51), tested=False)) == []
+
+
+def test_a_gain_is_held_against_the_better_calibration():
+    seen = judged(0.9, 0.5, 0.2, 0.3)
+    assert kinds(state(), seen) == [("no_gain", "load_friction")]
+    assert seen.of_cause(0).value == pytest.approx(1 - 0.3 / 0.2, abs=0.05)
+    assert judged(0.9, 0.2, 0.5, 0.3).rival == Judged.CALIBRATED
+
+
+def test_a_cause_that_parameters_stood_in_for_need_not_lower_the_error():
+    stood_in = state(before=12.0)
+    assert replaced(stood_in.rounds[0]) and not replaced(state().rounds[0])
+    seen = judged(0.9, 0.5, 0.5, 0.5)
+    seen.each[3] = seen.each[1] + [0.02, -0.01, 0.01, -0.015, 0.0, 0.0]
+    seen.each[2] = seen.each[1]
+    assert kinds(state(), seen) == [("no_gain", "load_friction")] and kinds(stood_in, seen) == []
+    assert kinds(stood_in, judged(0.9, 0.5, 0.5, 0.6)) == [("no_gain", "load_friction")]
+
+
+def test_a_simulator_that_errs_more_than_one_that_holds_still_is_a_doubt():
+    assert kinds(state(), judged(9.0, 5.0, 5.0, 3.0)) == [("no_better", "")]
+
+
+def test_with_a_doubt_no_cause_is_named():
+    rounds, leg = named("backlash[knee]"), load_robot("leg")
+    assert verdict_of(leg, evidence(1.0), rounds, 1, ()) == "named"
+    assert verdict_of(leg, evidence(1.0), rounds, 1, (Doubt("pulled", "mass", 7.0),)) == "partly_explained"
+    assert verdict_of(leg, evidence(1.0), rounds, 0, ()) == "none"
+
+
+@pytest.mark.parametrize(
+    ("doubt", "said"),
+    [
+        (
+            Told(kind="pulled", of="tip_mass", value=-7.3),
+            "tip_mass would have to be 7.3 sigma from its value",
+        ),
+        (
+            Told(kind="parameter_at_bound", of="resistance", value=8.0),
+            "resistance ends at the edge of its range",
+        ),
+        (
+            Told(kind="size_at_bound", of="load_friction[arm]", value=5.0),
+            "the size of load_friction[arm] ends at",
+        ),
+        (Told(kind="small", of="load_friction[arm]", value=0.4), "ends at 40 % of the weak one"),
+        (
+            Told(kind="no_better", of="", value=1.3),
+            "it errs 1.3 times as much as joints that hold still or just",
+        ),
+    ],
+)
+def test_a_doubt_is_in_the_sentence(doubt, said):
+    told = made_up_diagnosis.diagnosis("partly_explained")
+    told = told.model_copy(update={"doubts": (doubt,)})
+    sentence = diagnosis_sentence(told)
+    assert (
+        said in sentence
+        and sentence.startswith("load_friction of arm explains part of the error of")
+        and ", but " in sentence
+    )
+    explained = told.noise.model_copy(update={"ratio": 1.1, "limit": 1.7})
+    sentence = diagnosis_sentence(told.model_copy(update={"noise": explained}))
+    assert sentence.startswith("bench_monday points to load_friction of arm, but ") and said in sentence
+
+
+def test_a_cause_that_raises_the_error_is_told_in_a_line_of_its_own():
+    told = made_up_diagnosis.diagnosis("partly_explained")
+    worse = told.causes[1].model_copy(
+        update={"gain": told.causes[1].gain.model_copy(update={"value": -0.03})}
+    )
+    doubt = Told(kind="no_gain", of="command_delay", value=-0.03)
+    told = told.model_copy(update={"causes": (told.causes[0], worse), "doubts": (doubt,)})
+    assert "command_delay" not in diagnosis_sentence(told)
+    assert any("command_delay" in line and "do not rely on it" in line for line in diagnosis_details(told))
