@@ -19,6 +19,7 @@ MOTOR_SIDE = ("motor_backlash", "motor_elasticity")
 # causes that are one row of the joints each: {cause: {value: row}}
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "viscous_friction": {"coefficient": "viscous"},
+    "asymmetric_viscous": {"difference": "lopsided"},
     "coulomb_friction": {"torque": "coulomb"},
     "stribeck_friction": {"coulomb": "coulomb", "extra": "extra", "velocity": "fades"},
     "lugre_friction": {"coulomb": "coulomb", "extra": "extra", "velocity": "fades", "bend": "bend"},

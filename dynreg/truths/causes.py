@@ -100,6 +100,7 @@ _SAME: Mapping[str, Cause] = {
         "difference": _torque(0.007, 0.018, 0.035, signed=True),
         "mean": _torque(0.0105, 0.027, 0.0525),
     },
+    "asymmetric_viscous": {"difference": _torque(0.02, 0.06, 0.15, FAST, signed=True)},
     "friction_drift": {"rate": _torque(0.06, 0.15, 0.3, 20.0)},
     "quadratic_drag": {"coefficient": _torque(0.02, 0.06, 0.15, FAST**2)},
     "torque_limit": {"loss": Size(0.12, 0.25, 0.40)},

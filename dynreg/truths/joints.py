@@ -21,6 +21,7 @@ ROWS = (
     "back_emf",  # N m s/rad, of the drive, off with it
     "armature",  # kg m^2
     "viscous",  # N m s/rad
+    "lopsided",  # N m s/rad, against one way and for the other
     "coulomb",  # N m
     "scale",  # of the encoder: reading = scale (q + offset) + eccentric sin(q)
     "offset",
@@ -62,6 +63,7 @@ ROWS = (
     BACK_EMF,
     ARMATURE,
     VISCOUS,
+    LOPSIDED,
     COULOMB,
     SCALE,
     OFFSET,
@@ -214,7 +216,7 @@ def episode(
             if x[RIPPLE_COUNT, i] > 0.0:
                 turn = x[RIPPLE_COUNT, i] * (theta[i] if loose[i] else Q[j])
                 given += x[RIPPLE_SINE, i] * np.sin(turn) + x[RIPPLE_COSINE, i] * np.cos(turn)
-            given += x[FORCE, i] + push[now, i] - x[DRAG, i] * turning * abs(turning)
+            given += x[FORCE, i] + push[now, i] - (x[DRAG, i] * turning + x[LOPSIDED, i]) * abs(turning)
             # friction
             carried = 0.5 * abs(given - emf * turning + bias[j])
             near = np.exp(-((V[j] / x[FADES, i]) ** 2))

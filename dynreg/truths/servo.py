@@ -59,8 +59,8 @@ SERVO = Arm(
     tilts=np.array([0.0, 1.0, 0.0]),
     carrier=(0, np.array([-1.0, 0.0, 0.0])),
     tool=(0, np.array([0.0, 0.0, -LENGTH])),
-    # stall torque, 1 / stiffness at kp 400, the mass on its rod with the rotor, the rod, the mass
-    units=Units(torque=0.5756, stiffness=1.510, inertia=0.0067, length=0.1, mass=0.49),
+    # stall torque, 1 / stiffness at kp 400, the mass on its rod, the rod, the mass
+    units=Units(torque=0.5756, stiffness=1.510, inertia=0.0049, length=0.1, mass=0.49),
     sensors=joint_sensors(("arm",), (0.0005, 0.001534), (0.02, 0.024)),
     supply=SUPPLY,
 )
