@@ -15,7 +15,8 @@ DISTURBED = 0.005  # of a joint's torque limit, 1 sigma, drawn anew for every co
 COLOUR = 0.3  # s of a coloured disturbance
 STAND = 4.0  # times the robot's unit of inertia has a stand that gives
 STAND_RING = 0.1  # its damping ratio: a table's
-MOTOR_SIDE = ("motor_backlash", "motor_elasticity")
+MOTOR_SIDE = ("motor_backlash", "motor_elasticity")  # where the encoder sits
+EMF_OUTSIDE = ("backlash", "joint_elasticity")  # what the library's transmissions do with a motor's back-EMF
 # causes that are one row of the joints each: {cause: {value: row}}
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "viscous_friction": {"coefficient": "viscous"},
@@ -44,8 +45,10 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "force_offset": {"torque": "force"},
     "backlash": {"gap": "gap"},
     "motor_backlash": {"gap": "gap"},
+    "braked_backlash": {"gap": "gap"},
     "joint_elasticity": {"compliance": "compliance"},
     "motor_elasticity": {"compliance": "compliance"},
+    "braked_elasticity": {"compliance": "compliance"},
     "inertia": {"armature": "armature"},
     "encoder_offset": {"offset": "offset"},
     "eccentricity": {"error": "eccentric"},
@@ -176,8 +179,8 @@ class Arm:
             x[row[target], at] = values[name] + (0.0 if target in _SET else x[row[target], at])
         if cause in _COUNTS:
             x[row["ripple_count"], at] = _COUNTS[cause]
-        if cause in MOTOR_SIDE:
-            x[row["motor_side"], at] = 1.0
+        x[row["motor_side"], at] = cause in MOTOR_SIDE
+        x[row["emf_outside"], at] = cause in EMF_OUTSIDE
         if cause == "torque_limit":
             x[row["limit"], at] *= 1.0 - values["loss"]
         if cause == "drive_gain":

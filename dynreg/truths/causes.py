@@ -160,6 +160,11 @@ _OTHER: Mapping[str, Cause] = {
     "motor_elasticity": Cause(
         {"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")}, False, ("joint_elasticity",)
     ),
+    # the encoder sits on the joint, but the motor's back-EMF brakes the motor, which is free within the play
+    "braked_backlash": Cause({"gap": _angle(0.3, 1.0, 3.0)}, False, ("backlash",)),
+    "braked_elasticity": Cause(
+        {"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")}, False, ("joint_elasticity",)
+    ),
     "feedback_delay": Cause({"delay": Size(0.003, 0.008, 0.016)}, False, ("feedback_delay",)),
     "torque_lag": Cause({"time": Size(0.003, 0.008, 0.020)}, False, ("torque_lag",)),
     # copper warms in 4 s and cools to a housing that warms in 60 s, through rests between the episodes, too

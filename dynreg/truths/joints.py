@@ -55,6 +55,7 @@ ROWS = (
     "gap",  # rad
     "compliance",  # rad/(N m)
     "motor_side",  # 1 where the encoder sits on the motor
+    "emf_outside",  # 1 where the back-EMF brakes the joint behind the gear, as the library has it
 )
 (
     GAIN,
@@ -97,6 +98,7 @@ ROWS = (
     GAP,
     COMPLIANCE,
     MOTOR_SIDE,
+    EMF_OUTSIDE,
 ) = range(len(ROWS))
 WARMS = 4.0  # s: of the library's one time constant, and of copper where there are two
 COOLS = 60.0  # s: of the housing, which takes half of the heat
@@ -202,7 +204,7 @@ def episode(
             if x[TORQUE_LAG, i] > 0.0:
                 torque[i] += (1.0 - np.exp(-h / x[TORQUE_LAG, i])) * (given - torque[i])
                 given = torque[i]
-            turning = omega[i] if loose[i] else V[j]
+            turning = omega[i] if loose[i] and x[EMF_OUTSIDE, i] < 0.5 else V[j]
             emf = x[BACK_EMF, i] if enabled[now] > 0.5 else 0.0
             if x[NO_LOAD_SPEED, i] < np.inf and given * turning > 0.0:
                 room = limit * max(1.0 - abs(turning) / x[NO_LOAD_SPEED, i], 0.0)
@@ -242,15 +244,24 @@ def episode(
                 hard = rotor * (CONTACT / h) ** 2
                 if x[COMPLIANCE, i] > 0.0:
                     hard = min(1.0 / x[COMPLIANCE, i], hard)
-                bent = theta[i] - Q[j]
                 half = 0.5 * x[GAP, i]
+                if k == 0:
+                    # the joint was held before the log began: the gear lies on the side that is pushed
+                    lies = half * np.sign(given) + given / hard
+                    if x[MOTOR_SIDE, i] > 0.5:
+                        Q[j] -= lies
+                    else:
+                        theta[i] += lies
+                bent = theta[i] - Q[j]
                 passed = 0.0
                 if abs(bent) >= half:
                     bent -= np.sign(bent) * half
                     passed = hard * bent + 2.0 * RING * np.sqrt(hard * rotor) * (omega[i] - V[j])
                     if x[GAP, i] > 0.0 and passed * bent < 0.0:
                         passed = 0.0  # flanks push, they do not pull
-                omega[i] += h / (rotor + 0.5 * h * emf) * (given - emf * omega[i] - passed)
+                brakes = 0.0 if x[EMF_OUTSIDE, i] > 0.5 else emf
+                omega[i] += h / (rotor + 0.5 * h * brakes) * (given - brakes * omega[i] - passed)
+                damping[j] += emf - brakes
                 theta[i] += 0.5 * h * omega[i]
                 right[j] += passed
                 M[j, j] += x[ARMATURE, i] - rotor
