@@ -27,7 +27,9 @@ def hide_independent(robot: Robot, key: str | None, size: str | None, seed: int)
     values = sized(robot.name, name, size or "medium", stream_seed(seed, "values") % 2**31)
     truth = Truth(robot.name, parameters, name, values, joints, seed)
     known, able = cause(name), applicable(robot)
-    answers = tuple(Term(able[n], joints if able[n].scope == "joint" else ()) for n in known.names if n in able)
+    answers = tuple(
+        Term(able[n], joints if able[n].scope == "joint" else ()) for n in known.names if n in able
+    )
     terms = answers[:1] if known.same else ()
     stated = tuple(np.array([values.get(p.name, np.nan) for p in t.effect.parameters]) for t in terms)
     hidden = Hidden(terms, stated, drawn.parameters, seed, size, name, answers)

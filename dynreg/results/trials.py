@@ -41,6 +41,11 @@ def rate(found: Iterable[bool]) -> Rate | None:
     return Rate(hits=hits, of=of, value=hits / of, low=low, high=high)
 
 
+def confident(verdict: str) -> bool:
+    """Whether a verdict says that the first cause explains the log."""
+    return verdict in ("named", "ambiguous")
+
+
 class TrialResult(Result):
     """One simulated robot with a hidden effect (or none), and its diagnosis.
 
@@ -80,11 +85,6 @@ class TrialResult(Result):
     covered: bool | None = None
     seconds: float
     core_seconds: float | None = None
-
-    @property
-    def confident(self) -> bool:
-        """Whether the diagnosis says that its first cause explains the log."""
-        return self.verdict in ("named", "ambiguous")
 
     @property
     def wrong(self) -> bool:
@@ -155,7 +155,7 @@ class TrialTable(Result):
             wrong=rate(t.wrong for t in with_effect),
             false_alarm=rate(t.false_alarm for t in trials if t.hidden is None),
             not_none=rate(t.verdict != "none" for t in trials if t.hidden is None),
-            outside=rate(t.confident for t in trials if t.outside),
+            outside=rate(confident(t.verdict) for t in trials if t.outside),
             by_size={s: rate(t.right for t in with_effect if t.size == s) for s in sizes},
             by_effect=_groups(trials),
             confusions=_confusions(trials),

@@ -149,7 +149,10 @@ class Arm:
 
     def _start(self, commands: Commands, e: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n,), (n,) angles and speeds that the readings of the start tell."""
-        n, scale, offset, eccentric = len(self.joints), *(x[ROWS.index(r)] for r in ("scale", "offset", "eccentric"))
+        n, scale, offset, eccentric = (
+            len(self.joints),
+            *(x[ROWS.index(r)] for r in ("scale", "offset", "eccentric")),
+        )
         home = scale * (self.home + offset)
         first = np.concatenate([home, np.zeros(n)]) if commands.initial is None else commands.initial[e]
         first = np.where(np.isnan(first), np.concatenate([home, np.zeros(n)]), first)

@@ -6,7 +6,7 @@ others lie in the same spirit (they move a joint by as much).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -176,10 +176,10 @@ _OTHER: Mapping[str, Cause] = {
         False,
         ("profile_speed", "rate_limit"),
     ),
-    "soft_stand": Cause({"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")}, False, ("stand_compliance",)),
-    "cable_coupling": Cause(
-        {"stiffness": _torque(0.01, 0.03, 0.08)}, False, ("cable_coupling",), joints=2
+    "soft_stand": Cause(
+        {"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")}, False, ("stand_compliance",)
     ),
+    "cable_coupling": Cause({"stiffness": _torque(0.01, 0.03, 0.08)}, False, ("cable_coupling",), joints=2),
     # the encoder's disc or the gear's last wheel runs out of true: once a turn, in the log and the drive
     "eccentricity": Cause({"error": _angle(0.3, 1.0, 2.5)}, False),
     "coloured_disturbance": Cause({"torque": _torque(0.015, 0.04, 0.10)}, False, wheels=False),
@@ -202,8 +202,7 @@ def _table() -> dict[str, Cause]:
         name: Cause(sizes, True, (name,), wheels=True, arms=False) for name, sizes in _SAME_ON_WHEELS.items()
     }
     others = {
-        name: Cause(c.sizes, c.same, c.names, wheels=True, arms=False)
-        for name, c in _OTHER_ON_WHEELS.items()
+        name: Cause(c.sizes, c.same, c.names, wheels=True, arms=False) for name, c in _OTHER_ON_WHEELS.items()
     }
     return same | both | own | dict(_OTHER) | others
 

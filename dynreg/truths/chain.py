@@ -35,7 +35,9 @@ class Chain:
         whole = self.mass[link] + mass
         middle = (self.mass[link] * self.centre[link] + mass * centre) / whole
         about = (
-            self.inertia[link] + _point(self.mass[link], self.centre[link] - middle) + _point(mass, centre - middle)
+            self.inertia[link]
+            + _point(self.mass[link], self.centre[link] - middle)
+            + _point(mass, centre - middle)
         )
         masses, centres, inertias = self.mass.copy(), self.centre.copy(), self.inertia.copy()
         masses[link], centres[link], inertias[link] = whole, middle, about

@@ -29,7 +29,9 @@ def kind(name: str) -> Arm | Wheels:
     """The kind of that name; UsageError with those that there are."""
     if name not in KINDS:
         raise UsageError(
-            f"robot {name!r} has no independent truth", expected=f"one of {list(KINDS)}", do="choose one of these"
+            f"robot {name!r} has no independent truth",
+            expected=f"one of {list(KINDS)}",
+            do="choose one of these",
         )
     return KINDS[name]
 
@@ -49,7 +51,9 @@ def sized(name: str, hidden: str, size: str, seed: int) -> dict[str, float]:
     able = (*causes_of(name, "same"), *causes_of(name, "other"))
     if hidden not in able:
         raise UsageError(
-            f"cause {hidden!r} in a hidden {name!r}", expected=f"one of {list(able)}", do="choose one of these"
+            f"cause {hidden!r} in a hidden {name!r}",
+            expected=f"one of {list(able)}",
+            do="choose one of these",
         )
     return drawn(hidden, size, robot.units, seed)
 

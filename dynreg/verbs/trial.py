@@ -39,9 +39,7 @@ class TrialSettings(Settings):
     truth: str = option(
         "own", "Code that simulates the hidden robots: the library's, or independent.", choices=TRUTHS
     )
-    physics: str = option(
-        "same", "Physics of independent robots: the library's, or other.", choices=PHYSICS
-    )
+    physics: str = option("same", "Physics of independent robots: the library's, or other.", choices=PHYSICS)
     engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
     threshold_runs: int = threshold_runs()
     threads: int = threads()

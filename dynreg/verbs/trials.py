@@ -20,7 +20,7 @@ from dynreg.diagnose.verdict import rivals
 from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.truth import Hidden
-from dynreg.results.trials import TrialResult
+from dynreg.results.trials import TrialResult, confident
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Term, term
 from dynreg.sim.robot import Robot
@@ -56,12 +56,12 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
     )
     causes = tuple(t.key for t in found.current.hypothesis.terms)
     truths = right_names(robot, hidden)
-    right, confident = first is None, verdict in ("named", "ambiguous")
+    right = first is None
     if hidden.outside:
-        right = not confident
+        right = not confident(verdict)
     elif hidden.anything:
         stated_first = first is not None and any(first.key in truth for truth in truths)
-        right = confident and stated_first and all(t & {*causes} for t in truths)
+        right = confident(verdict) and stated_first and all(t & {*causes} for t in truths)
     same = first is not None and len(hidden.terms) == 1 and first.key == hidden.terms[0].key
     same = same and np.isfinite(hidden.values[0][0])
     return TrialResult(
