@@ -8,6 +8,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import Diagnosed, search
+from dynreg.diagnose.independent import hide_independent, independent_log
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
@@ -35,7 +36,8 @@ class Trials:
     """Simulated robots under one protocol, which share one threshold, and the settings of their diagnosis.
 
     engine : of the diagnosis; None for the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
-    seed : of the robots without an effect that determine the threshold.
+    seed : of the robots without an effect that determine the threshold. truth : "own" simulates the hidden robots by
+    the library's effects, "independent" by other code (`dynreg.truths`).
     """
 
     robot: Robot
@@ -44,6 +46,7 @@ class Trials:
     threshold_runs: int = DiagnosisOptions.threshold_runs
     threads: int = 0
     seed: int = 0
+    truth: str = "own"
 
     @property
     def truth_engine(self) -> str:
@@ -68,7 +71,8 @@ class Trials:
 class Trial:
     """One trial: the hidden `terms` at `size` in the robot of `seed`, and the limits of its diagnosis.
 
-    without : effects that are no candidates. max_causes : most causes to name.
+    without : effects that are no candidates. max_causes : most causes to name. cause : what an independent truth hides
+    in place of terms, "backlash[elbow]" in one joint; None for nothing.
     """
 
     terms: tuple[Term, ...]
@@ -76,6 +80,7 @@ class Trial:
     seed: int
     without: tuple[str, ...] = ()
     max_causes: int = 1
+    cause: str | None = None
 
 
 @dataclass(frozen=True)
@@ -136,8 +141,7 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Trie
 
     The time that all took is shared out evenly.
     """
-    hidden = [hide(trials.robot, one.terms, one.size, one.seed) for one in todo]
-    logs = [log_of(trials.robot, one, trials.plan, engine=trials.truth_engine) for one in hidden]
+    hidden, logs = zip(*(_hidden(trials, one) for one in todo), strict=True)
     began, busy = time.perf_counter(), time.process_time()
 
     def diagnosed(one: Trial, recording: Recording) -> Search[Diagnosed]:
@@ -151,6 +155,23 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Trie
     return [Tried(*one, *spent) for one in zip(hidden, made, strict=True)]
 
 
+def _hidden(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
+    """What a trial hides, and its log."""
+    robot = trials.robot
+    if trials.truth == "independent":
+        hidden, truth = hide_independent(robot, one.cause, one.size, one.seed)
+        return hidden, independent_log(robot, truth, trials.plan)
+    hidden = hide(robot, one.terms, one.size, one.seed)
+    return hidden, log_of(robot, hidden, trials.plan, engine=trials.truth_engine)
+
+
+def right_names(robot: Robot, hidden: Hidden) -> list[set[str]]:
+    """For each hidden cause the keys that name it right; none where nothing is hidden, or nothing with a name."""
+    if hidden.cause is not None:
+        return [set().union(*(same_cause(robot, t) for t in hidden.answers))] if hidden.answers else []
+    return [same_cause(robot, t) for t in hidden.terms]
+
+
 def same_cause(robot: Robot, hidden: Term) -> set[str]:
     """Keys that name the same cause: the term's, and those of its exact group about the same joints."""
     return {hidden.key, *(t.key for t in single_terms(robot) if one_group(robot, hidden, t))}
@@ -161,11 +182,11 @@ def joint_right(robot: Robot, hidden: Hidden, first: Term | None) -> bool | None
 
     An effect of the whole robot that no commands tell from the hidden one sits there, too.
     """
-    joints = tuple(j for t in hidden.terms for j in t.joints)
+    joints = hidden.joints
     if not joints:
         return None
     return first is not None and (
-        first.joints == joints or any(first.key in same_cause(robot, t) for t in hidden.terms)
+        first.joints == joints or any(first.key in names for names in right_names(robot, hidden))
     )
 
 
