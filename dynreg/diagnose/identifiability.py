@@ -1,15 +1,20 @@
-"""Identifiability: the parameters that a recording does not determine, alone or in a common scale."""
+"""Identifiability: the parameters that a recording does not determine, alone or in a common scale.
+
+The likelihood alone judges: in place of the nameplate's prior every parameter gets a uniform one over its range. A
+tight nameplate may hold a parameter that the recording tells well enough; that is told as such.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.evidence.hypothesis import Coordinates
+from dynreg.evidence.hypothesis import FLAT, Coordinates
 from dynreg.evidence.point import Point
 
 # Definitions of "not identified".
-ALONE = 0.9  # ratio of posterior to prior standard deviation of a parameter, from which it is not identified
+ALONE = 0.9  # ratio of a parameter's standard deviation to that of its range, from which it is not identified
+HELD = 0.9  # the same to that of its nameplate, from which the value is that of the nameplate
 TOGETHER = 0.6  # the same along a direction of several parameters
 SAME = 0.99  # correlation of slopes: from here on an error of 14 % (sin of the angle) is all that tells two apart
 SHARE = 0.5  # a parameter belongs to a direction from this share of the largest change on
@@ -20,11 +25,12 @@ class Unidentified:
     """Names of parameters that the recording does not identify.
 
     alone : their own values. together : groups with a common scale, as (those that rise, those that fall with it), the
-    least identified first.
+    least identified first. held : those that it identifies less exactly than the nameplate, and how many times.
     """
 
     alone: tuple[str, ...]
     together: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
+    held: tuple[tuple[str, float], ...] = ()
 
 
 def unidentified(coordinates: Coordinates, covariance: np.ndarray) -> Unidentified:
@@ -34,8 +40,13 @@ def unidentified(coordinates: Coordinates, covariance: np.ndarray) -> Unidentifi
     are searched among the parameters that are identified alone.
     """
     free = [coordinates.robot.space.parameters[i] for i in coordinates.free]
-    block = covariance[: len(free), : len(free)]
-    alone = np.sqrt(np.maximum(np.diag(block), 0.0)) >= ALONE
+    count = len(free)
+    width = FLAT * np.ptp(coordinates.nominal_bounds, axis=1)  # of a uniform prior, in the nameplate's sigma
+    by_data = np.linalg.pinv(covariance)
+    by_data[np.arange(count), np.arange(count)] += 1.0 / width**2 - 1.0
+    block = np.linalg.pinv(by_data)[:count, :count] / np.outer(width, width)
+    deviation = np.sqrt(np.maximum(np.diag(block), 0.0))
+    alone = deviation >= ALONE
     others, together = np.flatnonzero(~alone), []
     variances, directions = np.linalg.eigh(block[np.ix_(others, others)])
     for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
@@ -50,7 +61,14 @@ def unidentified(coordinates: Coordinates, covariance: np.ndarray) -> Unidentifi
                     for way in (lead, -lead)
                 )
             )
-    return Unidentified(tuple(p.name for p, wide in zip(free, alone, strict=True) if wide), tuple(together))
+    with_prior = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0))
+    together_named = {name for group in together for names in group for name in names}
+    held = [i for i in np.flatnonzero((with_prior >= HELD) & ~alone) if free[i].name not in together_named]
+    return Unidentified(
+        tuple(p.name for p, wide in zip(free, alone, strict=True) if wide),
+        tuple(together),
+        tuple((free[i].name, float(deviation[i] * width[i])) for i in held),
+    )
 
 
 def same_as_parameters(
@@ -79,7 +97,8 @@ def _members(coordinates: Coordinates, others: np.ndarray, direction: np.ndarray
     """The parameters that a direction moves, relative to their priors or by a factor as large as the leading one."""
     numbers = coordinates.free[others]
     centre = np.abs(coordinates.centre[numbers])
-    relative = coordinates.sigma[numbers] / np.where(coordinates.log[numbers] | (centre == 0), 1.0, centre)
+    width = FLAT * np.ptp(coordinates.nominal_bounds, axis=1)[others] * coordinates.sigma[numbers]
+    relative = width / np.where(coordinates.log[numbers] | (centre == 0), 1.0, centre)
     scales = np.array([coordinates.robot.space.parameters[i].scale == "log" for i in numbers])
     factor = np.where(scales, np.abs(direction) * relative, 0.0)
     size = np.abs(direction)

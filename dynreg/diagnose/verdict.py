@@ -115,11 +115,11 @@ def noise_of(robot: Robot, left: Left, known: Repeatability, channels: int) -> N
     The limit is `EXPLAINED` times what chance may add: the quantile of Fisher's F distribution, of the ratio of two
     variances with the independent samples of both, such that one of all `channels` exceeds it with `CHANCE`.
     """
-    from scipy.stats import f
+    from scipy.stats import chi2, f
 
     floor = known.spread if known.spread else left.stated
-    of_floor = max(known.independent, 1.0) if known.spread else np.inf
-    more = f.ppf((1.0 - CHANCE) ** (1.0 / channels), max(left.samples, 1.0), of_floor)
+    own, each = max(left.samples, 1.0), (1.0 - CHANCE) ** (1.0 / channels)
+    more = f.ppf(each, own, max(known.independent, 1.0)) if known.spread else chi2.ppf(each, own) / own
     return Noise(
         channel=robot.channels[left.column],
         unit=robot.file.channels[left.column].unit,

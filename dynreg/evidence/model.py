@@ -20,6 +20,8 @@ from dynreg.sim.run import Run
 
 # Half and twice change nothing where nothing is chaotic: bench_constants names and tells the same to the digit.
 MOST = 0.5  # of the spread: a larger difference of the finer time step is chaos, no error of first order
+# Of the stated noise: what the time step changes by less is no part of a score. By definition.
+SMALL = 0.3
 NONE: Mapping[frozenset[str], np.ndarray] = MappingProxyType({})
 
 
@@ -62,6 +64,19 @@ class Model:
         return replace(self, finely=accuracy.finer, corrections=NONE) if accuracy.fine else self
 
     @property
+    def strict(self) -> "Model":
+        """The model that judges by the finer time step itself, and not by what that changed at a near point."""
+        return replace(self, accuracy=replace(self.accuracy, fine=True))
+
+    def disturbed(self, data: Data) -> bool:
+        """Whether what its time step does to rollouts is no small part of the sensors' noise; see `corrected`."""
+        changes = [one[data.both] for one in self.corrections.values()]
+        if not changes:
+            return False
+        size = np.mean(np.square(changes), axis=(1, 2)).max(axis=0)
+        return bool((size > SMALL**2 * data.floor).any())
+
+    @property
     def sloped(self) -> "Model":
         """The model by whose rollouts derivatives are taken: most often this one."""
         if self.finely == 1.0 or self.finely == self.accuracy.slopes:
@@ -99,7 +114,10 @@ class Model:
             return self
         run, finer = data.windows.run.take(data.both), replace(self, finely=self.accuracy.finer)
         fine, own = yield from together([finer.states(points, run), self.states(points, run)])
-        change = (fine - own)[..., 1:, data.use] / data.spread
+        # what is left of an error of this order in the finer rollouts is extrapolated, too (L. Richardson, 1911)
+        power = self.accuracy.finer**self.accuracy.order
+        whole = 1.0 if self.accuracy.fine else power / (power - 1.0)
+        change = whole * (fine - own)[..., 1:, data.use] / data.spread
         found = dict(self.corrections)
         for point, of_point in zip(points, change, strict=True):
             known = np.zeros((len(data.windows), *of_point.shape[1:]))

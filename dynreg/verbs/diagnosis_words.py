@@ -150,7 +150,8 @@ def identifiability_words(
     parameters : as they were fitted, by name.
     """
     out, more = [], "" if robot.planar else ", or add a known mass in some runs"
-    moved = [name for name in found.alone if _pull(parameters[name]) >= MOVED]
+    held = [name for name, _ in found.held]
+    moved = [name for name in (*found.alone, *held) if _pull(parameters[name]) >= MOVED]
     kept = [name for name in found.alone if name not in moved]
     if kept:
         own = (
@@ -165,6 +166,11 @@ def identifiability_words(
         out.append(
             f"the recording moves {values}, but does not determine {them} better than robot.toml does: a missing "
             f"effect may cause the shift. Measure {them}"
+        )
+    exact = [f"{name} ({times(ratio)} times)" for name, ratio in found.held if name not in moved]
+    if exact:
+        out.append(
+            f"robot.toml states {', '.join(exact)} more exactly than the recording tells: the interval is robot.toml's"
         )
     for up, down in found.together:
         against = f" against {', '.join(down)}" if down else ""

@@ -118,7 +118,7 @@ def test_the_share_of_a_parameter_says_what_it_alone_did_to_the_prediction():
     made, seen = run(with_account(diagnose(robot, log, replace(ASKED, threshold_runs=0)), ASKED))
     shares = dict(zip(made.problem.model.coordinates.free, seen.shares, strict=True))
     assert shares[number] > 0.8 and max(shares, key=shares.get) == number
-    assert seen.calibration.value > 0.9
+    assert made.judged.gained(made.judged.START, made.judged.CALIBRATED).value > 0.9
 
 
 def test_a_diagnosis_leaves_its_problem_as_it_was():

@@ -7,7 +7,7 @@ import pytest
 
 from dynreg.diagnose.repeatability import repeatability
 from dynreg.diagnose.signals import joint_signals, joints_of_actions
-from dynreg.diagnose.threshold import USUAL
+from dynreg.diagnose.threshold import USUAL, Threshold
 from dynreg.diagnose.trial import Trial, Trials
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.cut import windows
@@ -27,7 +27,7 @@ def test_a_hidden_cause_is_found_and_no_other(robot: Robot):
     trials = Trials(robot, protocol(robot, seed=1, seconds=25.0), threads=1)
     hidden = ["wheel_gain", "drive_inertia", "wheel_slip", None]
     todo = [Trial((term(effect),) if effect else (), "medium", 1) for effect in hidden]
-    found = results_of(trials, todo, USUAL, share=False)
+    found = results_of(trials, todo, Threshold(USUAL, ()), share=False)
     assert [one.named for one in found] == hidden and all(one.right for one in found)
     assert all(one.parameter_error is None or one.parameter_error < 0.2 for one in found)
 

@@ -22,11 +22,13 @@ def robot() -> Robot:
 
 
 def covariance_of(coordinates: Coordinates, wide: dict[str, float], deviation: float, rest: float = 0.05):
-    """(P', P') covariance: `deviation` along the direction `wide`, `rest` across it."""
+    """(P', P') covariance with the prior: the recording tells `deviation` along a direction, `rest` across it."""
     names = [p.name for p in coordinates.robot.space.parameters]
     direction = np.array([wide.get(names[i], 0.0) for i in coordinates.free])
     direction /= np.linalg.norm(direction)
-    return rest**2 * np.eye(len(direction)) + (deviation**2 - rest**2) * np.outer(direction, direction)
+    along = np.outer(direction, direction)
+    told = (np.eye(len(direction)) - along) / rest**2 + along / deviation**2
+    return np.linalg.inv(told + np.eye(len(direction)))
 
 
 def words(coordinates: Coordinates, covariance: np.ndarray) -> tuple[str, ...]:
@@ -64,25 +66,35 @@ def test_only_a_supply_that_was_measured_while_the_robot_moved_holds_its_sag(rob
     assert measured_effects(robot, windows) == {"voltage_sag": "supply"}
 
 
-def test_a_parameter_as_wide_as_its_nameplate_is_not_told(coordinates: Coordinates):
-    found = unidentified(coordinates, covariance_of(coordinates, {"resistance": 1.0}, 0.97))
+def test_a_parameter_of_which_the_recording_says_nothing_is_not_told(coordinates: Coordinates):
+    found = unidentified(coordinates, covariance_of(coordinates, {"resistance": 1.0}, 100.0))
     assert found == Unidentified(("resistance",), ())
     assert "does not identify resistance:" in said_of(coordinates.robot, found)[0]
+
+
+def test_a_parameter_that_a_tight_nameplate_holds_is_told_as_that(coordinates: Coordinates):
+    """The mass is stated to 1 %; the recording tells it to 3 %, which is no small thing."""
+    found = unidentified(coordinates, covariance_of(coordinates, {"tip_mass": 1.0}, 3.0))
+    assert found.alone == () and found.together == ()
+    ((name, ratio),) = found.held
+    assert name == "tip_mass" and ratio == pytest.approx(3.0, rel=0.05)
+    (said,) = said_of(coordinates.robot, found)
+    assert said.startswith("robot.toml states tip_mass (") and "more exactly than the recording tells" in said
 
 
 def test_parameters_that_scale_together_are_told_with_their_signs(coordinates: Coordinates):
     # the same factor on each: the mass is known to 2 %, friction to 10 %
     wide = {"tip_mass": 1 / 0.02, "coulomb_friction": 1 / 0.1, "resistance": -1 / 0.05}
-    (said,) = words(coordinates, covariance_of(coordinates, wide, 0.85))
+    (said,) = words(coordinates, covariance_of(coordinates, wide, 100.0))
     assert "the scale of tip_mass, coulomb_friction against resistance" in said
 
 
 def test_a_known_mass_is_advised_to_robots_that_have_masses(coordinates: Coordinates):
     base = load_robot("diffdrive")
     wheels = Coordinates(base, np.full(len(base.space), np.nan))
-    (said,) = words(wheels, covariance_of(wheels, {"wheel_radius": 1.0, "speed_drag": 1.0}, 0.85))
+    (said,) = words(wheels, covariance_of(wheels, {"wheel_radius": 1.0, "speed_drag": 1.0}, 100.0))
     assert said.endswith("Measure one of them")
-    (said,) = words(coordinates, covariance_of(coordinates, {"tip_mass": 1.0, "resistance": 1.0}, 0.85))
+    (said,) = words(coordinates, covariance_of(coordinates, {"tip_mass": 2.0, "resistance": 1.0}, 100.0))
     assert said.endswith("or add a known mass in some runs")
 
 

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import pytest
 
-from dynreg.diagnose.threshold import USUAL
+from dynreg.diagnose.threshold import USUAL, Threshold
 from dynreg.diagnose.trial import Trial, Trials
 from dynreg.evidence.truth import protocol
 from dynreg.results.trials import TrialResult
@@ -38,7 +38,7 @@ CASES = [*HIDDEN, *[(None, None)] * NONE]
 def diagnosed(*todo: Trial) -> list[TrialResult]:
     """What is said of servo benches under the same commands, all in lockstep."""
     robot = load_robot("servo_pendulum")
-    return results_of(Trials(robot, protocol(robot, seed=1), threads=1), todo, USUAL)
+    return results_of(Trials(robot, protocol(robot, seed=1), threads=1), todo, Threshold(USUAL, ()))
 
 
 def hiding(number: int, seed: int) -> Trial:

@@ -26,7 +26,7 @@ from dynreg.results.sentence import over_start_sentence
 
 SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8
-ERRORS = {  # columns of the table of errors
+ERRORS = {  # columns of the table of errors, and those of them that older results lack
     "nominal": "nominal",
     "calibrated": "calibrated",
     "no prior": "unpenalised",
@@ -35,6 +35,7 @@ ERRORS = {  # columns of the table of errors
     "holds still": "held",
     "just follows": "followed",
 }
+LATER = ("unpenalised", "held", "followed")
 
 
 def tables(result: Diagnosis) -> Group:
@@ -133,8 +134,10 @@ def _parameters(result: Diagnosis) -> RenderableType:
 def _errors(result: Diagnosis) -> RenderableType:
     shown = errors_by_importance(result)
     known = {
-        name: key for name, key in ERRORS.items() if any(getattr(e, key) is not None for e in shown)
-    } or ERRORS
+        name: key
+        for name, key in ERRORS.items()
+        if key not in LATER or any(getattr(e, key) is not None for e in shown)
+    }
     rows = [(e.channel, *(getattr(e, key) for key in known.values()), e.unit) for e in shown[:SHOWN_CHANNELS]]
     more = f", the first {SHOWN_CHANNELS} of {len(shown)} channels" if len(shown) > SHOWN_CHANNELS else ""
     title = f"mean absolute error on the {PART[result.error.part]}{more}"
