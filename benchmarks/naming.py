@@ -46,7 +46,8 @@ class Job:
     """One trial of a robot under a plan.
 
     keys : what it hides, () for nothing; of a robot whose `truth` is independent one cause of `dynreg.truths`; size :
-    how large; seed : of the robot; needed : the threshold [nats]; without : effects that the diagnosis lacks; max_causes : where it stops; share, interval : as in `results_of`.
+    how large; seed : of the robot; needed : the threshold [nats]; without : effects that the diagnosis
+    lacks; max_causes : where it stops; share, interval : as in `results_of`.
     """
 
     robot: Robot

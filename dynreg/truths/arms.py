@@ -8,7 +8,9 @@ import numpy as np
 from dynreg.rng import stream
 from dynreg.truths.causes import Units
 from dynreg.truths.chain import Chain
-from dynreg.truths.joints import ROWS, STEP, episode, plain
+from dynreg.truths.joints import STEP
+from dynreg.truths.kernels import joints
+from dynreg.truths.rows import ROWS, plain
 from dynreg.truths.truth import Commands, Sensor, Truth
 
 DISTURBED = 0.005  # of a joint's torque limit, 1 sigma, drawn anew for every command: by contract
@@ -136,9 +138,9 @@ class Arm:
         enabled = commands.input(f"{self.joints[0]}/enabled", 1.0)[e]
         coupling = values["stiffness"] if cause == "cable_coupling" else 0.0
         actions = np.ascontiguousarray(commands.actions[e], dtype=float)
-        episode(
+        joints().episode(
             chain.parts, x, stand, coupling, actions, power, enabled, push,
-            period, period / count, float(commands.begin[e]), q, v, heat, told,
+            period, count, float(commands.begin[e]), q, v, heat, told,
         )  # fmt: skip
         late = values["delay"] if cause == "sensor_delay" else 0.0
         at = np.maximum(np.arange(steps + 1) * count - round(late / period * count), 0)
