@@ -120,7 +120,7 @@ class Arm:
         """(T+1, 2 n) readings of one episode; heat (2, n) goes on."""
         values, cause, n = truth.values, truth.cause, len(self.joints)
         settings = {name: float(of[e]) for name, of in commands.settings.items()}
-        chain, x = self._links(truth, settings), self._rows(truth, settings)
+        chain, x = self._links(truth, settings), self.rows(truth, settings)
         stand = np.zeros(2)
         if cause == "soft_stand":
             inertia = STAND * self.units.inertia
@@ -174,7 +174,7 @@ class Arm:
             return chain.shifted(self.carrier[0], values["shift"] * self.carrier[1])
         return chain
 
-    def _rows(self, truth: Truth, settings: Mapping[str, float]) -> np.ndarray:
+    def rows(self, truth: Truth, settings: Mapping[str, float]) -> np.ndarray:
         """(rows, n) of the joints with the cause in them."""
         x = np.ascontiguousarray(self.drives(truth.parameters, settings))
         at = [self.joints.index(j) for j in truth.joints] or list(range(len(self.joints)))

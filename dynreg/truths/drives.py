@@ -56,6 +56,8 @@ def command(x, y, i, commands, t, period, h):
         most = min(x[PROFILE_SPEED, i], np.sqrt(2.0 * x[PROFILE_ACCELERATION, i] * abs(gap)))
         more = x[PROFILE_ACCELERATION, i] * h
         y[PACE, i] += min(max(np.sign(gap) * most - y[PACE, i], -more), more)
+        if gap * y[PACE, i] > 0.0 and abs(h * y[PACE, i]) > abs(gap):
+            y[PACE, i] = gap / h  # there within the step
         y[PROFILE, i] += h * y[PACE, i]
         u = y[PROFILE, i]
     return u
