@@ -10,6 +10,7 @@ from dynreg.evidence.truth import protocol
 from dynreg.results.trials import TrialTable
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.trial import TrialSettings
 from dynreg.verbs.trials import independent_jobs, results_of
 
 
@@ -96,6 +97,14 @@ def test_drawn_causes_are_those_of_the_physics_that_is_asked_for(servo):
     assert [t.cause for t in independent_jobs(servo, "nothing", (), "weak", 2, 1, "same")] == [None, None]
     with pytest.raises(UsageError, match="one cause"):
         independent_jobs(servo, "chosen", ("backlash", "payload"), "weak", 2, 1, "same")
+
+
+def test_the_librarys_own_robots_have_no_other_physics():
+    with pytest.raises(UsageError, match="'independent'"):
+        TrialSettings(physics="other")
+    with pytest.raises(UsageError, match="unknown effect"):
+        TrialSettings(hide="chosen", effects=("lugre_friction",))
+    TrialSettings(hide="chosen", effects=("lugre_friction",), truth="independent", physics="other")
 
 
 def test_seeds_of_values_and_of_robots_are_apart(servo):
