@@ -113,9 +113,10 @@ class TrialTable(Result):
     """Many trials with their rates. `TrialTable.of` makes it.
 
     right, in_set, wrong : over the trials with a hidden effect that has a name; wrong counts wrong causes. outside :
-    how often a cause was named with confidence where the library has no name for what is hidden. joint_right : over those
-    whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. not_none : how often these got another verdict than none. by_size, by_effect :
-    `right` by size and by effect. set_median, set_p95 : median and 95th percentile of `size_of_set`.
+    how often a cause was named with confidence where the library has no name for what is hidden. joint_right : over
+    those whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. not_none : how
+    often these got another verdict than none. by_size, by_effect : `right` by size and by effect. set_median, set_p95 :
+    median and 95th percentile of `size_of_set`.
     """
 
     schema_: Literal["dynreg/trials/1"] = Field(default="dynreg/trials/1", alias="schema")
@@ -182,6 +183,8 @@ class TrialTable(Result):
             ("joint right", self.joint_right),
             ("in set", self.in_set),
             ("wrong name", self.wrong),
+            ("not none", self.not_none),
+            ("named, outside the library", self.outside),
         ]
         named += [("false alarm", self.false_alarm), *((f"right, {s}", r) for s, r in self.by_size.items())]
         named += [(f"right, {g.hidden or 'no hidden effect'}", g.right) for g in self.by_effect]

@@ -8,7 +8,9 @@ import numpy as np
 from dynreg.rng import stream
 from dynreg.truths.causes import Units
 from dynreg.truths.chain import Chain
-from dynreg.truths.joints import ROWS, STEP, episode, plain
+from dynreg.truths.joints import STEP
+from dynreg.truths.kernels import joints
+from dynreg.truths.rows import ROWS, plain
 from dynreg.truths.truth import Commands, Sensor, Truth
 
 DISTURBED = 0.005  # of a joint's torque limit, 1 sigma, drawn anew for every command: by contract
@@ -118,7 +120,7 @@ class Arm:
         """(T+1, 2 n) readings of one episode; heat (2, n) goes on."""
         values, cause, n = truth.values, truth.cause, len(self.joints)
         settings = {name: float(of[e]) for name, of in commands.settings.items()}
-        chain, x = self._links(truth, settings), self._rows(truth, settings)
+        chain, x = self._links(truth, settings), self.rows(truth, settings)
         stand = np.zeros(2)
         if cause == "soft_stand":
             inertia = STAND * self.units.inertia
@@ -136,9 +138,9 @@ class Arm:
         enabled = commands.input(f"{self.joints[0]}/enabled", 1.0)[e]
         coupling = values["stiffness"] if cause == "cable_coupling" else 0.0
         actions = np.ascontiguousarray(commands.actions[e], dtype=float)
-        episode(
+        joints().episode(
             chain.parts, x, stand, coupling, actions, power, enabled, push,
-            period, period / count, float(commands.begin[e]), q, v, heat, told,
+            period, count, float(commands.begin[e]), q, v, heat, told,
         )  # fmt: skip
         late = values["delay"] if cause == "sensor_delay" else 0.0
         at = np.maximum(np.arange(steps + 1) * count - round(late / period * count), 0)
@@ -172,7 +174,7 @@ class Arm:
             return chain.shifted(self.carrier[0], values["shift"] * self.carrier[1])
         return chain
 
-    def _rows(self, truth: Truth, settings: Mapping[str, float]) -> np.ndarray:
+    def rows(self, truth: Truth, settings: Mapping[str, float]) -> np.ndarray:
         """(rows, n) of the joints with the cause in them."""
         x = np.ascontiguousarray(self.drives(truth.parameters, settings))
         at = [self.joints.index(j) for j in truth.joints] or list(range(len(self.joints)))

@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.truths.arms import Arm, joint_sensors
 from dynreg.truths.causes import Units
 from dynreg.truths.chain import Chain
-from dynreg.truths.joints import ROWS, plain
+from dynreg.truths.rows import ROWS, plain
 
 LENGTH = 0.10  # m
 ROD = 0.0001  # kg

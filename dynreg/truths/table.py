@@ -47,6 +47,12 @@ def causes_of(name: str, physics: str) -> tuple[str, ...]:
 def sized(name: str, hidden: str, size: str, seed: int) -> dict[str, float]:
     """{parameter: value [SI]} of a cause in a kind, at a size; UsageError where the kind cannot have it."""
     robot = kind(name)
+    _check(name, hidden)
+    return drawn(hidden, size, robot.units, seed)
+
+
+def _check(name: str, hidden: str) -> None:
+    """UsageError where there is no such cause, or the kind cannot have it."""
     cause(hidden)
     able = (*causes_of(name, "same"), *causes_of(name, "other"))
     if hidden not in able:
@@ -55,7 +61,6 @@ def sized(name: str, hidden: str, size: str, seed: int) -> dict[str, float]:
             expected=f"one of {list(able)}",
             do="choose one of these",
         )
-    return drawn(hidden, size, robot.units, seed)
 
 
 def log(truth: Truth, commands: Commands) -> np.ndarray:
@@ -64,6 +69,8 @@ def log(truth: Truth, commands: Commands) -> np.ndarray:
     Raises UsageError for kinds and causes that there are not, and where parameters or joints are not the kind's.
     """
     robot = kind(truth.kind)
+    if truth.cause is not None:
+        _check(truth.kind, truth.cause)
     unknown = set(truth.joints) - set(robot.joints)
     if unknown:
         raise UsageError(

@@ -27,7 +27,8 @@ class TrialSettings(Settings):
         "every" (each effect that the robot can have, `count` robots with each).
     truth, physics : "independent" robots are simulated by other code than the model's, with the library's physics or
         other; `effects` are then one of their causes.
-    Raises UsageError if `effects` is given without "chosen", or "chosen" without `effects`.
+    Raises UsageError if `effects` is given without "chosen", or "chosen" without `effects`; and for other physics of
+    the library's own robots.
     """
 
     hide: str = option("drawn", "How hidden effects are chosen.", choices=HIDES, flag=None)
@@ -53,6 +54,12 @@ class TrialSettings(Settings):
                 f"hide {self.hide!r} with effects {list(self.effects)}",
                 expected="effects if and only if hide is 'chosen'",
                 do="name effects, or change `hide`",
+            )
+        if self.physics != "same" and self.truth == "own":
+            raise UsageError(
+                f"physics {self.physics!r} of the library's own hidden robots",
+                expected="'same': they are simulated by the library's effects",
+                do="hide by `truth` 'independent', or leave `physics` out",
             )
         for key in self.effects if self.truth == "own" else ():
             term(key)

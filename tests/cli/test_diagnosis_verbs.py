@@ -115,7 +115,8 @@ def test_report_writes_the_page_of_a_stored_one(result, dynreg, session, tmp_pat
 
 def test_trial_passes_its_options_on(dynreg, session) -> None:
     line = "trial servo_pendulum --effect backlash[arm]+payload --size weak -n 4 --seed 2 --seconds 30"
-    dynreg(*line.split(), *"--engine joint --threshold-runs 0 --threads 1".split())
+    line += " --truth independent --physics other --engine joint --threshold-runs 0 --threads 1"
+    dynreg(*line.split())
     ((verb, (robot,), named),) = session.asked
     assert verb == "trial" and robot.name == "servo_pendulum" and session.created
     assert named == {
@@ -125,6 +126,8 @@ def test_trial_passes_its_options_on(dynreg, session) -> None:
         "count": 4,
         "seed": 2,
         "seconds": 30.0,
+        "truth": "independent",
+        "physics": "other",
         "engine": "joint",
         "threshold_runs": 0,
         "threads": 1,
