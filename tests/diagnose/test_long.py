@@ -5,9 +5,10 @@ import pytest
 from by_hand import answered, effects_of, first_channel, held_against_zero, keys_of, plain, sizes_of
 from legs import calibrated
 
+from dynreg.diagnose.linear import REFINED
 from dynreg.diagnose.plans import Long
 from dynreg.diagnose.plans.contact import begun
-from dynreg.diagnose.shortlist import PROBED, REFINED, mirrored, promising
+from dynreg.diagnose.shortlist import PROBED, mirrored, promising
 from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.evidence.likelihood import objective
 from dynreg.evidence.lockstep import Ask, run

@@ -69,17 +69,15 @@ class RateLimit(_OnTargets):
 class ProfileSpeed(Effect):
     """The servo's own profile generator: its target moves to the command with bounded speed and acceleration.
 
-    A trapezoid of speed: it brakes in time to stop on the command. Without a bound on its acceleration it is
-    `rate_limit`.
+    A trapezoid of speed, with the acceleration speed^2 / (2 reach): it brakes in time to stop on the command. Where it
+    is at its speed at once it is `rate_limit`.
     """
 
     id, acts_on = "profile_speed", "command"
     title = "the servo moves its target along a profile of bounded speed and acceleration"
     parameters = (
         EffectParameter("speed", "rad/s", "fastest change of the target", 10.0, 5.0, 2.5, 0.3, inverse=True),
-        EffectParameter(
-            "acceleration", "rad/s^2", "of the target, largest", 300.0, 100.0, 40.0, 4.0, inverse=True
-        ),
+        EffectParameter("reach", "rad", "from rest to that speed", 0.12, 0.12, 0.12, 2.0, shape=True),
     )
     near = ("rate_limit", "command_lag", "speed_limit")
     separate_by = "read the servo's profile registers, or log the target that its loop follows in one high step"
@@ -91,7 +89,7 @@ class ProfileSpeed(Effect):
         last, speed = x.memory.get("target"), x.memory.get("speed")
         if last is None:  # a log that begins in motion begins within a profile
             last, speed = x.q.copy(), np.clip(x.v, -p["speed"], p["speed"])
-        gap, gain = u - last, p["acceleration"] * x.h
+        gap, gain = u - last, 0.5 * p["speed"] * p["speed"] / p["reach"] * x.h
         far = np.abs(gap) / x.h
         # so many steps of braking, each by `gain`, end on the command; what is nearer is reached at once
         brakes = np.sqrt(0.25 + 2.0 * far / gain) - 0.5

@@ -96,7 +96,8 @@ def with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acti
     generator, out = effects()["profile_speed"], list(active)
     for joint in np.flatnonzero(stated):
         rows, joints = slice(0, len(speed)), np.array([joint])
-        values = {"speed": speed[:, [joint]], "acceleration": acceleration[:, [joint]]}
+        reach = 0.5 * speed[:, [joint]] ** 2 / acceleration[:, [joint]]
+        values = {"speed": speed[:, [joint]], "reach": reach}
         out.append(Acting(generator, rows, joints, _where(rows, joints, len(robot.joints)), values))
     return _in_order(out)
 

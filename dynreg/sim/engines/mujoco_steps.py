@@ -216,7 +216,10 @@ class EffectSteps(Steps):
         """(n, A) where the joints are whose encoders say q; they are moved there."""
         self._ahead, self._faster = ahead(self._apart, torque, q, v, self.clock)
         self._qpos[:, self._position] = q - self._ahead
-        self._batch.forward(ids=self._busy)
+        moved = np.zeros(len(q), dtype=bool)
+        for a in self._apart:
+            moved[a.rows] = True
+        self._batch.forward(ids=np.flatnonzero(moved))
         return q - self._ahead
 
     def _load(self, v: np.ndarray) -> np.ndarray:
