@@ -55,6 +55,12 @@ PORT_KEYS = {
 }
 
 
+FRICTION_FIELDS = {  # of the model, beside the port of that name: what is set there is the joint's whole friction
+    "coulomb": "dof_frictionloss",
+    "viscous": "dof_damping",
+}
+
+
 @dataclass(frozen=True)
 class Assignment:
     """One parsed entry of `sets`: `root` mj, port, control or modifier; `op` "=", "+=" or "*="."""
