@@ -33,7 +33,9 @@ def probes(base: Point, term: Term, value: float | None = None) -> list[Point]:
     size = REFINED if acting else 1.0
     low, high = effect_bounds(hypothesis)[-len(parameters) :].T
     shaped = [shape_coordinate(p, value) if value and p.tried else 0.0 for p in parameters]
-    nothing = np.array([z if p.shape or p.signed else SMALLEST for p, z in zip(parameters, shaped, strict=True)])
+    nothing = np.array(
+        [z if p.shape or p.signed else SMALLEST for p, z in zip(parameters, shaped, strict=True)]
+    )
     out = []
     for i, p in enumerate(parameters):
         if p.shape:
@@ -98,8 +100,6 @@ def found_shapes(
         return []
     made = yield from model.residuals([p for own in each for p in own], sample)
     linear, width = Linear(model, base, residual, slope, sample), len(each[0])
-    found = [
-        linear.starts(own, made[width * i : width * (i + 1)] - residual) for i, own in enumerate(each)
-    ]
+    found = [linear.starts(own, made[width * i : width * (i + 1)] - residual) for i, own in enumerate(each)]
     order = sorted(range(len(found)), key=lambda i: found[i][0])
     return [point for i in order[:FOUND] for point in found[i][1]]

@@ -137,6 +137,7 @@ def _twice(robot: Robot) -> Iterator[Said]:
                 f"{joints[0]!r}: they add up, or the later one replaces the other; keep one of them",
             )
 
+
 def _covers(assignment: Assignment, joint: str) -> bool:
     return any(fnmatchcase(joint, pattern) for pattern in assignment.elements or ("*",))
 

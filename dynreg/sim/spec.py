@@ -134,7 +134,10 @@ class DutyServo(DriveTable):
     resistance: float = Field(gt=0, description="Winding resistance [ohm].")
     supply: float = Field(gt=0, description="Supply voltage [V], where the log has not measured it.")
     duty_limit: float = Field(
-        default=1.0, gt=0, le=1, description="Largest duty cycle [1]: the firmware's PWM limit over its full value."
+        default=1.0,
+        gt=0,
+        le=1,
+        description="Largest duty cycle [1]: the firmware's PWM limit over its full value.",
     )
     profile_speed: float = _PROFILE_SPEED
     profile_acceleration: float = _PROFILE_ACCELERATION

@@ -80,7 +80,9 @@ class ProfileSpeed(Effect):
         EffectParameter("reach", "rad", "from rest to that speed", 0.12, 0.12, 0.12, 2.0, shape=True),
     )
     near = ("rate_limit", "command_lag", "speed_limit")
-    separate_by = "read the servo's profile registers, or log the target that its loop follows in one high step"
+    separate_by = (
+        "read the servo's profile registers, or log the target that its loop follows in one high step"
+    )
 
     def why_not(self, robot: Robot) -> str | None:
         return None if drives(robot, "position", "duty_servo") else "no drive follows positions"

@@ -77,9 +77,7 @@ class FeedbackDelay(Effect):
         able = drives(robot, "position", "duty_servo", "speed")
         return None if able else "no drive has a loop of its own"
 
-    def feedback(
-        self, q: np.ndarray, v: np.ndarray, x: Moment, p: Values
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def feedback(self, q: np.ndarray, v: np.ndarray, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:
         return x.ago(p["delay"])
 
 
@@ -179,9 +177,7 @@ class Cogging(Effect):
             "cosine", "N*m", "ripple in cos(count q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
         ),
         # a phase of two thirds of a turn is told from its neighbours' at steps of 1
-        EffectParameter(
-            "count", "1", "cycles a turn", 12, 12, 12, 72, shape=True, tried=tuple(range(2, 61))
-        ),
+        EffectParameter("count", "1", "cycles a turn", 12, 12, 12, 72, shape=True, tried=tuple(range(2, 61))),
     )
     near = ("coulomb_friction",)
     separate_by = "a slow sweep of the whole range without load"

@@ -132,7 +132,9 @@ def _motor_step(x: Moment, stiffness: np.ndarray, followed: bool) -> np.ndarray:
     rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v).
     """
     rotor = np.maximum(x.memory["rotor"], LIGHT * x.inertia)
-    if followed:  # a light motor in a stiff loop: implicit in the loop's own law, which is so much more inertia
+    if (
+        followed
+    ):  # a light motor in a stiff loop: implicit in the loop's own law, which is so much more inertia
         rotor = rotor + x.h * (x.rate + x.h * x.stiffness)
     damping = 1.4 * np.sqrt(stiffness * rotor)
     whole = rotor + x.h * (damping + x.h * stiffness)

@@ -26,7 +26,9 @@ GIVEN = 39
 # What the encoder's shaft stands and turns ahead of the joint; what the drive's own loop sees; time steps so far.
 (FRICTION, AFTER, AHEAD, FASTER, SEEN, SEEN_V, COUNT) = range(57 * WIDTH, 64 * WIDTH, WIDTH)
 ROWS = 64
-BACK = 0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
+BACK = (
+    0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
+)
 
 
 _ROUND = 6755399441055744.0  # added and taken off, it leaves the nearest integer

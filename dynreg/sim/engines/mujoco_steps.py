@@ -22,7 +22,13 @@ from dynreg.sim.engines.alone import Alone
 from dynreg.sim.layout import Layout
 from dynreg.sim.ports import Ports, ServoLaw, slice_of
 
-BETWEEN = ("feedback", "command", "encoder", "drive", "friction")  # the ports that are called between time steps
+BETWEEN = (
+    "feedback",
+    "command",
+    "encoder",
+    "drive",
+    "friction",
+)  # the ports that are called between time steps
 SLOW = 0.02  # rad/s (m/s) below which dry friction may hold with less than its bound
 
 
@@ -75,7 +81,9 @@ class Drives:
         turning : (n, A) speed that their motors turn at; v without it.
         """
         law = self.law
-        return law.limited(law.gain * u + law.bias - law.stiffness * q - law.rate * v, v if turning is None else turning)
+        return law.limited(
+            law.gain * u + law.bias - law.stiffness * q - law.rate * v, v if turning is None else turning
+        )
 
     def fade(self, v: np.ndarray) -> None:
         """Let every drive give no more than it can at speeds v (n, A)."""
