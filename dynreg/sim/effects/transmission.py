@@ -122,7 +122,10 @@ def loosened(
             x.memory[f"{motor} speed"] = x.v
             x.memory[f"{motor} step"] = _motor_step(x, stiffness, followed)
     half = None if gap is None else 0.5 * gap
-    return _passed(torque, x, "motor", half) - _passed(torque, x, "rigid", None)
+    given = {motor: torque for motor in ("motor", "rigid")}
+    if followed:  # its back-EMF brakes the motor itself: within the play, too
+        given = {motor: torque - x.damping * (x.memory[f"{motor} speed"] - x.v) for motor in given}
+    return _passed(given["motor"], x, "motor", half) - _passed(given["rigid"], x, "rigid", None)
 
 
 def _motor_step(x: Moment, stiffness: np.ndarray, followed: bool) -> np.ndarray:
@@ -132,9 +135,7 @@ def _motor_step(x: Moment, stiffness: np.ndarray, followed: bool) -> np.ndarray:
     rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v).
     """
     rotor = np.maximum(x.memory["rotor"], LIGHT * x.inertia)
-    if (
-        followed
-    ):  # a light motor in a stiff loop: implicit in the loop's own law, which is so much more inertia
+    if followed:  # a light motor in a stiff loop: implicit in the loop's law, which is as much more inertia
         rotor = rotor + x.h * (x.rate + x.h * x.stiffness)
     damping = 1.4 * np.sqrt(stiffness * rotor)
     whole = rotor + x.h * (damping + x.h * stiffness)
