@@ -148,7 +148,8 @@ def _drives(
         n
         for key in ("speed_limit", "profile_speed", "profile_acceleration")
         for place, f in enumerate(fields.ports.drive[key].flat)
-        if isinstance(f, Formula) and not (key == "speed_limit" and fields.ports.drive["back_emf"].flat[place])
+        if isinstance(f, Formula)
+        and not (key == "speed_limit" and fields.ports.drive["back_emf"].flat[place])
         for n in f.names
     }
     held.update(dict.fromkeys(sorted(names), ("no field of MJCF has it", ENGINE)))
