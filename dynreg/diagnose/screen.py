@@ -26,8 +26,8 @@ def screen(
 ) -> Search[tuple[list[Point], np.ndarray]]:
     """The most promising starts of every term, and the derivatives (D, W, T, C) at `base`.
 
-    Several sizes and signs are tried, and the values of a shape that a fit cannot walk to. The nominal coordinates are refitted to first order, so only the part of a term's
-    change counts that they cannot explain.
+    Several sizes and signs are tried, and the values of a shape that a fit cannot walk to. The nominal coordinates are
+    refitted to first order, so only the part of a term's change counts that they cannot explain.
     """
     residual, (slope,) = yield from sensitivities(model, [base], sample)
     starts = []

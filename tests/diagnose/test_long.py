@@ -43,9 +43,11 @@ def test_what_has_a_sign_is_tried_with_the_other_one():
     assert mirrored(probe("coulomb_friction[knee]", [1.0])) == []
     (tilted,) = mirrored(probe("gravity_tilt", [1.0]))
     assert tilted.effect.tolist() == [-1.0]
-    both = Point(Hypothesis((term("payload"), term("cogging[knee]"))), np.zeros(6), np.array([0.5, 1.0, 0.0]))
+    both = Point(
+        Hypothesis((term("payload"), term("cogging[knee]"))), np.zeros(6), np.array([0.5, 1.0, 0.0, 0.3])
+    )
     (turned,) = mirrored(both)
-    assert turned.effect.tolist() == [0.5, -1.0, 0.0]
+    assert turned.effect.tolist() == [0.5, -1.0, 0.0, 0.3]
 
 
 @pytest.mark.parametrize("turned", [True, False])

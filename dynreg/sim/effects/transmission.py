@@ -1,9 +1,10 @@
 """Effects between motor and joint: the motor is a body of its own.
 
 The encoder sits on the output, and neither it nor the log sees the motor; or, of `motor_backlash` and
-`motor_elasticity`, on the motor, and neither it nor the log sees the joint. The motor is a part of the joint's reflected inertia (`armature`) and taken off it:
-the torque that reaches the joint is the drive's, plus what the loose transmission passes, minus what a rigid one
-passes. So a transmission without play and compliance is the plain model, to the bit.
+`motor_elasticity`, on the motor, and neither it nor the log sees the joint. The motor is a part of the joint's
+reflected inertia (`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what the loose
+transmission passes, minus what a rigid one passes. So a transmission without play and compliance is the plain model, to
+the bit.
 """
 
 from typing import Any

@@ -247,9 +247,9 @@ def run(
 
     blocks : (K, 5) begin and end in `order`, begin and end in `terms`, time steps in a command. order : numbers of
     joints, simulation times drives + drive. terms : (M, 2) kind of an effect, and its first row in `own`. sizes : rows
-    of each kind. looking : whether each changes what a drive's loop or the log sees. given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive hears the channels
-    heard (2, A), supply and enable; -1 for none. commands, draws : (N, T, A). positions, velocities : (N, T+1, A),
-    written.
+    of each kind. looking : whether each changes what a drive's loop or the log sees. given (GIVEN, J) and own (R, J) :
+    of J joints. inputs : (N, T, I), of which a drive hears the channels heard (2, A), supply and enable; -1 for none.
+    commands, draws : (N, T, A). positions, velocities : (N, T+1, A), written.
     """
     count, most = commands.shape[2], 0
     for begin, end in blocks[:, 2:4]:
