@@ -10,10 +10,13 @@ import numpy as np
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
 from dynreg.sim.effects import Effect, Moment, Site, Terms, Values, effects
-from dynreg.sim.engines.joint_kernel import BACK
 from dynreg.sim.ports import UNLIMITED, Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+
+BACK = (
+    0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
+)
 
 
 @dataclass

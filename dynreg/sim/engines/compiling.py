@@ -36,7 +36,7 @@ _plain = njit(error_model="numpy", boundscheck=False)
 _read, _written = types.Array(types.float64, 3, "A", readonly=True), types.float64[:, :, ::1]
 _signature = types.void(
     types.int64[:, ::1], types.int64[::1], types.int64[:, ::1], types.int64[::1], types.int64[::1],
-    types.float64[:, ::1], types.float64[:, ::1], _read, types.int64[:, ::1], types.float64[:, :, ::1],
+    types.float64, types.float64[:, ::1], types.float64[:, ::1], _read, types.int64[:, ::1], types.float64[:, :, ::1],
     _read, _written, _written,
 )
 """

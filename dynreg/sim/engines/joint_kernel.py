@@ -26,9 +26,6 @@ GIVEN = 39
 # What the encoder's shaft stands and turns ahead of the joint; what the drive's own loop sees; time steps so far.
 (FRICTION, AFTER, AHEAD, FASTER, SEEN, SEEN_V, COUNT) = range(57 * WIDTH, 64 * WIDTH, WIDTH)
 ROWS = 64
-BACK = (
-    0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
-)
 
 
 _ROUND = 6755399441055744.0  # added and taken off, it leaves the nearest integer
@@ -241,15 +238,28 @@ def advance(x, n, kinds, places, apart, first, commands, sims, drives, step, sub
 
 
 def run(
-    blocks, order, terms, sizes, looking, given, own, inputs, heard, commands, draws, positions, velocities
+    blocks,
+    order,
+    terms,
+    sizes,
+    looking,
+    back,
+    given,
+    own,
+    inputs,
+    heard,
+    commands,
+    draws,
+    positions,
+    velocities,
 ):
     """Integrate the joints of some blocks.
 
     blocks : (K, 5) begin and end in `order`, begin and end in `terms`, time steps in a command. order : numbers of
     joints, simulation times drives + drive. terms : (M, 2) kind of an effect, and its first row in `own`. sizes : rows
-    of each kind. looking : whether each changes what a drive's loop or the log sees. given (GIVEN, J) and own (R, J) :
-    of J joints. inputs : (N, T, I), of which a drive hears the channels heard (2, A), supply and enable; -1 for none.
-    commands, draws : (N, T, A). positions, velocities : (N, T+1, A), written.
+    of each kind. looking : whether each changes what a drive's loop or the log sees. back : [s] that a loop looks back.
+    given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive hears the channels heard (2, A),
+    supply and enable; -1 for none. commands, draws : (N, T, A). positions, velocities : (N, T+1, A), written.
     """
     count, most = commands.shape[2], 0
     for begin, end in blocks[:, 2:4]:
@@ -278,7 +288,7 @@ def run(
             apart = apart or looking[kinds[j]] != 0
         if apart:
             for k in range(n):
-                kept = max(kept, int(np.ceil(BACK / x[H + k])) + 2)
+                kept = max(kept, int(np.ceil(back / x[H + k])) + 2)
                 x[AHEAD + k] = x[FASTER + k] = x[COUNT + k] = 0.0
         trail = np.zeros((1 + kept, 2, WIDTH))
         for step in range(commands.shape[1]):
