@@ -82,8 +82,8 @@ REST = {  # what is left where the library lacks the cause, after a search
 }
 LEG = {  # names on long lists
     (f"{D}shortlist:PROBED",): [(8,), (32,)],
-    (f"{D}shortlist:SIZES",): [((1.0,),), ((0.25, 0.5, 1.0, 2.0, 4.0),)],
-    (f"{D}shortlist:PULL",): [(1.5,), (6.0,)],
+    (f"{D}linear:SIZES",): [((1.0,),), ((0.25, 0.5, 1.0, 2.0, 4.0),)],
+    (f"{D}linear:PULL",): [(1.5,), (6.0,)],
     (f"{LONG}halved",): [((1,),), ((2, 2),)],
     (f"{LONG}hopeless",): [(30.0,), (120.0,)],
     (f"{LONG}iterations", f"{LONG}again"): [(2, 1), (10, 4)],

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dynreg.diagnose.linear import found_shapes
 from dynreg.evidence.data import Sample
 from dynreg.evidence.hypothesis import Hypothesis, effect_bounds
 from dynreg.evidence.likelihood import information, log_likelihood, mean_squares
@@ -25,16 +26,20 @@ def screen(
 ) -> Search[tuple[list[Point], np.ndarray]]:
     """The most promising starts of every term, and the derivatives (D, W, T, C) at `base`.
 
-    Several sizes and signs are tried. The nominal coordinates are refitted to first order, so only the part of a term's
-    change counts that they cannot explain.
+    Several sizes and signs are tried, and the values of a shape that a fit cannot walk to. The nominal coordinates are
+    refitted to first order, so only the part of a term's change counts that they cannot explain.
     """
     residual, (slope,) = yield from sensitivities(model, [base], sample)
-    sizes = [_starts(term) for term in terms]
-    of = np.repeat(np.arange(len(terms)), [len(own) for own in sizes])  # the number of each one's term
+    starts = []
+    for term in terms:
+        own = [np.concatenate([base.effect, z]) for z in _starts(term)]
+        shaped = yield from found_shapes(model, base, term, sample, residual[0], slope)
+        starts.append([*own, *(point.effect for point in shaped)])
+    of = np.repeat(np.arange(len(terms)), [len(own) for own in starts])  # the number of each one's term
     tried = [
-        Point(base.hypothesis.with_term(term), base.nominal, np.concatenate([base.effect, z]))
-        for term, own in zip(terms, sizes, strict=True)
-        for z in own
+        Point(base.hypothesis.with_term(term), base.nominal, effect)
+        for term, own in zip(terms, starts, strict=True)
+        for effect in own
     ]
     made = yield from model.residuals(tried, sample)
     gains, moves = _with_moves(base, residual, slope, made, sample)

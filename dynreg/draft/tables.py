@@ -92,9 +92,7 @@ def _drive_values(model: mujoco.MjModel, drive: Drive) -> dict[str, object]:
         values |= {"kt": drive.kt, "resistance": drive.resistance}
     if drive.limit is not None:
         values["torque_limit"] = drive.limit
-    elif (
-        drive.kind == "position"
-    ):  # a servo's damping is torque_limit / speed_limit, so it must state one of them
+    elif drive.kind == "position":  # sizes of effects are multiples of it
         values["torque_limit"] = 2.0 * drive.gain * reach_of(model, drive)
     return values
 

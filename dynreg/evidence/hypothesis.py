@@ -192,6 +192,11 @@ class Coordinates:
         return np.array(out)
 
 
+def shape_coordinate(parameter: EffectParameter, value: float) -> float:
+    """The coordinate of a shape at a value [multiples of `per`]."""
+    return float(np.log(value / parameter.medium) / np.log(FACTOR))
+
+
 def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
     """(sum K, 2) lowest and highest effect coordinates."""
     rows = []

@@ -9,6 +9,7 @@ import numpy as np
 from dynreg.extend.carry import Carrier, carries
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Term
+from dynreg.sim.ports import UNLIMITED, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 
 PLAIN = "mujoco.xml"
@@ -80,7 +81,19 @@ def _about_mjcf(robot: Robot, problem: str | None) -> list[str]:
     ]
     if constants:
         lines.append(f"`{plain}` holds for {', '.join(constants)}; drives are always on.")
+    left_out = unsaid(robot)
+    if left_out:
+        lines.append(f"`{plain}` leaves out what MJCF cannot say of the drives: {', '.join(left_out)}.")
     return lines
+
+
+def unsaid(robot: Robot) -> list[str]:
+    """What the drives of robot.toml do and no MJCF says, with the joints: fading torque, and profiles of targets."""
+    ports = nominal_ports(robot, 1)
+    fading = servo_law(ports, robot.input_defaults[None]).fade[0] > 0
+    moving = np.minimum(ports.drive["profile_speed"], ports.drive["profile_acceleration"])[0] < UNLIMITED
+    means = (("torque that falls with speed (`speed_limit`)", fading), ("`profile_speed`", moving))
+    return [f"{what} of {', '.join(np.array(ports.joints)[at])}" for what, at in means if at.any()]
 
 
 def _row(one: Written) -> str:

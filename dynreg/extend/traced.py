@@ -144,6 +144,15 @@ def _drives(
         law = servo_law(fields.ports, robot.input_defaults[None])
         write_drives(robot, fields, law, lambda key, action: moving.get((key, action), 0.0))
 
+    names = {
+        n
+        for key in ("speed_limit", "profile_speed", "profile_acceleration")
+        for place, f in enumerate(fields.ports.drive[key].flat)
+        if isinstance(f, Formula)
+        and not (key == "speed_limit" and fields.ports.drive["back_emf"].flat[place])
+        for n in f.names
+    }
+    held.update(dict.fromkeys(sorted(names), ("no field of MJCF has it", ENGINE)))
     why = _tried(fields, write)
     if why:
         parts = [a for group in DRIVEN for a in getattr(fields.ports, group).values()]

@@ -56,7 +56,8 @@ class SimConfig:
 def terms_of(config: SimConfig) -> "Terms":
     """The effects of a configuration as the terms of one simulator, for `rollout(..., terms=)`.
 
-    Raises UsageError for an unknown effect, or values that are not those of its parameters.
+    A shape that has no value takes its typical one. Raises UsageError for an unknown effect, or values that are not
+    those of its parameters.
     """
     import numpy as np
 
@@ -65,6 +66,9 @@ def terms_of(config: SimConfig) -> "Terms":
     terms, rows = [], []
     for key, values in config.effects.items():
         found = term(key)
+        # a shape that an effect has got since (the count of cogging) was its typical one
+        since = {p.name: p.medium for p in found.effect.parameters if p.shape and p.name not in values}
+        values = since | dict(values)
         names = [p.name for p in found.effect.parameters]
         if sorted(values) != sorted(names):
             raise UsageError(

@@ -7,19 +7,17 @@ import numpy as np
 
 from dynreg.data.names import joint_of
 from dynreg.sim.effects.contact import has_ground, touching_geoms
-from dynreg.sim.fields import names_of
 from dynreg.sim.finding import Said
 from dynreg.sim.layout import layout_of
 from dynreg.sim.ports import nominal_ports, takes_positions
 from dynreg.sim.robot import Robot, packaged_robots
-from dynreg.sim.sets import Assignment
+from dynreg.sim.sets import FRICTION_FIELDS, Assignment
 from dynreg.sim.space import Parameter
 
 FAR = (
     60.0  # tolerances from the nominal value to an end of the range: that of a factor of 2 known to 1 % is 69
 )
 PAST = 0.5  # share of an action's range beyond the joint's, above which one of the two is taken for a slip
-_DRAG = {"viscous": ("dof_damping", "damping"), "coulomb": ("dof_frictionloss", "frictionloss")}
 Setter = tuple[str, str, Assignment]  # "parameters" or "settings", its name, what it sets
 
 
@@ -119,33 +117,24 @@ def _name_taken(robot: Robot) -> Iterator[Said]:
 
 
 def _twice(robot: Robot) -> Iterator[Said]:
-    """Damping and dry friction that stand in the model and are set at a port as well: they add up.
+    """Damping and dry friction that are set at a port and in the model as well: they add up, or one is lost.
 
-    '+=' says that they shall, as an exported effect does.
+    '+=' at a port says that they shall add up, as an exported effect does.
     """
-    model, setters = robot.model, _setters(robot)
-    dofs = names_of(model, "dof")
+    setters = _setters(robot)
     for group, name, assignment in setters:
         port, _, key = assignment.path.partition(".")
         if assignment.root != "port" or port != "friction" or assignment.op == "+=":
             continue
-        field, word = _DRAG[key]
+        field = FRICTION_FIELDS[key]
         patterns = assignment.elements or ("*",)
         joints = [j for j in robot.driven if any(_alike(j, pattern) for pattern in patterns)]
         set_too = [n for _, n, a in setters if a.path == field and any(_covers(a, j) for j in joints)]
-        own = [j for j in joints if j in dofs and getattr(model, field)[dofs.index(j)] > 0]
         if set_too:
             yield (
                 (group, name, "sets"),
-                f"{group[:-1]} {name!r} and {set_too[0]!r} both set the {word} of joint {joints[0]!r}, and they add "
-                "up: no log tells one from the other; keep one of them",
-            )
-        elif own:
-            value = float(getattr(model, field)[dofs.index(own[0])])
-            yield (
-                (group, name, "sets"),
-                f"{group[:-1]} {name!r} comes on top of {word}={value:g} that the model gives joint {own[0]!r}: the "
-                f"joint has both; set {word} to 0 in the model, or let the {group[:-1]} set 'mj.{field}[{own[0]}] ='",
+                f"{group[:-1]} {name!r} and {set_too[0]!r} both set the {field.removeprefix('dof_')} of joint "
+                f"{joints[0]!r}: they add up, or the later one replaces the other; keep one of them",
             )
 
 

@@ -165,8 +165,8 @@ class LiveSimulator:
         """
         at = self._count if self._looks_back else 0
         self._true = _with_room(self._true, at + 1)
-        layout, data = self._simulations.layout, self.data
-        self._true[:, at : at + 2] = observe(layout, data.qpos[None], data.qvel[None], len(self.channels))
+        pose = self._steps.read(self.data.qpos[None], self.data.qvel[None])
+        self._true[:, at : at + 2] = observe(self._simulations.layout, *pose, len(self.channels))
         return self._true[:, : at + 2]
 
     def _known(self, state: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ Both engines read the same `Ports`, and one torque law (`servo_law`) serves ever
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -123,7 +124,10 @@ def log_periods(robot: Robot, values: np.ndarray, run: Run) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ServoLaw:
-    """torque = clip(gain u + bias - stiffness q - rate qd, +-limit) - damping qd; each (B, A)."""
+    """torque = clip(gain u + bias - stiffness q - rate qd, +-limit (1 -+ fade qd)) - damping qd; each (B, A).
+
+    The bounds stay within 0 and +-limit: a motor that turns gives less the faster it does, and never more than at rest.
+    """
 
     gain: np.ndarray
     stiffness: np.ndarray
@@ -131,6 +135,23 @@ class ServoLaw:
     limit: np.ndarray
     damping: np.ndarray
     bias: np.ndarray
+    fade: np.ndarray
+
+    def limited(self, torque: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(B, A) of the torques that the loop asks for, what the drives can give at speeds v."""
+        low, high = self.bounds(v) if self.fading else (-self.limit, self.limit)
+        return np.minimum(np.maximum(torque, low), high)
+
+    def bounds(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(B, A), (B, A) least and largest torque at speeds v."""
+        slower = self.fade * v
+        low, high = (np.minimum(np.maximum(1.0 + s, 0.0), 1.0) for s in (slower, -slower))
+        return -self.limit * low, self.limit * high
+
+    @cached_property
+    def fading(self) -> bool:
+        """Whether any drive gives less torque the faster it turns."""
+        return bool((self.fade != 0.0).any())
 
 
 def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
@@ -170,17 +191,18 @@ def law_of(
     gain = np.where(duty, duty_stiffness, np.where(motor, stall, np.where(speed, d["rate_gain"], d["gain"])))
     stiffness = np.where(duty, duty_stiffness, np.where(position, d["gain"], 0.0))
     rate = np.where(position | speed, d["rate_gain"], 0.0)
-    limit = np.where(duty, stall * np.maximum(supply, 0.0), d["torque_limit"])
-    limited = (d["torque_limit"] < UNLIMITED) & (
-        d["speed_limit"] < UNLIMITED
-    )  # what is not stated damps nothing
-    damping = np.where(position & limited, d["torque_limit"] / d["speed_limit"], 0.0)
+    limit = np.where(duty, stall * np.maximum(supply, 0.0) * d["duty_limit"], d["torque_limit"])
+    # what is not stated limits nothing
+    limited = position & (d["torque_limit"] < UNLIMITED) & (d["speed_limit"] < UNLIMITED)
+    back = d["back_emf"] > 0.5
+    damping = np.where(limited & back, d["torque_limit"] / d["speed_limit"], 0.0)
+    fade = np.where(limited & ~back, 1.0 / d["speed_limit"], 0.0)
     damping = np.where(duty | motor, back_emf, np.where(torque | speed, 0.0, damping))
     gain, stiffness, rate = (x * d["gain_factor"] for x in (gain, stiffness, rate))
     limit = limit * d["limit_factor"]
     stiffness, rate = stiffness * sensor["scale"], rate * sensor["scale"]
     gain, stiffness, rate, damping = (np.where(on, x, 0.0) for x in (gain, stiffness, rate, damping))
-    return ServoLaw(gain, stiffness, rate, limit, damping, -stiffness * sensor["offset"])
+    return ServoLaw(gain, stiffness, rate, limit, damping, -stiffness * sensor["offset"], fade)
 
 
 def slice_of(numbers: np.ndarray) -> slice | np.ndarray:

@@ -26,6 +26,10 @@ DRIVE_DEFAULTS = {  # of drives whose type does not have the key
     "rate_gain": 0.0,
     "torque_limit": 1e6,
     "speed_limit": 1e6,
+    "back_emf": 0.0,
+    "duty_limit": 1.0,
+    "profile_speed": 1e6,
+    "profile_acceleration": 1e6,
     "duty_gain": 0.0,
     "kt": 0.0,
     "resistance": 1.0,
@@ -48,6 +52,12 @@ PORT_KEYS = {
         "coupling",
         "yaw_drag",
     ),
+}
+
+
+FRICTION_FIELDS = {  # of the model, beside the port of that name: what is set there is the joint's whole friction
+    "coulomb": "dof_frictionloss",
+    "viscous": "dof_damping",
 }
 
 

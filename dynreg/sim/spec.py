@@ -76,10 +76,23 @@ class DriveTable(Table):
     )
 
 
-class PositionDrive(DriveTable):
-    """torque = clip(gain (target - q) - rate_gain qd, +-torque_limit) - torque_limit / speed_limit qd.
+_PROFILE_SPEED = Field(
+    default=1e6,
+    gt=0,
+    description="Fastest change of the target that the loop follows [rad/s]: the servo's own profile generator.",
+)
+_PROFILE_ACCELERATION = Field(
+    default=1e6, gt=0, description="Largest acceleration of that target [rad/s^2]: a trapezoid of speed."
+)
 
-    The last term is left out where either limit is not stated.
+
+class PositionDrive(DriveTable):
+    """torque = clip(gain (target - q) - rate_gain qd, -torque_limit (1 + qd / speed_limit), torque_limit (1 - qd /
+    speed_limit)).
+
+    The speed only limits what the motor can give, and neither bound leaves 0 to +-torque_limit; where either limit is
+    not stated, it limits nothing. With `back_emf` the bounds are +-torque_limit, and torque_limit / speed_limit qd is
+    taken off at every torque.
     """
 
     type: Literal["position"] = Field(description="The control law.")
@@ -89,8 +102,15 @@ class PositionDrive(DriveTable):
     speed_limit: float = Field(
         default=1e6,
         gt=0,
-        description="No-load speed [rad/s]: torque falls in proportion to speed and is zero there.",
+        description="No-load speed [rad/s]: the largest torque falls in proportion to speed and is zero there.",
     )
+    back_emf: bool = Field(
+        default=False,
+        description="`true` for a servo that sets its motor's voltage (a hobby servo): the speed takes its share off "
+        "every torque, and damps. `false` for one that controls the current: speed only limits the torque.",
+    )
+    profile_speed: float = _PROFILE_SPEED
+    profile_acceleration: float = _PROFILE_ACCELERATION
 
 
 class TorqueDrive(DriveTable):
@@ -102,7 +122,7 @@ class TorqueDrive(DriveTable):
 
 
 class DutyServo(DriveTable):
-    """duty = clip(duty_gain gain (target - q), -1, 1); torque = kt / resistance (duty supply - kt qd).
+    """duty = clip(duty_gain gain (target - q), +-duty_limit); torque = kt / resistance (duty supply - kt qd).
 
     The control law of Dynamixel XL330 firmware.
     """
@@ -113,6 +133,14 @@ class DutyServo(DriveTable):
     kt: float = Field(gt=0, description="Torque constant [N*m/A].")
     resistance: float = Field(gt=0, description="Winding resistance [ohm].")
     supply: float = Field(gt=0, description="Supply voltage [V], where the log has not measured it.")
+    duty_limit: float = Field(
+        default=1.0,
+        gt=0,
+        le=1,
+        description="Largest duty cycle [1]: the firmware's PWM limit over its full value.",
+    )
+    profile_speed: float = _PROFILE_SPEED
+    profile_acceleration: float = _PROFILE_ACCELERATION
     supply_input: str | None = Field(
         default=None, description="Name of the table in `[[inputs]]` with the measured supply voltage."
     )

@@ -5,9 +5,10 @@ import pytest
 from by_hand import answered, effects_of, first_channel, held_against_zero, keys_of, plain, sizes_of
 from legs import calibrated
 
+from dynreg.diagnose.linear import REFINED
 from dynreg.diagnose.plans import Long
 from dynreg.diagnose.plans.contact import begun
-from dynreg.diagnose.shortlist import PROBED, REFINED, mirrored, promising
+from dynreg.diagnose.shortlist import PROBED, mirrored, promising
 from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.evidence.likelihood import objective
 from dynreg.evidence.lockstep import Ask, run
@@ -42,9 +43,11 @@ def test_what_has_a_sign_is_tried_with_the_other_one():
     assert mirrored(probe("coulomb_friction[knee]", [1.0])) == []
     (tilted,) = mirrored(probe("gravity_tilt", [1.0]))
     assert tilted.effect.tolist() == [-1.0]
-    both = Point(Hypothesis((term("payload"), term("cogging[knee]"))), np.zeros(6), np.array([0.5, 1.0, 0.0]))
+    both = Point(
+        Hypothesis((term("payload"), term("cogging[knee]"))), np.zeros(6), np.array([0.5, 1.0, 0.0, 0.3])
+    )
     (turned,) = mirrored(both)
-    assert turned.effect.tolist() == [0.5, -1.0, 0.0]
+    assert turned.effect.tolist() == [0.5, -1.0, 0.0, 0.3]
 
 
 @pytest.mark.parametrize("turned", [True, False])

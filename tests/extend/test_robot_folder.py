@@ -30,10 +30,23 @@ STATIC = (
     "com_offset",
     "gravity_tilt",
     "torque_limit",
+    "duty_limit",
     "drive_gain",
     "inertia",
 )
-MOVING = ("load_friction", "backlash", "stribeck_friction", "voltage_sag", "sensor_delay", "speed_limit")
+MOVING = (
+    "load_friction",
+    "backlash",
+    "stribeck_friction",
+    "voltage_sag",
+    "sensor_delay",
+    "speed_limit",
+    "feedback_delay",
+    "torque_lag",
+    "profile_speed",
+    "motor_backlash",
+    "motor_elasticity",
+)
 
 
 def config(robot: Robot, *keys: str, sign: float = 1.0) -> SimConfig:
@@ -260,6 +273,23 @@ def test_what_no_file_can_say_is_told_with_its_values(key: str, tmp_path: Path) 
     for name, value in made.effects[key].items():
         assert f"{name} = {value:.6g}" in readme
     assert not check_robot(tmp_path / "taken")
+
+
+def test_what_the_drives_do_and_no_mjcf_says_is_told(tmp_path: Path) -> None:
+    """Torque that falls with speed, and a profile of the target: robot.toml has both, the MJCF neither."""
+    source = tmp_path / "current"
+    shutil.copytree(load_robot("leg").folder, source)
+    text = (source / "robot.toml").read_text()
+    line = next(line for line in text.splitlines(keepends=True) if line.startswith("back_emf = true"))
+    (source / "robot.toml").write_text(text.replace(line, "profile_speed = 3.0\n"))
+    robot = load_robot(source)
+    export_robot(robot, config(robot), tmp_path / "taken")
+    export_robot(load_robot("leg"), config(load_robot("leg")), tmp_path / "usual")
+    told = "leaves out what MJCF cannot say of the drives: torque that falls with speed (`speed_limit`) of "
+    assert told + "hip_roll, hip_pitch, knee, `profile_speed` of hip_roll" in (
+        (tmp_path / "taken" / "README.md").read_text()
+    )
+    assert "leaves out" not in (tmp_path / "usual" / "README.md").read_text()
 
 
 def test_elements_without_names_are_told(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Formulas of parameters and effects: a model with them in its fields is the one that the engine simulates."""
 
 import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -42,6 +43,25 @@ def middle(robot: Robot, keys: tuple[str, ...]) -> tuple[Hypothesis, Terms, dict
     sizes = tuple(np.array([[c.scale(t, p) for p in t.effect.parameters]]) for t in hypothesis.terms)
     names, _, limits = free_quantities(c, hypothesis)
     return hypothesis, Terms(hypothesis.terms, sizes), dict(zip(names, map(tuple, limits), strict=True))
+
+
+def test_a_speed_that_only_limits_is_no_field_of_the_model():
+    """With a back-EMF the no-load speed is damping; without, only dynreg's engines know it."""
+    quadruped = load_robot("quadruped")
+    (drive,) = quadruped.file.drives
+    current = replace(
+        quadruped,
+        file=quadruped.file.model_copy(update={"drives": [drive.model_copy(update={"back_emf": False})]}),
+    )
+    (name,) = (
+        p.name
+        for p, setters in zip(quadruped.space.parameters, quadruped.setters, strict=True)
+        if any(a.path == "drive.speed_limit" for a in setters)
+    )
+    for robot, where in ((quadruped, None), (current, ENGINE)):
+        does = traced(robot, robot.space.nominal, Terms(), {name: (4.0, 10.0)})
+        assert (does.held[name][1] if name in does.held else None) == where
+        assert any(name in one.powers for one in does.fields) == (where is None)
 
 
 def simulated(robot: Robot, values: np.ndarray, terms: Terms) -> mujoco.MjModel:

@@ -36,6 +36,7 @@ gain = 20.0
 rate_gain = 0.3
 torque_limit = 4.0
 speed_limit = 8.0
+back_emf = true
 
 [[drives]]
 joint = "elbow"

@@ -93,7 +93,6 @@ def test_the_small_arm_is_clean_when_its_noise_is_stated(write_robot: Callable[.
     assert inspect_robot(folder) == []
 
 
-TWO = parameter("viscous", "port.friction.viscous[shoulder] =", low=0.01, nominal=0.1, high=1.0)
 NO_GROUND = ARM_XML.replace('<geom name="ground" type="plane" size="1 1 0.1"/>', "")
 WARNED = {
     "tolerance": (
@@ -108,11 +107,6 @@ WARNED = {
         ],
         ARM_XML,
         r"sets@setting 'added_mass' overwrites parameter 'gain': both set 'port.drive.gain\[shoulder\]'",
-    ),
-    "damping twice": (
-        [("[[parameters]]", TWO + "\n[[parameters]]")],
-        ARM_XML,
-        r"sets@parameter 'viscous' comes on top of damping=0.02 that the model gives joint 'shoulder'",
     ),
     "friction by two parameters": (
         [

@@ -72,6 +72,8 @@ CHANGES = {  # a parameter at 1.3: what it changes in the reference
     "port.drive.torque_limit[shoulder] =": dict(limit=1.3, damping1=0.02 + 1.3 / 8),
     "port.drive.speed_limit[shoulder] *=": dict(damping1=0.02 + 4.0 / 10.4),
     "port.friction.viscous[*] +=": dict(damping1=1.82, viscous2=1.3),
+    "port.friction.viscous[shoulder] =": dict(damping1=1.3 + 4.0 / 8.0),
+    "port.friction.viscous[shoulder] *=": dict(damping1=0.02 * 1.3 + 4.0 / 8.0),
     "port.friction.coulomb[shoulder] =": dict(coulomb1=1.3),
 }
 

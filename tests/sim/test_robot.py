@@ -117,7 +117,7 @@ def test_faults_of_robot_toml_are_told_with_their_line(
 
 def test_a_supply_must_be_an_input(write_robot: Callable[..., Path]):
     duty = 'type = "duty_servo"\nduty_gain = 0.1\nkt = 1.0\nresistance = 1.0\nsupply = 12.0'
-    gone = "rate_gain = 0.3\ntorque_limit = 4.0\nspeed_limit = 8.0"
+    gone = "rate_gain = 0.3\ntorque_limit = 4.0\nspeed_limit = 8.0\nback_emf = true"
     with pytest.raises(RobotError, match="supply_input 'volts' is no input"):
         load_robot(write_robot(('type = "position"', duty), (gone, 'supply_input = "volts"')))
 

@@ -66,6 +66,43 @@ class RateLimit(_OnTargets):
         return last + moved * (1.0 - late)
 
 
+class ProfileSpeed(Effect):
+    """The servo's own profile generator: its target moves to the command with bounded speed and acceleration.
+
+    A trapezoid of speed, with the acceleration speed^2 / (2 reach): it brakes in time to stop on the command. Where it
+    is at its speed at once it is `rate_limit`.
+    """
+
+    id, acts_on = "profile_speed", "command"
+    title = "the servo moves its target along a profile of bounded speed and acceleration"
+    parameters = (
+        EffectParameter("speed", "rad/s", "fastest change of the target", 10.0, 5.0, 2.5, 0.3, inverse=True),
+        EffectParameter("reach", "rad", "from rest to that speed", 0.12, 0.12, 0.12, 2.0, shape=True),
+    )
+    near = ("rate_limit", "command_lag", "speed_limit")
+    separate_by = (
+        "read the servo's profile registers, or log the target that its loop follows in one high step"
+    )
+
+    def why_not(self, robot: Robot) -> str | None:
+        return None if drives(robot, "position", "duty_servo") else "no drive follows positions"
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        last, speed = x.memory.get("target"), x.memory.get("speed")
+        if last is None:  # a log that begins in motion begins within a profile
+            last, speed = x.q.copy(), np.clip(x.v, -p["speed"], p["speed"])
+        gap, gain = u - last, 0.5 * p["speed"] * p["speed"] / p["reach"] * x.h
+        far = np.abs(gap) / x.h
+        # so many steps of braking, each by `gain`, end on the command; what is nearer is reached at once
+        brakes = np.sqrt(0.25 + 2.0 * far / gain) - 0.5
+        wanted = np.sign(gap) * np.minimum(np.minimum(p["speed"], gain * brakes), far)
+        speed = speed + np.clip(wanted - speed, -gain, gain)
+        x.memory["target"], x.memory["speed"] = last + x.h * speed, speed
+        # the mean over the time step, as in `rate_limit`
+        late = 0.5 * np.clip(far / np.maximum(np.abs(speed), 1e-12) - 1.0, 0.0, 1.0)
+        return last + x.h * speed * (1.0 - late)
+
+
 class CommandLag(OfAnyDrive):
     """First-order low pass: rate of y = (u - y) / time."""
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values
+from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values, drives
+from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
 
 
@@ -18,16 +19,88 @@ class _OfTorque(Effect):
         return None if limited and robot.actions else "no drive states a torque limit"
 
 
-class TorqueLimit(_OfTorque):
-    """The drive saturates at (1 - loss) of its stated torque."""
+def _of_duty(robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
+    """The joints, where the drive of each sets a duty: there the duty is what saturates, and both limits are one."""
+    types = dict(zip(robot.joints, nominal_ports(robot, 1).types, strict=True))
+    owners = tuple(sorted({*(joints or robot.joints)}))
+    return owners if all(types[owner] == "duty_servo" for owner in owners) else None
 
+
+class TorqueLimit(_OfTorque):
+    """The drive saturates at (1 - loss) of its stated torque; a duty servo's at as much of its duty."""
+
+    group = "saturation"
     id, title = "torque_limit", "the drive saturates below its stated torque"
     parameters = (EffectParameter("loss", "1", "share of the stated limit", 0.12, 0.25, 0.40, 0.9),)
     near = ("speed_limit", "voltage_sag")
     separate_by = "fast large steps: a speed limit shows in motion, a torque limit when stalled too"
 
+    def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
+        return _of_duty(robot, joints)
+
     def configure(self, site: Site, p: Values) -> None:
         site.drive("limit_factor", lambda f: f * (1.0 - p["loss"]))
+
+
+class DutyLimit(Effect):
+    """The duty that a servo sets saturates at (1 - loss) of its stated limit, as a PWM limit in its registers does.
+
+    It is `torque_limit` of a duty servo by the name of its cause: no motion tells them apart.
+    """
+
+    id, acts_on, title = "duty_limit", "drive", "the servo's duty saturates below its stated limit"
+    parameters = (EffectParameter("loss", "1", "share of the stated limit", 0.12, 0.25, 0.40, 0.9),)
+    group = "saturation"
+    near = ("speed_limit", "voltage_sag")
+    separate_by = "read the servo's PWM limit, or measure the voltage at the stalled motor"
+
+    def why_not(self, robot: Robot) -> str | None:
+        able = drives(robot, "duty_servo")
+        return None if able else "no drive sets a duty: of others `torque_limit` has that role"
+
+    def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
+        return _of_duty(robot, joints)
+
+    def configure(self, site: Site, p: Values) -> None:
+        site.drive("duty_limit", lambda d: d * (1.0 - p["loss"]))
+
+
+class FeedbackDelay(Effect):
+    """The drive's own loop sees the position and speed of `delay` ago; its command is not late."""
+
+    id, acts_on, title = "feedback_delay", "drive", "the drive's loop sees its encoder late"
+    parameters = (EffectParameter("delay", "s", "from moving to acting on it", 0.002, 0.005, 0.012, 0.1),)
+    near = ("torque_lag", "command_delay", "command_lag")
+    separate_by = "a hardware loop-back; pushed by hand at a constant command, a late loop swings longer"
+
+    def why_not(self, robot: Robot) -> str | None:
+        able = drives(robot, "position", "duty_servo", "speed")
+        return None if able else "no drive has a loop of its own"
+
+    def feedback(self, q: np.ndarray, v: np.ndarray, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:
+        return x.ago(p["delay"])
+
+
+class TorqueLag(Effect):
+    """The torque that comes follows the one asked for by a first-order lag, as a current loop's does.
+
+    What a motor's back-EMF takes off is a part of it.
+    """
+
+    id, acts_on, title = "torque_lag", "drive", "the torque follows what is asked by a first-order lag"
+    parameters = (EffectParameter("time", "s", "time constant", 0.002, 0.006, 0.015, 0.2),)
+    near = ("feedback_delay", "command_lag", "joint_elasticity")
+    separate_by = "log the motor's current in small fast steps of the command, the joint held"
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        taken = x.damping * x.v
+        asked = torque - taken
+        last = x.memory.get("torque")
+        last = asked if last is None else last
+        steps = x.h / np.maximum(p["time"], 1e-9)
+        keep = np.exp(-steps)
+        x.memory["torque"] = asked + keep * (last - asked)
+        return torque + (1.0 - keep) / steps * (last - asked)  # the mean over the time step
 
 
 class SpeedLimit(_OfTorque):
@@ -93,24 +166,24 @@ class ThermalFade(_OfTorque):
 
 
 class Cogging(Effect):
-    """Torque ripple over position, `CYCLES` a turn, of any phase."""
-
-    CYCLES = 12
+    """Torque ripple over position, `count` cycles a turn, of any phase."""
 
     id, acts_on, title = "cogging", "drive", "the torque ripples with position"
     parameters = (
         EffectParameter(
-            "sine", "N*m", "ripple in sin(12 q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
+            "sine", "N*m", "ripple in sin(count q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
         ),
         EffectParameter(
-            "cosine", "N*m", "ripple in cos(12 q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
+            "cosine", "N*m", "ripple in cos(count q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
         ),
+        # a phase of two thirds of a turn is told from its neighbours' at steps of 1
+        EffectParameter("count", "1", "cycles a turn", 12, 12, 12, 72, shape=True, tried=tuple(range(2, 61))),
     )
     near = ("coulomb_friction",)
     separate_by = "a slow sweep of the whole range without load"
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
-        angle = self.CYCLES * x.q
+        angle = p["count"] * x.q
         return torque + p["sine"] * np.sin(angle) + p["cosine"] * np.cos(angle)
 
 

@@ -29,7 +29,8 @@ class EffectParameter:
     weak, medium, strong : sizes in multiples of `per`; below weak the effect is not worth naming. A parameter
     of shape (how fast, how wide) has the same three sizes: its typical value.
     most : largest size that a fit may reach. signed : whether the size can be negative. inverse : the effect
-    grows as the value falls (a limit), so that fits work on 1 / value. shared : a simpler effect has it too (the mean
+    grows as the value falls (a limit), so that fits work on 1 / value. tried : values of a shape that a fit cannot walk
+    to (a count of cycles): a screen tries them all, to first order. shared : a simpler effect has it too (the mean
     of asymmetric friction is dry friction): it alone does not make this effect worth naming.
     """
 
@@ -44,6 +45,7 @@ class EffectParameter:
     signed: bool = False
     inverse: bool = False
     shape: bool = False
+    tried: tuple[float, ...] = ()
     shared: bool = False
 
     def size(self, name: str) -> float:
@@ -58,9 +60,10 @@ class Moment:
     time : (rows, 1) [s] since the log began. h : (rows, 1) the time step [s].
     q, v : position and velocity of the joints. load : gravity and spring torque [N m].
     torque : what the drives give [N m]; friction sees it less the drives' damping (a motor's back-EMF).
-    limit, stiffness, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state, kept
-    between time steps.
-    past : command `delay` (rows, 1) [s] ago, averaged over the time step. draw : of `Run.draws`, for this command.
+    limit, stiffness, rate, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state,
+    kept between time steps.
+    past : command `delay` (rows, 1) [s] ago, averaged over the time step. ago : position and speed that the drive's own
+    encoder said `delay` [s] ago (at most 0.2); for `feedback`. draw : of `Run.draws`, for this command.
     Drives of a planar base give speeds, which are its q and v here, and `speeds` is true; it has neither torques nor
     inertia. For `roll` v and q are the speeds [m/s] of the wheels as the time step begins and ends.
     """
@@ -73,8 +76,10 @@ class Moment:
     limit: Any = None
     stiffness: Any = None
     inertia: Any = None
+    rate: Any = None
     damping: Any = None
     past: Callable[[np.ndarray], np.ndarray] | None = None
+    ago: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     now: Callable[[], np.ndarray] | None = None
     drawn: Callable[[], np.ndarray] | None = None
     speeds: bool = False
@@ -135,7 +140,11 @@ class Effect:
     Ports
     -----
     configure(site, p) : write model fields and port constants once, before anything moves.
+    feedback(q, v, x, p) : (rows, joints) position and speed that the drive's encoder says -> those that its loop sees.
     command(u, x, p) : (rows, joints) commands -> commands.
+    encoder(x, p) : how far ahead of the joint the encoder's shaft stands [rad] and how much faster it turns, (rows,
+        joints) each, for an encoder that does not sit on the joint. It is asked at first, when `x.torque` is what the
+        drive gives, then after every time step. Both the loop and the log have what the encoder says.
     drive(torque, x, p) : (rows, joints) drive torque -> torque that reaches the joint.
     friction(x, p) : (rows, joints) dry friction [N m] to add to the bound, at the present speed and load.
     roll(speed, x, p) : (rows, wheels) [m/s] that the wheels of a base turn at -> that they roll over the ground at,
@@ -154,7 +163,9 @@ class Effect:
     scope: ClassVar[Literal["joint", "robot"]] = "joint"
 
     configure: ClassVar[Callable | None] = None
+    feedback: ClassVar[Callable | None] = None
     command: ClassVar[Callable | None] = None
+    encoder: ClassVar[Callable | None] = None
     drive: ClassVar[Callable | None] = None
     friction: ClassVar[Callable | None] = None
     roll: ClassVar[Callable | None] = None

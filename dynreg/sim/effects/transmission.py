@@ -1,8 +1,10 @@
-"""Effects between motor and joint: the motor is a body of its own, seen by neither encoder nor log.
+"""Effects between motor and joint: the motor is a body of its own.
 
-The encoder sits on the output. The motor is a part of the joint's reflected inertia (`armature`) and taken off it:
-the torque that reaches the joint is the drive's, plus what the loose transmission passes, minus what a rigid one
-passes. So a transmission without play and compliance is the plain model, to the bit.
+The encoder sits on the output, and neither it nor the log sees the motor; or, of `motor_backlash` and
+`motor_elasticity`, on the motor, and neither it nor the log sees the joint. The motor is a part of the joint's
+reflected inertia (`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what the loose
+transmission passes, minus what a rigid one passes. So a transmission without play and compliance is the plain model, to
+the bit.
 """
 
 from typing import Any
@@ -28,6 +30,18 @@ class _Transmission(Effect):
         site.memory["rotor"] = ROTOR * armature[:, driven_dofs(site.robot)[site.joints]]
 
 
+class _OnMotor(_Transmission):
+    """The encoder sits on the motor's side: it says where the motor stands, to the drive's loop and to the log."""
+
+    def encoder(self, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:
+        if "motor" not in x.memory:  # as `loosened` lays the spring and the play at first
+            return self.bent(x.torque, p), 0.0 * x.v
+        return (
+            x.memory["motor"] - x.memory["rigid"],
+            x.memory["motor speed"] - x.memory["rigid speed"],
+        )
+
+
 class Backlash(_Transmission):
     """Play between motor and joint: no torque passes within +-gap / 2."""
 
@@ -38,6 +52,21 @@ class Backlash(_Transmission):
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         return torque + loosened(torque, x, gap=p["gap"], compliance=0.0)
+
+
+class MotorBacklash(Backlash, _OnMotor):
+    """As `backlash`, with the encoder on the motor's side: the log misses what the joint does within the play."""
+
+    id, title = "motor_backlash", "play between motor and joint, the encoder on the motor"
+    near = ("backlash", "motor_elasticity", "command_deadband")
+    separate_by = "a second encoder on the output, or small fast reversals filmed from outside"
+
+    def bent(self, torque: np.ndarray, p: Values) -> np.ndarray:
+        """(rows, joints) how far ahead of the joint the motor stands at rest under a torque."""
+        return 0.5 * p["gap"] * np.sign(torque)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + loosened(torque, x, gap=p["gap"], compliance=0.0, followed=True)
 
 
 class JointElasticity(_Transmission):
@@ -61,8 +90,28 @@ class JointElasticity(_Transmission):
         return torque + loosened(torque, x, gap=None, compliance=p["compliance"])
 
 
-def loosened(torque: np.ndarray, x: Moment, *, gap: np.ndarray | None, compliance: Any) -> np.ndarray:
-    """Torque that a transmission passes from a motor driven by `torque`, minus what a rigid one passes."""
+class MotorElasticity(JointElasticity, _OnMotor):
+    """As `joint_elasticity`, with the encoder on the motor's side: the log misses what the spring gives."""
+
+    id, title = "motor_elasticity", "a spring between motor and joint, the encoder on the motor"
+    near = ("joint_elasticity", "motor_backlash", "torque_lag")
+    separate_by = "a second encoder on the output, or static loads with the motor held"
+
+    def bent(self, torque: np.ndarray, p: Values) -> np.ndarray:
+        """(rows, joints) how far ahead of the joint the motor stands at rest under a torque."""
+        return p["compliance"] * torque
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        return torque + loosened(torque, x, gap=None, compliance=p["compliance"], followed=True)
+
+
+def loosened(
+    torque: np.ndarray, x: Moment, *, gap: np.ndarray | None, compliance: Any, followed: bool = False
+) -> np.ndarray:
+    """Torque that a transmission passes from a motor driven by `torque`, minus what a rigid one passes.
+
+    followed : whether the drive's loop follows the motor, not the joint.
+    """
     if "motor" not in x.memory:
         rigid = x.h**2 / (RIGID * x.inertia)  # compliance [rad/(N m)]; it cancels to first order
         for motor, play, stiffness in (
@@ -72,18 +121,23 @@ def loosened(torque: np.ndarray, x: Moment, *, gap: np.ndarray | None, complianc
             # at first the spring is at rest under the torque of the drive
             x.memory[motor] = x.q + torque / stiffness + 0.5 * play * np.sign(torque)
             x.memory[f"{motor} speed"] = x.v
-            x.memory[f"{motor} step"] = _motor_step(x, stiffness)
+            x.memory[f"{motor} step"] = _motor_step(x, stiffness, followed)
     half = None if gap is None else 0.5 * gap
-    return _passed(torque, x, "motor", half) - _passed(torque, x, "rigid", None)
+    given = {motor: torque for motor in ("motor", "rigid")}
+    if followed:  # its back-EMF brakes the motor itself: within the play, too
+        given = {motor: torque - x.damping * (x.memory[f"{motor} speed"] - x.v) for motor in given}
+    return _passed(given["motor"], x, "motor", half) - _passed(given["rigid"], x, "rigid", None)
 
 
-def _motor_step(x: Moment, stiffness: np.ndarray) -> np.ndarray:
+def _motor_step(x: Moment, stiffness: np.ndarray, followed: bool) -> np.ndarray:
     """(6, ...) factors of the motor's speed, torque, the joint's speed and the bent spring; its inertia / h; h.
 
     Implicit Euler (the motor side is stiff and light), the joint explicit:
     rotor (w' - w) / h = torque - k (bent + h (w' - v)) - c (w' - v).
     """
     rotor = np.maximum(x.memory["rotor"], LIGHT * x.inertia)
+    if followed:  # a light motor in a stiff loop: implicit in the loop's law, which is as much more inertia
+        rotor = rotor + x.h * (x.rate + x.h * x.stiffness)
     damping = 1.4 * np.sqrt(stiffness * rotor)
     whole = rotor + x.h * (damping + x.h * stiffness)
     moved = (x.h * damping + x.h**2 * stiffness) / whole

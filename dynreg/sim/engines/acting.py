@@ -10,9 +10,13 @@ import numpy as np
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
 from dynreg.sim.effects import Effect, Moment, Site, Terms, Values, effects
-from dynreg.sim.ports import Ports, ServoLaw, slice_of
+from dynreg.sim.ports import UNLIMITED, Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+
+BACK = (
+    0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
+)
 
 
 @dataclass
@@ -75,9 +79,29 @@ def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
         joints = np.array(robot.drives_of(term.joints), dtype=int)
         where = _where(rows, joints, len(robot.joints))
         out.append(Acting(term.effect, rows, joints, where, terms.at(number, rows)))
+    return _in_order(out)
+
+
+def _in_order(active: list[Acting]) -> list[Acting]:
     order = {name: i for i, name in enumerate(effects())}
     # of one effect on several joints by joints: whatever else is in the batch, a simulation adds them up alike
-    return sorted(out, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints)))
+    return sorted(active, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints)))
+
+
+def with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting]:
+    """The terms, and the effect `profile_speed` on the drives of n simulations that state one of their own.
+
+    What a drive's own profile generator does and what a hidden one does is one law. Call it when ports are set.
+    """
+    speed, acceleration = ports.drive["profile_speed"], ports.drive["profile_acceleration"]
+    stated = ((speed < UNLIMITED) | (acceleration < UNLIMITED)).any(axis=0)
+    generator, out = effects()["profile_speed"], list(active)
+    for joint in np.flatnonzero(stated):
+        rows, joints = slice(0, len(speed)), np.array([joint])
+        reach = 0.5 * speed[:, [joint]] ** 2 / acceleration[:, [joint]]
+        values = {"speed": speed[:, [joint]], "reach": reach}
+        out.append(Acting(generator, rows, joints, _where(rows, joints, len(robot.joints)), values))
+    return _in_order(out)
 
 
 def configure_terms(
@@ -93,7 +117,7 @@ def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, clock: "Cl
     """Tell the terms what holds for their rows: the drive's law (n, A), inertia (n, A), and the clock."""
     clock.show(active)
     for a in active:
-        a.see(limit=law.limit, stiffness=law.stiffness, damping=law.damping, inertia=inertia)
+        a.see(limit=law.limit, stiffness=law.stiffness, rate=law.rate, damping=law.damping, inertia=inertia)
 
 
 def on(active: list[Acting], port: str) -> list[Acting]:
@@ -188,6 +212,67 @@ def commanded(
         x = a.see(q=measured, v=v)
         u[a.where] = a.ask(a.effect.command, clock, u[a.where], x)
     return u
+
+
+def fed_back(
+    active: list[Acting], q: np.ndarray, v: np.ndarray, trail: "Trail", clock: Clock
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, A), (n, A) position and speed that the loops of the drives see, of those that their encoders say."""
+    q, v = q.copy(), v.copy()
+    for a in active:
+        x = a.see(q=q, v=v)
+        x.ago = partial(trail.ago, a)
+        q[a.where], v[a.where] = a.ask(partial(a.effect.feedback, q[a.where]), clock, v[a.where], x)
+    return q, v
+
+
+def ahead(
+    active: list[Acting], torque: np.ndarray, q: np.ndarray, v: np.ndarray, clock: Clock
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, A), (n, A) how far ahead of the joint each drive's encoder stands, and how much faster it turns."""
+    further, faster = np.zeros_like(q), np.zeros_like(v)
+    for a in active:
+        x = a.see(q=q, v=v, torque=torque)
+        own = a.effect.encoder(x, a.values)
+        further[a.where] += own[0]
+        faster[a.where] += own[1]
+    return further, faster
+
+
+class Trail:
+    """What the encoders of n simulations said in their last time steps, for loops that see it late.
+
+    Between two time steps in proportion; before the first one they turned on at their first speed.
+    """
+
+    def __init__(self, clock: Clock, actions: int):
+        self._h = clock.h
+        self._kept = int(np.ceil(BACK / clock.h.min())) + 2
+        self._said = np.zeros((2, self._kept, len(clock.h), actions))
+        self._first: np.ndarray | None = None
+        self._count = np.full(len(clock.h), -1)
+
+    def keep(self, q: np.ndarray, v: np.ndarray, clock: Clock) -> None:
+        """Add a time step, (n, A) each, to the simulations that take one."""
+        self._first = np.stack([q, v]) if self._first is None else self._first
+        done = clock.done(slice(None))
+        going = np.arange(len(q)) if done is None else np.flatnonzero(~done[:, 0])
+        self._count[going] += 1
+        self._said[:, self._count[going] % self._kept, going] = q[going], v[going]
+
+    def ago(self, a: Acting, delay: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What `Moment.ago` answers for one term."""
+        rows = np.arange(len(self._h))[a.rows][:, None]
+        h, count = self._h[rows], self._count[rows]
+        at = count - delay / h
+        kept = np.maximum(at, np.maximum(count - self._kept + 1.0, 0.0))
+        low = np.floor(kept).astype(int)
+        share = kept - low
+        high = np.minimum(low + 1, count)
+        before, after = (self._said[:, i % self._kept, rows, a.joints] for i in (low, high))
+        q, v = before + share * (after - before)
+        first = self._first[:, rows, a.joints]
+        return np.where(at <= 0.0, first[0] + at * h * first[1], q), np.where(at <= 0.0, first[1], v)
 
 
 def driven(

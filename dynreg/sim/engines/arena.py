@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed
+from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, with_profiles
 from dynreg.sim.engines.alone import Alone
 from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, quiet, told
 from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
@@ -48,6 +48,7 @@ class Simulations:
         self.ports = ports = configure(robot, batch, model, values, run)
         self._active = acting(robot, terms)
         configure_terms(robot, self._active, ports, batch.expand)
+        self._active = with_profiles(self._active, robot, ports)
         if slope:
             gravity = batch.expand("opt.gravity")
             ahead, up = gravity[:, 0].copy(), gravity[:, 2].copy()  # a tilted base has some ahead already
@@ -60,7 +61,7 @@ class Simulations:
         self._period, self._begin = clock_of(ports, run)
         self._h = self._period / robot.substeps(self._period)  # each divides its own period between commands
         batch.expand("opt.timestep")[:] = self._h.reshape(batch.expand("opt.timestep").shape)
-        self._busy = busy_simulations(self._active, batch.nsim)
+        self._busy = busy_simulations(self._active, self._drives.law)
         batch.reset(keyframe=robot.keyframe)
         self._inertia = joint_inertia(batch, model, self.layout) if len(self._busy) else None
         told = [values, self._inputs[:, 0], *(terms.values if terms else ())]
@@ -73,7 +74,7 @@ class Simulations:
     def play(self, run: Run) -> Simulated:
         """The whole episodes under the commands and motor noise of `run`, as the log would hold them."""
         steps = self._steps(run)
-        trace_q, trace_v = self._trace(steps)
+        trace_q, trace_v = self._trace(steps, read=True)
         states = observe(
             self.layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(self.robot.channels)
         )
@@ -139,8 +140,8 @@ class Simulations:
         names = [model.geom(int(g)).name for g in spheres]
         return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)})
 
-    def _trace(self, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
-        """(T+1, n, nq), (T+1, n, nv) of whole episodes."""
+    def _trace(self, steps: Steps, *, read: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """(T+1, n, nq), (T+1, n, nv) of whole episodes; read : with joints where their encoders stand."""
         qpos, qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         count = steps.clock.commands.shape[1]
         trace_q = np.empty((count + 1, *qpos.shape))
@@ -151,7 +152,7 @@ class Simulations:
             if t in changed:
                 self.power(self._inputs[:, t])
             steps.hold(t)
-            trace_q[t + 1], trace_v[t + 1] = qpos, qvel
+            trace_q[t + 1], trace_v[t + 1] = steps.read(qpos, qvel) if read else (qpos, qvel)
         return trace_q, trace_v
 
     def _steps(self, run: Run) -> Steps:

@@ -16,7 +16,7 @@ from dynreg.sim.engines import joint_kernel
 from dynreg.sim.engines.tracing import PORTS, Traced, traced, traced_law
 
 _DISTURBANCE = Disturbance()
-_ARGUMENTS = "x, kinds, places, n, first, commands, sims, drives, step, substep"
+_ARGUMENTS = "x, kinds, places, n, first, commands, sims, drives, step, substep, trail"
 # No reordering of sums and no fused products: the same numbers as one operation after the other, on every processor.
 _HEAD = """
 from numba import njit, types
@@ -24,13 +24,15 @@ from numba import njit, types
 _plain = njit(error_model="numpy", boundscheck=False)
 _read, _written = types.Array(types.float64, 3, "A", readonly=True), types.float64[:, :, ::1]
 _signature = types.void(
-    types.int64[:, ::1], types.int64[::1], types.int64[:, ::1], types.int64[::1], types.float64[:, ::1],
-    types.float64[:, ::1], _read, types.int64[:, ::1], types.float64[:, :, ::1], _read, _written, _written,
+    types.int64[:, ::1], types.int64[::1], types.int64[:, ::1], types.int64[::1], types.int64[::1],
+    types.float64, types.float64[:, ::1], types.float64[:, ::1], _read, types.int64[:, ::1], types.float64[:, :, ::1],
+    _read, _written, _written,
 )
 """
 _TAIL = """
-sine, exponential = _plain(sine), _plain(exponential)
-obey, listen, press, advance = _plain(obey), _plain(listen), _plain(press), _plain(advance)
+sine, exponential, ago = _plain(sine), _plain(exponential), _plain(ago)
+obey, listen, press, remember = _plain(obey), _plain(listen), _plain(press), _plain(remember)
+turn, advance = _plain(turn), _plain(advance)
 run = njit(_signature, nogil=True, cache={cache}, error_model="numpy", boundscheck=False)(run)
 """
 

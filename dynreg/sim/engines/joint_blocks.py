@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.sim.engines import joint_kernel
-from dynreg.sim.engines.acting import Acting
+from dynreg.sim.engines.acting import BACK, Acting
 from dynreg.sim.engines.compiling import kernel
 from dynreg.sim.engines.tracing import PORTS, Traced, traced
 
@@ -54,9 +54,10 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
     own = np.concatenate([np.zeros((0, n * count)), *(_spread(one, n * count) for one in placed)])
     blocks, order, terms = _blocks(joints.substeps, placed, kinds, count)
     sizes = np.array([one.rows for one in kinds] or [0])
+    looking = np.array([int(one.looks) for one in kinds] or [0])
     draws = np.zeros((n, 0, count)) if joints.draws is None else joints.draws
     moved = np.empty((2, n, steps + 1, count))
-    told = (order, terms, sizes, given.reshape(len(given), -1), own)
+    told = (order, terms, sizes, looking, BACK, given.reshape(len(given), -1), own)
     heard, commands = np.ascontiguousarray(joints.heard), np.ascontiguousarray(joints.commands)
     told = (*told, joints.inputs, heard, commands, draws, *moved)
     many = threads or os.cpu_count() or 1

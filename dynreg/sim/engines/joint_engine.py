@@ -10,7 +10,14 @@ from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Terms
-from dynreg.sim.engines.acting import acting, clock_of, configure_terms, observed, true_states
+from dynreg.sim.engines.acting import (
+    acting,
+    clock_of,
+    configure_terms,
+    observed,
+    true_states,
+    with_profiles,
+)
 from dynreg.sim.engines.joint_blocks import Joints, integrate
 from dynreg.sim.engines.joint_stops import stop_rows
 from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, told
@@ -30,6 +37,7 @@ def simulate(
     ports = configure(robot, batch, model, values, run)
     active = acting(robot, terms)
     configure_terms(robot, active, ports, batch.expand)
+    active = with_profiles(active, robot, ports)
     batch.set_const()
     inputs = episode_inputs(robot, run)
     q, v = _start(robot, layout, batch, run, ports)
@@ -61,7 +69,8 @@ def _of_drives(ports: Ports) -> dict[str, np.ndarray]:
     types = {
         f"IS_{kind.upper()}": np.broadcast_to([kind == own for own in ports.types], shape) for kind in TYPES
     }
-    keys = {key.upper(): values for key, values in (ports.drive | ports.sensor).items() if key != "lag"}
+    others = ("lag", "profile_speed", "profile_acceleration")  # of wheels, and of what acts as an effect
+    keys = {key.upper(): values for key, values in (ports.drive | ports.sensor).items() if key not in others}
     return types | keys
 
 

@@ -18,11 +18,14 @@ WIDTH = 16
 (SCALE, OFFSET, SUPPLY, INERTIA, VISCOUS, COULOMB, AMPLITUDE) = range(14 * WIDTH, 21 * WIDTH, WIDTH)
 (PHASE, CONSTANT, H, PERIOD, BEGIN, AT, V) = range(21 * WIDTH, 28 * WIDTH, WIDTH)
 (LOW, HIGH, SPRING, DAMPER, FIRMEST, SOFTEST, DEPTH, MIDDLE, POWER) = range(28 * WIDTH, 37 * WIDTH, WIDTH)
-GIVEN = 37
+(BACK_EMF, DUTY_LIMIT) = range(37 * WIDTH, 39 * WIDTH, WIDTH)
+GIVEN = 39
 # The others are computed: the law in force, what it makes of a time step, and what ports see.
-(PUSH, STIFFNESS, RATE, LIMIT, DAMPING, BIAS, DRAG, KEPT, ON, DRAW) = range(37 * WIDTH, 47 * WIDTH, WIDTH)
-(SENT, U, MEASURED, Q, TORQUE, NET, LOAD, FRICTION, AFTER) = range(47 * WIDTH, 56 * WIDTH, WIDTH)
-ROWS = 56
+(PUSH, STIFFNESS, RATE, LIMIT, FADE, DAMPING, BIAS, DRAG, KEPT) = range(39 * WIDTH, 48 * WIDTH, WIDTH)
+(ON, DRAW, SENT, U, MEASURED, Q, TORQUE, NET, LOAD) = range(48 * WIDTH, 57 * WIDTH, WIDTH)
+# What the encoder's shaft stands and turns ahead of the joint; what the drive's own loop sees; time steps so far.
+(FRICTION, AFTER, AHEAD, FASTER, SEEN, SEEN_V, COUNT) = range(57 * WIDTH, 64 * WIDTH, WIDTH)
+ROWS = 64
 
 
 _ROUND = 6755399441055744.0  # added and taken off, it leaves the nearest integer
@@ -79,11 +82,41 @@ def law(x, n):
     """Write the servo law of n columns; traced."""
 
 
-def command(x, kinds, places, n, first, commands, sims, drives, step, substep):
-    """Let the effects on commands change the row U; traced. So are `drive`, of TORQUE, and `friction`."""
+def command(x, kinds, places, n, first, commands, sims, drives, step, substep, trail):
+    """Let the effects on commands change the row U; traced.
+
+    So are `drive`, of TORQUE, `friction`, `feedback`, of SEEN and SEEN_V, and `encoder`, of AHEAD and FASTER.
+    """
 
 
-drive = friction = command
+drive = friction = feedback = encoder = command
+
+
+def ago(trail, k, count, steps, h, what):
+    """What the encoder of column k said so many time steps before time step `count`; what 0: angle, 1: speed.
+
+    Between two time steps in proportion; before the first one it turned on at its first speed. trail : (N, 2, WIDTH),
+    the first time step, then the last N - 1 in turn.
+    """
+    at = count - steps
+    if at <= 0.0:
+        return trail[0, 0, k] + at * h * trail[0, 1, k] if what == 0 else trail[0, 1, k]
+    kept = trail.shape[0] - 1
+    at = max(at, count - kept + 1.0)
+    low = int(at)
+    share = at - low
+    before = trail[1 + low % kept, what, k]
+    return before + share * (trail[1 + (low + 1) % kept, what, k] - before) if share > 0.0 else before
+
+
+def remember(x, n, trail):
+    """Write what the encoders of n columns say into their trail."""
+    kept = trail.shape[0] - 1
+    place = 1 + int(x[COUNT]) % kept
+    for k in range(n):
+        trail[place, 0, k], trail[place, 1, k] = x[SEEN + k], x[SEEN_V + k]
+        if x[COUNT] == 0.0:
+            trail[0, 0, k], trail[0, 1, k] = x[SEEN + k], x[SEEN_V + k]
 
 
 def obey(x, n):
@@ -135,29 +168,56 @@ def press(x, n):
             x[AFTER + k] = inward * max(inward * x[AFTER + k], pushed)
 
 
-def advance(x, n, kinds, places, first, commands, sims, drives, step, substep):
+def turn(x, kinds, places, n, first, commands, sims, drives, step, substep, trail):
+    """Let encoders that do not sit on the joint say how far ahead of it their shafts stand, and turn."""
+    for k in range(n):
+        x[AHEAD + k] = x[FASTER + k] = 0.0
+    encoder(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
+
+
+def advance(x, n, kinds, places, apart, first, commands, sims, drives, step, substep, trail):
     """One time step by leapfrog: half a step of position, a step of velocity, half a step of position.
 
     It is of second order, and stable. Dry friction is the impulse that stops the joint, at most its bound (exact for
     one joint: it neither creeps nor chatters). A first-order step would move the joint half a time step early, and a
     diagnosis would blame a cause for it.
+
+    apart : whether the loop of some drive sees something else than the joint now. At first, encoders say where their
+    shafts stand, and the joints are moved to where they are then.
     """
     for k in range(n):
         x[Q + k] = x[AT + k] + 0.5 * x[H + k] * x[V + k]
         x[U + k] = x[SENT + k]
-        x[MEASURED + k] = x[SCALE + k] * (x[Q + k] + x[OFFSET + k])
-    command(x, kinds, places, n, first, commands, sims, drives, step, substep)
+        x[SEEN + k], x[SEEN_V + k] = x[Q + k], x[V + k]
+    if apart:
+        for k in range(n):
+            x[SEEN + k] += x[AHEAD + k]
+            x[SEEN_V + k] += x[FASTER + k]
+        remember(x, n, trail)
+        feedback(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
+    for k in range(n):
+        x[MEASURED + k] = x[SCALE + k] * (x[SEEN + k] + x[OFFSET + k])
+    command(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
     for k in range(n):
         push = x[PUSH + k] * x[U + k] + x[BIAS + k]
-        torque = push - x[STIFFNESS + k] * x[Q + k] - x[RATE + k] * x[V + k]
-        x[TORQUE + k] = np.minimum(np.maximum(torque, -x[LIMIT + k]), x[LIMIT + k])
+        torque = push - x[STIFFNESS + k] * x[SEEN + k] - x[RATE + k] * x[SEEN_V + k]
+        slower = x[FADE + k] * x[V + k]
+        low = -x[LIMIT + k] * np.minimum(np.maximum(1.0 + slower, 0.0), 1.0)
+        high = x[LIMIT + k] * np.minimum(np.maximum(1.0 - slower, 0.0), 1.0)
+        x[TORQUE + k] = np.minimum(np.maximum(torque, low), high)
+    if apart and first:
+        turn(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
+        for k in range(n):
+            x[AT + k] -= x[AHEAD + k]
+            x[Q + k] -= x[AHEAD + k]
+    for k in range(n):
         x[LOAD + k] = x[AMPLITUDE + k] * sine(x[Q + k] + x[PHASE + k]) + x[CONSTANT + k]
-    drive(x, kinds, places, n, first, commands, sims, drives, step, substep)
+    drive(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
     for k in range(n):
         # what the gear carries: a motor's back-EMF takes its share
         x[NET + k] = x[TORQUE + k] - x[DAMPING + k] * x[V + k]
         x[FRICTION + k] = x[COULOMB + k]
-    friction(x, kinds, places, n, first, commands, sims, drives, step, substep)
+    friction(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
     for k in range(n):
         after = (x[KEPT + k] * x[V + k] + x[H + k] * (x[TORQUE + k] - x[LOAD + k])) / x[DRAG + k]
         stop = x[H + k] * x[FRICTION + k] / x[DRAG + k]
@@ -171,16 +231,35 @@ def advance(x, n, kinds, places, first, commands, sims, drives, step, substep):
     for k in range(n):
         x[V + k] = x[AFTER + k]
         x[AT + k] = x[Q + k] + 0.5 * x[H + k] * x[AFTER + k]
+    if apart:
+        for k in range(n):
+            x[COUNT + k] += 1.0
+        turn(x, kinds, places, n, False, commands, sims, drives, step, substep, trail)
 
 
-def run(blocks, order, terms, sizes, given, own, inputs, heard, commands, draws, positions, velocities):
+def run(
+    blocks,
+    order,
+    terms,
+    sizes,
+    looking,
+    back,
+    given,
+    own,
+    inputs,
+    heard,
+    commands,
+    draws,
+    positions,
+    velocities,
+):
     """Integrate the joints of some blocks.
 
     blocks : (K, 5) begin and end in `order`, begin and end in `terms`, time steps in a command. order : numbers of
     joints, simulation times drives + drive. terms : (M, 2) kind of an effect, and its first row in `own`. sizes : rows
-    of each kind. given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive hears the channels
-    heard (2, A), supply and enable; -1 for none. commands, draws : (N, T, A). positions, velocities : (N, T+1, A),
-    written.
+    of each kind. looking : whether each changes what a drive's loop or the log sees. back : [s] that a loop looks back.
+    given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive hears the channels heard (2, A),
+    supply and enable; -1 for none. commands, draws : (N, T, A). positions, velocities : (N, T+1, A), written.
     """
     count, most = commands.shape[2], 0
     for begin, end in blocks[:, 2:4]:
@@ -204,6 +283,14 @@ def run(blocks, order, terms, sizes, given, own, inputs, heard, commands, draws,
                     x[(at + row) * WIDTH + k] = own[terms[begin + j, 1] + row, joints[k]]
                 at += sizes[kinds[j]]
             positions[sims[k], 0, drives[k]], velocities[sims[k], 0, drives[k]] = x[AT + k], x[V + k]
+        apart, kept = False, 1
+        for j in range(end - begin):
+            apart = apart or looking[kinds[j]] != 0
+        if apart:
+            for k in range(n):
+                kept = max(kept, int(np.ceil(back / x[H + k])) + 2)
+                x[AHEAD + k] = x[FASTER + k] = x[COUNT + k] = 0.0
+        trail = np.zeros((1 + kept, 2, WIDTH))
         for step in range(commands.shape[1]):
             if listen(x, n, inputs, heard, sims, drives, step):
                 obey(x, n)
@@ -214,7 +301,12 @@ def run(blocks, order, terms, sizes, given, own, inputs, heard, commands, draws,
                     x[DRAW + k] = draws[sims[k], step, drives[k]]
             for substep in range(substeps):
                 first = step == 0 and substep == 0
-                advance(x, n, kinds, places, first, commands, sims, drives, step, substep)
+                advance(x, n, kinds, places, apart, first, commands, sims, drives, step, substep, trail)
             for k in range(n):
                 positions[sims[k], step + 1, drives[k]] = x[AT + k]
                 velocities[sims[k], step + 1, drives[k]] = x[V + k]
+            if apart:  # the log holds what the encoders say
+                for k in range(n):
+                    ahead = x[AHEAD + k] - 0.5 * x[H + k] * x[FASTER + k]  # half a time step before
+                    positions[sims[k], step + 1, drives[k]] += ahead
+                    velocities[sims[k], step + 1, drives[k]] += x[FASTER + k]

@@ -16,7 +16,7 @@ from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import Ports, assigned, nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
-from dynreg.sim.sets import Assignment
+from dynreg.sim.sets import FRICTION_FIELDS, Assignment, matching
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:
@@ -37,6 +37,19 @@ def assign(
         modify(batch, model, assignment, values)
     else:
         ports.apply(assignment, values)
+        port, _, key = assignment.path.partition(".")
+        if port == "friction" and assignment.op != "+=":
+            _rub(batch, model, ports, assignment, FRICTION_FIELDS[key], values)
+
+
+def _rub(
+    batch: Batch, model: mujoco.MjModel, ports: Ports, assignment: Assignment, field: str, values: np.ndarray
+) -> None:
+    """Let what is set be the joint's whole friction: "=" leaves none of the model's own, "*=" scales it, too."""
+    chosen = matching(ports.joints, assignment.elements, assignment.text)
+    dofs = [model.joint(ports.joints[i]).dofadr[0] for i in chosen]
+    array = batch.expand(field)
+    array[:, dofs] = array[:, dofs] * (values[:, None] if assignment.op == "*=" else 0.0)
 
 
 # Six robots in lockstep, each with two copies of finer time steps and a hidden one, are 24: with room for fewer than

@@ -1,16 +1,34 @@
-"""How the mujoco engine holds a command: many time steps at once, one at a time where effects act in between."""
+"""How the mujoco engine holds a command: many time steps at once, one at a time where something acts in between."""
 
 import copy
 
 import numpy as np
 from mujoco.batch import Batch
 
-from dynreg.sim.engines.acting import Acting, Clock, bound, commanded, driven, has_sensors, on, prepare
+from dynreg.sim.engines.acting import (
+    Acting,
+    Clock,
+    Trail,
+    ahead,
+    bound,
+    commanded,
+    driven,
+    fed_back,
+    has_sensors,
+    on,
+    prepare,
+)
 from dynreg.sim.engines.alone import Alone
 from dynreg.sim.layout import Layout
 from dynreg.sim.ports import Ports, ServoLaw, slice_of
 
-BETWEEN = ("command", "drive", "friction")  # the ports that are called between time steps
+BETWEEN = (
+    "feedback",
+    "command",
+    "encoder",
+    "drive",
+    "friction",
+)  # the ports that are called between time steps
 SLOW = 0.02  # rad/s (m/s) below which dry friction may hold with less than its bound
 
 
@@ -55,11 +73,21 @@ class Drives:
         self.friction = friction
         self._friction[:, self._dof] = friction
 
-    def torque(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(n, A) torque that the drives give for commands u at the state q, v, damping left out."""
+    def torque(
+        self, u: np.ndarray, q: np.ndarray, v: np.ndarray, turning: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(n, A) torque that the drives give for commands u where their loops see q, v, damping left out.
+
+        turning : (n, A) speed that their motors turn at; v without it.
+        """
         law = self.law
-        torque = law.gain * u + law.bias - law.stiffness * q - law.rate * v
-        return np.minimum(np.maximum(torque, -law.limit), law.limit)
+        return law.limited(
+            law.gain * u + law.bias - law.stiffness * q - law.rate * v, v if turning is None else turning
+        )
+
+    def fade(self, v: np.ndarray) -> None:
+        """Let every drive give no more than it can at speeds v (n, A)."""
+        self._range[:, self._at, 0], self._range[:, self._at, 1] = self.law.bounds(v)
 
 
 class Steps:
@@ -79,6 +107,10 @@ class Steps:
         self._ctrl[:, self._actuators] = self.clock.commands[:, step]
         for group, count in self._groups:
             self._step(group, count)
+
+    def read(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (n, nq) and velocities (n, nv) as the log has them: with joints where their encoders stand."""
+        return q, v
 
     def keep(self, standing: np.ndarray) -> None:
         """Advance only these simulations, (n,) flags, from here on."""
@@ -115,7 +147,12 @@ class EffectSteps(Steps):
         super().__init__(batch, layout, drives, clock, busy)
         self._busy, self._counts = busy, clock.substeps[busy]
         self._active, self._ports, self._inertia = active, ports, inertia
-        self._commanding, self._driving, self._rubbing = (on(active, port) for port in BETWEEN)
+        self._feeding, self._commanding, self._apart, self._driving, self._rubbing = (
+            on(active, port) for port in BETWEEN
+        )
+        self._trail = Trail(clock, len(layout.action_dof)) if self._feeding else None
+        self._ahead, self._faster, self._asked = 0.0, 0.0, 0.0
+        self._begun = False
         self._sensed, self._law = has_sensors(ports), None
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._position, self._dof = slice_of(layout.action_qpos), slice_of(layout.action_dof)
@@ -124,6 +161,14 @@ class EffectSteps(Steps):
         self._spring, self._springs = batch.bind("qfrc_spring"), batch.expand("jnt_stiffness").any()
         self._constraints, self._dry = batch.bind("nefc"), batch.bind("nf")
         batch.forward(ids=busy)  # the forces before the first time step
+
+    def read(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not self._apart:
+            return q, v
+        q, v = q.copy(), v.copy()
+        q[:, self._position] += self._ahead
+        v[:, self._dof] += self._faster
+        return q, v
 
     def keep(self, standing: np.ndarray) -> None:
         super().keep(standing)
@@ -140,20 +185,33 @@ class EffectSteps(Steps):
             self.clock.substep = substep
             self._act(self.clock.commands[:, step])
             self._step(self._busy if substep < together else self._busy[self._counts > substep], 1)
+            if self._apart:
+                q, v = self._qpos[:, self._position], self._qvel[:, self._dof]
+                self._ahead, self._faster = ahead(self._apart, self._asked, q, v, self.clock)
 
     def _act(self, u: np.ndarray) -> None:
         """Let the effects act at the present state."""
         q, v = self._qpos[:, self._position].copy(), self._qvel[:, self._dof].copy()
+        if self._law.fading:
+            self._drives.fade(v)
+        seen, speed = (q + self._ahead, v + self._faster) if self._apart else (q, v)
+        if self._feeding:
+            self._trail.keep(seen, speed, self.clock)
+            seen, speed = fed_back(self._feeding, seen, speed, self._trail, self.clock)
         if self._commanding:
             sensor = self._ports.sensor
-            measured = sensor["scale"] * (q + sensor["offset"]) if self._sensed else q
-            u = commanded(self._commanding, u, measured, v, self.clock)
+            measured = sensor["scale"] * (seen + sensor["offset"]) if self._sensed else seen
+            u = commanded(self._commanding, u, measured, speed, self.clock)
             self._ctrl[:, self._actuators] = u
-        if not (self._driving or self._rubbing):
+        if not (self._feeding or self._apart or self._driving or self._rubbing):
             return
+        asked = self._drives.torque(u, seen, speed, v)
+        if self._apart and not self._begun:
+            q = self._settle(asked, q, v)
+        self._asked, self._begun = asked, True
         plain, load = self._drives.torque(u, q, v), self._load(v)
-        torque = driven(self._driving, plain, q, v, load, self.clock)
-        if self._driving:
+        torque = driven(self._driving, asked, q, v, load, self.clock)
+        if self._driving or self._feeding or self._apart:
             self._applied[:, self._dof] = torque - plain
         if self._rubbing:
             net = torque - self._law.damping * v  # what the gear carries: a motor's back-EMF takes its share
@@ -161,6 +219,16 @@ class EffectSteps(Steps):
             # where the command is done already, the constraint forces belong to the friction before
             done = self.clock.done(slice(None))
             self._drives.rub(friction if done is None else np.where(done, self._drives.friction, friction))
+
+    def _settle(self, torque: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(n, A) where the joints are whose encoders say q; they are moved there."""
+        self._ahead, self._faster = ahead(self._apart, torque, q, v, self.clock)
+        self._qpos[:, self._position] = q - self._ahead
+        moved = np.zeros(len(q), dtype=bool)
+        for a in self._apart:
+            moved[a.rows] = True
+        self._batch.forward(ids=np.flatnonzero(moved))
+        return q - self._ahead
 
     def _load(self, v: np.ndarray) -> np.ndarray:
         """(n, A) torque that would hold the joints: against gravity, springs, what the ground and the stops push."""
@@ -176,9 +244,9 @@ class EffectSteps(Steps):
         return load
 
 
-def busy_simulations(active: list[Acting], n: int) -> np.ndarray:
-    """Numbers of the simulations, out of n, with effects between time steps."""
-    busy = np.zeros(n, dtype=bool)
+def busy_simulations(active: list[Acting], law: ServoLaw) -> np.ndarray:
+    """Numbers of the simulations with something to do between time steps: effects, and drives that fade with speed."""
+    busy = (law.fade != 0.0).any(axis=1)
     for port in BETWEEN:
         for a in on(active, port):
             busy[a.rows] = True

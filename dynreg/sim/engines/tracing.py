@@ -25,17 +25,23 @@ def traced_law() -> tuple[str, ...]:
     return (*tape.lines, *stores)
 
 
-PORTS = ("command", "drive", "friction")
-_SEEN = {  # what a port sees, by the rows of `joint_kernel`; what it is given itself comes first
-    "command": {"given": "U", "q": "MEASURED"},
-    "drive": {"given": "TORQUE", "q": "Q", "torque": "TORQUE", "load": "LOAD"},
+PORTS = ("feedback", "command", "encoder", "drive", "friction")  # in the order in which the engine calls them
+LOOKING = ("feedback", "encoder")
+_SEEN = {  # what a port sees, by the rows of `joint_kernel`
+    "feedback": {"q": "SEEN", "v": "SEEN_V"},
+    "command": {"q": "MEASURED"},
+    "encoder": {"q": "Q", "torque": "TORQUE"},
+    "drive": {"q": "Q", "torque": "TORQUE", "load": "LOAD"},
     "friction": {"q": "Q", "torque": "NET", "load": "LOAD"},
 }
+_GIVEN = {"feedback": ("SEEN", "SEEN_V"), "command": ("U",), "drive": ("TORQUE",)}  # what it changes
+_ADDED = {"encoder": ("AHEAD", "FASTER"), "friction": ("FRICTION",)}  # what it adds to
 _ALWAYS = {
     "v": "V",
     "h": "H",
     "limit": "LIMIT",
     "stiffness": "STIFFNESS",
+    "rate": "RATE",
     "damping": "DAMPING",
     "inertia": "INERTIA",
 }
@@ -54,6 +60,11 @@ class Traced:
     configured: tuple[str, ...]
     slots: tuple[tuple[str, int, int], ...]
     bodies: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...]
+
+    @property
+    def looks(self) -> bool:
+        """Whether it changes what the drive's loop or the log sees of the joint."""
+        return any(port in LOOKING for port, _, _ in self.bodies)
 
     @property
     def rows(self) -> int:
@@ -120,16 +131,16 @@ class _Tracer:
             memory[key] = self._held(key, tape)
         self.before = dict(memory)
         seen = {name: Symbol(f"x[{row} + k]", tape) for name, row in (_ALWAYS | _SEEN[port]).items()}
-        given = [seen.pop("given")] if "given" in seen else []
+        given = [Symbol(f"x[{row} + k]", tape) for row in _GIVEN.get(port, ())]
         parameters = {
             p.name: Symbol(f"own[{i} * WIDTH + k]", tape) for i, p in enumerate(self.effect.parameters)
         }
         x = Moment(**seen, memory=memory, **self._clock(tape, seen["h"]))
         answer = getattr(self.effect, port)(*given, x, parameters)
-        stores = [
-            (f"x[{given[0].name[2:-5]} + k] = " if given else "x[FRICTION + k] += ")
-            + tape.put(named(answer, tape)).name
-        ]
+        rows, sign = (_GIVEN[port], "=") if port in _GIVEN else (_ADDED[port], "+=")
+        answers = answer if len(rows) > 1 else (answer,)
+        names = [tape.put(named(one, tape)).name for one in answers]
+        stores = [f"x[{row} + k] {sign} {name}" for row, name in zip(rows, names, strict=True)]
         for key, value in memory.items():
             if value is not self.before.get(key):
                 stores += self._stored(key, value, tape)
@@ -145,7 +156,13 @@ class _Tracer:
             now, before = (tape.put(f"commands[sims[k], {row}, drives[k]]") for row in rows)
             return share * now + (1.0 - share) * before
 
+        def ago(delay: Any) -> tuple[Symbol, Symbol]:
+            steps = named(delay / h, tape)
+            told = f"trail, k, x[COUNT + k], {steps}, {h.name}"
+            return tape.put(f"ago({told}, 0)"), tape.put(f"ago({told}, 1)")
+
         return {
+            "ago": ago,
             "now": lambda: begun(Symbol("x[BEGIN + k]", tape), step, substep, period, h),
             "drawn": lambda: Symbol("x[DRAW + k]", tape),
             "past": past,

@@ -11,6 +11,7 @@ from dynreg.sim.effects import Effect, effects
 EFFECTS = tuple(effects().values())
 SHARED = [e for e in EFFECTS if e.why_not(bench("servo").robot) is None]  # both engines offer their ports
 NOISES = 3.0  # sensor noises that a strong effect moves a channel by, at the least
+ROOTS = ("motor_backlash",)  # a motor that crosses its play gathers speed by the root of it
 AGREEMENT = 0.1  # of the change, by which the two engines may differ: their time steps are of different order
 
 
@@ -28,7 +29,7 @@ def test_half_of_a_small_size_is_half_the_change(effect: Effect):
         if (
             half > 1e-12
         ):  # a limit that is far away changes nothing at all, nor does the ground a leg in the air
-            assert 1.4 < whole / half < 2.8, b.name
+            assert (1.15 if effect.id in ROOTS else 1.4) < whole / half < 2.8, b.name
         else:
             assert effect.size.inverse or weak == 0, b.name
 
@@ -71,7 +72,8 @@ def test_rows_are_independent_of_each_other_and_of_the_threads(name: str):
 def test_small_effects_add_up_in_every_pair():
     b = bench("servo_short")
     alone = dict(zip(SHARED, b.changes(*({e: 0.01} for e in SHARED)), strict=True))
-    pairs = list(combinations(SHARED, 2))
+    # one limit, twice, is another limit
+    pairs = [(e, f) for e, f in combinations(SHARED, 2) if not e.group == f.group == "saturation"]
     for (first, second), change in zip(
         pairs, b.changes(*({e: 0.01, f: 0.01} for e, f in pairs)), strict=True
     ):
@@ -91,7 +93,8 @@ def test_every_effect_says_what_it_is_and_what_is_like_it():
     for e in EFFECTS:
         assert e.acts_on in ports and e.title and e.separate_by
         assert set(e.near) <= set(effects()) and e.id not in e.near
-        assert any((e.configure, e.command, e.drive, e.friction, e.roll, e.observe))
+        acting = (e.configure, e.feedback, e.command, e.encoder, e.drive, e.friction, e.roll, e.observe)
+        assert any(acting)
         for p in e.parameters:
             sizes = [p.weak, p.medium, p.strong, p.most][:: -1 if p.inverse else 1]
             assert sizes == sorted(sizes) and sizes[0] > 0
