@@ -155,15 +155,15 @@ def same_cause(robot: Robot, hidden: Term) -> set[str]:
 
 
 def joint_right(robot: Robot, hidden: Hidden, first: Term | None) -> bool | None:
-    """Whether the cause sits in the joints where one is hidden; None where it does not sit in a joint.
+    """Whether the cause sits in the joints (the body) where one is hidden; None where it does not sit in one.
 
     An effect of the whole robot that no commands tell from the hidden one sits there, too.
     """
-    joints = tuple(j for t in hidden.terms for j in t.joints)
-    if not joints:
+    places = tuple(place for t in hidden.terms for place in t.at)
+    if not places:
         return None
     return first is not None and (
-        first.joints == joints or any(first.key in same_cause(robot, t) for t in hidden.terms)
+        first.at == places or any(first.key in same_cause(robot, t) for t in hidden.terms)
     )
 
 

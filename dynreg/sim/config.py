@@ -53,9 +53,10 @@ class SimConfig:
         )
 
 
-def terms_of(config: SimConfig) -> "Terms":
-    """The effects of a configuration as the terms of one simulator, for `rollout(..., terms=)`.
+def terms_of(config: SimConfig, robot: "Robot") -> "Terms":
+    """The effects of a configuration of `robot` as the terms of one simulator, for `rollout(..., terms=)`.
 
+    Names of parameters that a version of dynreg before this one stored are understood.
     Raises UsageError for an unknown effect, or values that are not those of its parameters.
     """
     import numpy as np
@@ -65,6 +66,7 @@ def terms_of(config: SimConfig) -> "Terms":
     terms, rows = [], []
     for key, values in config.effects.items():
         found = term(key)
+        values = found.effect.told(robot, found.at, values)
         names = [p.name for p in found.effect.parameters]
         if sorted(values) != sorted(names):
             raise UsageError(

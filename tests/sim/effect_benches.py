@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from dynreg.sim.effects import Effect, Term, Terms
-from dynreg.sim.effects.body import at_reset, driven_dofs, lever
+from dynreg.sim.effects.body import at_reset, carrier, driven_dofs, lever
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation, reset_pose
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
@@ -112,7 +112,9 @@ def unit_of(robot: Robot, per: str) -> float:
         model, data = robot.model, at_reset(robot)
         return float(data.M[model.M_rowadr + model.M_rownnz - 1][driven_dofs(robot)].mean())
     if per == "length":
-        return lever(robot)
+        return lever(robot, carrier(robot))
+    if per == "mass":
+        return float(robot.model.body_mass[carrier(robot)])
     return {
         "1": 1.0,
         "command": 1.0,

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
-from dynreg.sim.effects import Effect, Moment, Site, Terms, Values, effects
+from dynreg.sim.effects import Effect, Moment, Site, Term, Terms, Values, effects
 from dynreg.sim.ports import Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -19,7 +19,8 @@ from dynreg.sim.run import Run
 class Acting:
     """One term in one batch of simulations.
 
-    rows : its simulations (slice or numbers). joints : its drives (A',). where : both, to index (n, A) arrays.
+    rows : its simulations (slice or numbers). joints : its drives (A',). where : both, to index (n, A) arrays. at : the
+    term's place.
     """
 
     effect: Effect
@@ -28,6 +29,12 @@ class Acting:
     where: tuple
     values: Values
     moment: Moment = field(default_factory=Moment)
+    at: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Of its term."""
+        return Term(self.effect, self.at).key
 
     def see(self, **arrays: np.ndarray) -> Moment:
         """The moment with these (n, A) arrays cut to the term's rows and joints."""
@@ -53,20 +60,18 @@ class Acting:
 def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
     """The terms that any of n simulations has, (n, K) values of each, in the order of the table of effects.
 
-    Raises UsageError where a term names a joint that no action drives, or cannot act on this robot.
+    Raises UsageError where a term cannot act on this robot, or not at its place.
     """
     if terms is None:
         return []
     out = []
     for number, term in enumerate(terms.terms):
         reason = term.effect.why_not(robot)
-        unknown = sorted(set(term.joints) - set(robot.joints))
-        if reason or unknown:
+        wrong = (reason, "an effect that can act there") if reason else term.effect.misplaced(robot, term.at)
+        if wrong:
             raise UsageError(
-                f"effect {term.key!r} on robot {robot.name!r}: {reason or f'no action drives {unknown[0]!r}'}",
-                expected="an effect that can act there"
-                if reason
-                else f"joints out of {sorted(robot.driven)}",
+                f"effect {term.key!r} on robot {robot.name!r}: {wrong[0]}",
+                expected=wrong[1],
                 do="see `dynreg effects`",
             )
         rows = terms.rows(number)
@@ -74,10 +79,10 @@ def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
             continue
         joints = np.array(robot.drives_of(term.joints), dtype=int)
         where = _where(rows, joints, len(robot.joints))
-        out.append(Acting(term.effect, rows, joints, where, terms.at(number, rows)))
+        out.append(Acting(term.effect, rows, joints, where, terms.at(number, rows), at=term.at))
     order = {name: i for i, name in enumerate(effects())}
-    # of one effect on several joints by joints: whatever else is in the batch, a simulation adds them up alike
-    return sorted(out, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints)))
+    # of one effect at several places by place: whatever else is in the batch, a simulation adds them up alike
+    return sorted(out, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints), a.at))
 
 
 def configure_terms(
@@ -86,7 +91,7 @@ def configure_terms(
     """Let static effects write ports and model fields, after the parameters and before anything moves."""
     for a in active:
         if a.effect.configure is not None:
-            a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory), a.values)
+            a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory, a.at), a.values)
 
 
 def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, clock: "Clock") -> None:
