@@ -67,12 +67,16 @@ def mjcf(payload: float = 0.0, rotor: np.ndarray | None = None, actuators: bool 
     rotor = np.array(ROTOR) if rotor is None else rotor
     text, close = [], ""
     for name, armature, (at, axis, mass, centre, inertia) in zip(JOINTS, rotor, LINKS, strict=True):
-        text.append(f'<body name="{name}_link" pos="{_row(at)}"><joint name="{name}" axis="{_row(axis)}" '
-                    f'armature="{float(armature)!r}"/><inertial mass="{mass}" pos="{_row(centre)}" '
-                    f'diaginertia="{_row(inertia)}"/>')
+        text.append(
+            f'<body name="{name}_link" pos="{_row(at)}"><joint name="{name}" axis="{_row(axis)}" '
+            f'armature="{float(armature)!r}"/><inertial mass="{mass}" pos="{_row(centre)}" '
+            f'diaginertia="{_row(inertia)}"/>'
+        )
         close += "</body>"
     if payload:
-        text.append(f'<body pos="{_row(FLANGE)}"><geom type="sphere" size="0.005" mass="{payload!r}"/></body>')
+        text.append(
+            f'<body pos="{_row(FLANGE)}"><geom type="sphere" size="0.005" mass="{payload!r}"/></body>'
+        )
     site = f'<site name="flange" pos="{_row(FLANGE)}"/>'
     motors = "".join(f'<position name="{j}" joint="{j}"/>' for j in JOINTS) if actuators else ""
     key = f'<keyframe><key name="rest" qpos="{_row(REST)}" {"ctrl=" + chr(34) + _row(REST) + chr(34) if actuators else ""}/></keyframe>'
@@ -87,16 +91,34 @@ def folder(path: Path) -> Robot:
     path.mkdir(parents=True, exist_ok=True)
     (path / "model.xml").write_text(mjcf(), encoding="utf-8")
     lines = [
-        "[robot]", 'name = "payload_arm"', 'engines = ["mujoco"]', f"control_rate = {RATE}",
-        f"timestep = {STEP}", 'tools = ["flange"]', "[reset]", 'keyframe = "rest"', "[excitation]",
+        "[robot]",
+        'name = "payload_arm"',
+        'engines = ["mujoco"]',
+        f"control_rate = {RATE}",
+        f"timestep = {STEP}",
+        'tools = ["flange"]',
+        "[reset]",
+        'keyframe = "rest"',
+        "[excitation]",
         "amplitude = 0.5",
     ]
     for i, joint in enumerate(JOINTS):
-        lines += ["[[drives]]", f'joint = "{joint}"', 'type = "position"', f"gain = {GAIN[i]}",
-                  f"rate_gain = {RATE_GAIN[i]}", f"torque_limit = {LIMIT[i]}"]
+        lines += [
+            "[[drives]]",
+            f'joint = "{joint}"',
+            'type = "position"',
+            f"gain = {GAIN[i]}",
+            f"rate_gain = {RATE_GAIN[i]}",
+            f"torque_limit = {LIMIT[i]}",
+        ]
     for i, joint in enumerate(JOINTS):
-        lines += ["[[actions]]", f'name = "{joint}/target"', 'unit = "rad"', f"low = {REST[i] - 1.2}",
-                  f"high = {REST[i] + 1.2}"]
+        lines += [
+            "[[actions]]",
+            f'name = "{joint}/target"',
+            'unit = "rad"',
+            f"low = {REST[i] - 1.2}",
+            f"high = {REST[i] + 1.2}",
+        ]
     for joint in JOINTS:
         lines += ["[[channels]]", f'name = "{joint}/position"', 'unit = "rad"', f"noise = {NOISE}"]
     for i, joint in enumerate(JOINTS):
@@ -106,8 +128,16 @@ def folder(path: Path) -> Robot:
             ("rotor", "kg*m^2", ROTOR[i], 1.6 * SPREAD, f"mj.dof_armature[{joint}] ="),
             ("gain", "1", 1.0, 1.3 * GAINS, f"port.drive.gain_factor[{joint}] *="),
         ):
-            lines += ["[[parameters]]", f'name = "{joint}_{name}"', f'unit = "{unit}"', f"nominal = {value}",
-                      f"low = {value / factor:.6g}", f"high = {value * factor:.6g}", 'scale = "log"', f'sets = ["{sets}"]']
+            lines += [
+                "[[parameters]]",
+                f'name = "{joint}_{name}"',
+                f'unit = "{unit}"',
+                f"nominal = {value}",
+                f"low = {value / factor:.6g}",
+                f"high = {value * factor:.6g}",
+                'scale = "log"',
+                f'sets = ["{sets}"]',
+            ]
     (path / "robot.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return load_robot(path)
 
@@ -124,7 +154,9 @@ def log_of(arm: Arm) -> Recording:
         q = q + NOISE * rng.standard_normal(q.shape)
         name = f"test_{number}" if number >= EPISODES - 2 else f"run_{number}"
         episodes.append(Episode(name, np.arange(len(told)) / RATE, np.concatenate([q, told], axis=1), {}))
-    channels = [Channel(f"{j}/position", "rad") for j in JOINTS] + [Channel(f"{j}/target", "rad") for j in JOINTS]
+    channels = [Channel(f"{j}/position", "rad") for j in JOINTS] + [
+        Channel(f"{j}/target", "rad") for j in JOINTS
+    ]
     return Recording(tuple(channels), tuple(episodes), measured=False)
 
 
@@ -145,7 +177,11 @@ def _moved(model: mujoco.MjModel, arm: Arm, told: np.ndarray) -> np.ndarray:
     """(T, 6) positions at the times of the commands; each is held until the next."""
     data = mujoco.MjData(model)
     gain, rate_gain = np.array(GAIN) * arm.gain, np.array(RATE_GAIN)
-    coulomb, viscous, limit = np.array(COULOMB) * arm.coulomb, np.array(VISCOUS) * arm.viscous, np.array(LIMIT)
+    coulomb, viscous, limit = (
+        np.array(COULOMB) * arm.coulomb,
+        np.array(VISCOUS) * arm.viscous,
+        np.array(LIMIT),
+    )
     out, substeps = np.empty((len(told), len(JOINTS))), round(1 / (RATE * FINE))
 
     def hold(target: np.ndarray, steps: int) -> None:

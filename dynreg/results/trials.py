@@ -161,7 +161,8 @@ class TrialTable(Result):
         """One row for each trial."""
         left_out = ("schema", "hidden_values", "true_parameters")
         rows = [
-            t.to_dict() | {"joints": ", ".join(t.joints), "bodies": ", ".join(t.bodies), "causes": ", ".join(t.causes)} for t in self.trials
+            t.to_dict() | {key: ", ".join(getattr(t, key)) for key in ("joints", "bodies", "causes")}
+            for t in self.trials
         ]
         return [{k: v for k, v in row.items() if k not in left_out} for row in rows]
 

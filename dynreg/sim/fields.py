@@ -96,8 +96,8 @@ def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndar
 
 def _add_masses(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
     sites, bodies = moving_sites(model), names_of(model, "body")
-    for name in assignment.elements:
-        if assignment.op != "+=" or name not in (*sites, *bodies[1:]):
+    for name in assignment.elements or ("",):
+        if assignment.op != "+=" or not name or name not in (*sites, *bodies[1:]):
             raise RobotError(
                 f"sets entry {assignment.text!r}",
                 expected=f"'modifier.added_mass[NAME] +=' with a site out of {sites} or a body out of "

@@ -179,7 +179,9 @@ class Effect:
     def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
         """What is wrong with a place, and what is expected; None where the effect can act there."""
         unknown = sorted({*at} - {*robot.joints})
-        return (f"no action drives {unknown[0]!r}", f"joints out of {sorted(robot.driven)}") if unknown else None
+        return (
+            (f"no action drives {unknown[0]!r}", f"joints out of {sorted(robot.driven)}") if unknown else None
+        )
 
     def told(self, robot: Robot, at: tuple[str, ...], values: Mapping[str, float]) -> Mapping[str, float]:
         """The values of a stored simulator by the names of today's parameters; as they are unless names changed."""
