@@ -126,7 +126,7 @@ def folder(path: Path) -> Robot:
             ("coulomb", "N*m", COULOMB[i], 1.6 * SPREAD, f"port.friction.coulomb[{joint}] ="),
             ("viscous", "N*m*s/rad", VISCOUS[i], 1.6 * SPREAD, f"port.friction.viscous[{joint}] ="),
             ("rotor", "kg*m^2", ROTOR[i], 1.6 * SPREAD, f"mj.dof_armature[{joint}] ="),
-            ("gain", "1", 1.0, 1.3 * GAINS, f"port.drive.gain_factor[{joint}] *="),
+            ("gain", "1", 1.0, 1.3 * GAINS, f"port.drive.gain[{joint}] *="),
         ):
             lines += [
                 "[[parameters]]",

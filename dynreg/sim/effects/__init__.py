@@ -48,6 +48,7 @@ _PACKAGED = (
     friction.QuadraticDrag,
     transmission.Backlash,
     transmission.JointElasticity,
+    transmission.CableCoupling,
     body.Payload,
     body.ComOffset,
     body.Inertia,

@@ -202,6 +202,23 @@ def distal_bodies(robot: Robot) -> list[str]:
     return [name for b in sorted(found) if b != carrying and (name := model.body(b).name)]
 
 
+def neighbours(robot: Robot) -> tuple[tuple[str, str], ...]:
+    """Pairs of driven hinges of which the second hangs on the first with no other driven joint between them."""
+    model, out = robot.model, []
+    hinges = [j for j in robot.driven if model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_HINGE]
+    numbers = {j: int(model.joint(j).id) for j in robot.driven}
+    for second in hinges:
+        below = [j for j in robot.driven if j != second and _hangs_on(model, numbers[second], numbers[j])]
+        # the last of them hangs on all the others
+        last = [
+            j
+            for j in below
+            if sum(_hangs_on(model, numbers[j], numbers[k]) for k in below if k != j) == len(below) - 1
+        ]
+        out += [(first, second) for first in last if first in hinges]
+    return tuple(out)
+
+
 def driven_dofs(robot: Robot) -> np.ndarray:
     """(A,) degree of freedom of each action's joint."""
     model = robot.model
