@@ -1,7 +1,7 @@
-"""Six-joint arms that carry something: a robot folder of one, and truths by MuJoCo's plain steps with drives of their own.
+"""Six-joint arms that carry something: the robot folder of one, and truths by MuJoCo's plain steps.
 
-The truth shares with dynreg the arm's text alone. Its drives, friction and rotors are written here: a position servo
-whose torque is computed every 0.5 ms, Coulomb friction by its smooth law, RK4; the payload is a body welded to the
+A truth shares with dynreg the text of the arm's links alone. Its drives, friction and rotors are written here: a position
+servo whose torque is computed every 0.5 ms, Coulomb friction by a smooth law, RK4; the payload is a body welded to the
 flange before the model is compiled.
 """
 
@@ -16,8 +16,8 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot, load_robot
 
 JOINTS = ("base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3")
-# link by link: where it hangs [m], axis, mass [kg], centre [m], inertia of a rod or a can [kg m^2]; an arm of 20 kg that
-# lifts 5 kg, of the usual build: vertical axis, two parallel ones, and a wrist of three
+# link by link: where it hangs [m], axis, mass [kg], centre [m], inertia of a rod or a can [kg m^2]: an arm of 18 kg that
+# lifts 5 kg, of the usual build, with a vertical axis, two parallel ones and a wrist of three
 LINKS = (
     ((0, 0, 0.16), (0, 0, 1), 3.8, (0, -0.02, 0.0), (0.011, 0.011, 0.009)),
     ((0, -0.13, 0), (0, 1, 0), 8.1, (0, 0, 0.21), (0.13, 0.13, 0.015)),
@@ -37,9 +37,10 @@ ROTOR = (0.9, 0.9, 0.5, 0.12, 0.12, 0.1)  # kg m^2 at the joint
 SPREAD = 2.0  # factor either way within which frictions and rotors of an arm lie, log-uniform: unknown to the diagnosis
 GAINS = 1.25  # likewise of its gains
 RATE, STEP, FINE = 50.0, 0.002, 0.0005  # Hz of commands; s of the model's time step; s of the truth's
-NOISE = 0.0002  # rad of the encoders
+NOISE, SPEED_NOISE = 0.0002, 0.005  # rad of the encoders, rad/s of what the controller says of speeds
 SLOPE = 0.01  # rad/s at which the smooth Coulomb friction reaches 76 % of its level
-EPISODE, EPISODES = 4.0, 9  # s and number of a log
+EPISODE, EPISODES = 4.0, 9  # s and number of episodes of a log
+TESTS = ("test_7", "test_8")
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,11 @@ def mjcf(payload: float = 0.0, rotor: np.ndarray | None = None, actuators: bool 
         )
     site = f'<site name="flange" pos="{_row(FLANGE)}"/>'
     motors = "".join(f'<position name="{j}" joint="{j}"/>' for j in JOINTS) if actuators else ""
-    key = f'<keyframe><key name="rest" qpos="{_row(REST)}" {"ctrl=" + chr(34) + _row(REST) + chr(34) if actuators else ""}/></keyframe>'
+    held = f' ctrl="{_row(REST)}"' if actuators else ""
+    key = f'<keyframe><key name="rest" qpos="{_row(REST)}"{held}/></keyframe>'
     return (
-        f'<mujoco model="six_joint_arm"><option timestep="{STEP}"/><default><geom contype="0" conaffinity="0"/></default>'
+        f'<mujoco model="six_joint_arm"><option timestep="{STEP}"/>'
+        f'<default><geom contype="0" conaffinity="0"/></default>'
         f"<worldbody>{''.join(text)}{site}{close}</worldbody><actuator>{motors}</actuator>{key}</mujoco>"
     )
 
@@ -119,8 +122,13 @@ def folder(path: Path) -> Robot:
             f"low = {REST[i] - 1.2}",
             f"high = {REST[i] + 1.2}",
         ]
-    for joint in JOINTS:
-        lines += ["[[channels]]", f'name = "{joint}/position"', 'unit = "rad"', f"noise = {NOISE}"]
+    for kind, unit, noise, weight in (
+        ("position", "rad", NOISE, 1.0),
+        ("velocity", "rad/s", SPEED_NOISE, 0.0),
+    ):
+        for joint in JOINTS:
+            lines += ["[[channels]]", f'name = "{joint}/{kind}"', f'unit = "{unit}"']
+            lines += [f"noise = {noise}", f"weight = {weight}"]
     for i, joint in enumerate(JOINTS):
         for name, unit, value, factor, sets in (
             ("coulomb", "N*m", COULOMB[i], 1.6 * SPREAD, f"port.friction.coulomb[{joint}] ="),
@@ -150,13 +158,12 @@ def log_of(arm: Arm) -> Recording:
     episodes = []
     for number in range(EPISODES):
         told = _commands(number)
-        q = _moved(model, arm, told)
-        q = q + NOISE * rng.standard_normal(q.shape)
-        name = f"test_{number}" if number >= EPISODES - 2 else f"run_{number}"
-        episodes.append(Episode(name, np.arange(len(told)) / RATE, np.concatenate([q, told], axis=1), {}))
-    channels = [Channel(f"{j}/position", "rad") for j in JOINTS] + [
-        Channel(f"{j}/target", "rad") for j in JOINTS
-    ]
+        moved = _moved(model, arm, told)
+        moved = moved + np.repeat([NOISE, SPEED_NOISE], len(JOINTS)) * rng.standard_normal(moved.shape)
+        name = f"test_{number}" if number >= EPISODES - len(TESTS) else f"run_{number}"
+        episodes.append(Episode(name, np.arange(len(told)) / RATE, np.concatenate([moved, told], axis=1), {}))
+    kinds = (("position", "rad"), ("velocity", "rad/s"), ("target", "rad"))
+    channels = [Channel(f"{joint}/{kind}", unit) for kind, unit in kinds for joint in JOINTS]
     return Recording(tuple(channels), tuple(episodes), measured=False)
 
 
@@ -174,7 +181,7 @@ def _commands(number: int) -> np.ndarray:
 
 
 def _moved(model: mujoco.MjModel, arm: Arm, told: np.ndarray) -> np.ndarray:
-    """(T, 6) positions at the times of the commands; each is held until the next."""
+    """(T, 12) positions and speeds at the times of the commands; each is held until the next."""
     data = mujoco.MjData(model)
     gain, rate_gain = np.array(GAIN) * arm.gain, np.array(RATE_GAIN)
     coulomb, viscous, limit = (
@@ -182,7 +189,7 @@ def _moved(model: mujoco.MjModel, arm: Arm, told: np.ndarray) -> np.ndarray:
         np.array(VISCOUS) * arm.viscous,
         np.array(LIMIT),
     )
-    out, substeps = np.empty((len(told), len(JOINTS))), round(1 / (RATE * FINE))
+    out, substeps = np.empty((len(told), 2 * len(JOINTS))), round(1 / (RATE * FINE))
 
     def hold(target: np.ndarray, steps: int) -> None:
         for _ in range(steps):
@@ -194,7 +201,7 @@ def _moved(model: mujoco.MjModel, arm: Arm, told: np.ndarray) -> np.ndarray:
     data.qpos[:] = REST
     hold(told[0], round(1.5 / FINE))
     for i, target in enumerate(told):
-        out[i] = data.qpos
+        out[i] = np.concatenate([data.qpos, data.qvel])
         hold(target, substeps)
     return out
 

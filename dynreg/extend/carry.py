@@ -20,7 +20,14 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 from dynreg.sim.sets import Assignment
 
-MOVING = ("command", "drive", "friction", "roll", "observe")  # ports that no parameter can stand for
+MOVING = (
+    "remodel",
+    "command",
+    "drive",
+    "friction",
+    "roll",
+    "observe",
+)  # ports that no parameter can stand for
 SAME = 1e-12  # relative: values that one parameter can set
 LEAST = 0.1  # of a factor, that stays above nothing
 SPREAD = 0.1  # tolerance of the parameters that stand for effects

@@ -6,7 +6,7 @@ from typing import Any
 
 from dynreg.errors import UsageError
 from dynreg.plugins import with_plugins
-from dynreg.sim.effects import body, command, contact, drive, friction, sensor, transmission, wheels
+from dynreg.sim.effects import body, command, contact, drive, friction, sensor, stand, transmission, wheels
 from dynreg.sim.effects.effect import (
     SIZES,
     Effect,
@@ -53,6 +53,7 @@ _PACKAGED = (
     body.ComOffset,
     body.Inertia,
     body.GravityTilt,
+    stand.StandCompliance,
     contact.GroundFriction,
     contact.SecondFrictionMaterial,
     contact.ContactCompliance,

@@ -137,7 +137,10 @@ class Effect:
 
     Ports
     -----
+    remodel(robot) : the robot with another model; simulators that have the effect run on that, apart from others, and
+        only on the mujoco engine.
     configure(site, p) : write model fields and port constants once, before anything moves.
+    begin(robot, batch, rows) : change the state in which an episode starts, in a mujoco.batch.Batch of that model.
     command(u, x, p) : (rows, joints) commands -> commands.
     drive(torque, x, p) : (rows, joints) drive torque -> torque that reaches the joint.
     friction(x, p) : (rows, joints) dry friction [N m] to add to the bound, at the present speed and load.
@@ -156,7 +159,9 @@ class Effect:
     separate_by: ClassVar[str] = ""
     scope: ClassVar[Literal["joint", "body", "robot"]] = "joint"
 
+    remodel: ClassVar[Callable | None] = None
     configure: ClassVar[Callable | None] = None
+    begin: ClassVar[Callable | None] = None
     command: ClassVar[Callable | None] = None
     drive: ClassVar[Callable | None] = None
     friction: ClassVar[Callable | None] = None

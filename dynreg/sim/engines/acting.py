@@ -66,14 +66,7 @@ def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
         return []
     out = []
     for number, term in enumerate(terms.terms):
-        reason = term.effect.why_not(robot)
-        wrong = (reason, "an effect that can act there") if reason else term.effect.misplaced(robot, term.at)
-        if wrong:
-            raise UsageError(
-                f"effect {term.key!r} on robot {robot.name!r}: {wrong[0]}",
-                expected=wrong[1],
-                do="see `dynreg effects`",
-            )
+        require(robot, term)
         rows = terms.rows(number)
         if not isinstance(rows, slice) and not len(rows):
             continue
@@ -83,6 +76,18 @@ def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
     order = {name: i for i, name in enumerate(effects())}
     # of one effect at several places by place: whatever else is in the batch, a simulation adds them up alike
     return sorted(out, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints), a.at))
+
+
+def require(robot: Robot, term: Term) -> None:
+    """UsageError where a term cannot act on this robot, or not at its place."""
+    reason = term.effect.why_not(robot)
+    wrong = (reason, "an effect that can act there") if reason else term.effect.misplaced(robot, term.at)
+    if wrong:
+        raise UsageError(
+            f"effect {term.key!r} on robot {robot.name!r}: {wrong[0]}",
+            expected=wrong[1],
+            do="see `dynreg effects`",
+        )
 
 
 def configure_terms(
