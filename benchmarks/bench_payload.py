@@ -1,10 +1,10 @@
 """What six-joint arms carry at the flange: is its place named, and how many kilograms are found?
 
 Ten arms with 0.8 to 4.5 kg, whose frictions, gains and rotors nothing tells (`payload_arms.py`: simulated by MuJoCo's
-plain steps, not by dynreg's engine). Each is diagnosed from 36 s of all joints moving together, in rollouts of 1 s, with
-`payload`, `com_offset` and `inertia` as candidates: on the heaviest link, on each link of the wrist, at the flange, on
-each joint. Printed and kept in benchmarks/results/payload.json: the first cause, kilograms hidden and found, the 90 %
-interval, seconds.
+plain steps, not by dynreg's engine). Each is diagnosed from 36 s of all joints moving together, in rollouts of 1 s,
+with `payload`, `com_offset` and `inertia` as candidates: on the heaviest link, on each link of the wrist, at the
+flange, on each joint. No more, so that an arm takes minutes: all effects at all places are 200 candidates. Printed
+and kept in benchmarks/results/payload.json: the first cause, kilograms hidden and found, the 90 % interval, seconds.
 """
 
 import argparse

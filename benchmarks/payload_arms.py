@@ -1,8 +1,8 @@
 """Six-joint arms that carry something: the robot folder of one, and truths by MuJoCo's plain steps.
 
-A truth shares with dynreg the text of the arm's links alone. Its drives, friction and rotors are written here: a position
-servo whose torque is computed every 0.5 ms, Coulomb friction by a smooth law, RK4; the payload is a body welded to the
-flange before the model is compiled.
+A truth shares with dynreg the text of the arm's links alone. Its drives, friction and rotors are written here: a
+position servo whose torque is computed every 0.5 ms, Coulomb friction by a smooth law, RK4; the payload is a body
+welded to the flange before the model is compiled.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot, load_robot
 
 JOINTS = ("base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3")
-# link by link: where it hangs [m], axis, mass [kg], centre [m], inertia of a rod or a can [kg m^2]: an arm of 18 kg that
-# lifts 5 kg, of the usual build, with a vertical axis, two parallel ones and a wrist of three
+# link by link: where it hangs [m], axis, mass [kg], centre [m], inertia of a rod or a can [kg m^2]; an arm of 18 kg
+# that lifts 5 kg, of the usual build, with a vertical axis, two parallel ones and a wrist of three
 LINKS = (
     ((0, 0, 0.16), (0, 0, 1), 3.8, (0, -0.02, 0.0), (0.011, 0.011, 0.009)),
     ((0, -0.13, 0), (0, 1, 0), 8.1, (0, 0, 0.21), (0.13, 0.13, 0.015)),

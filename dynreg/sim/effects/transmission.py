@@ -1,8 +1,8 @@
 """Effects between motor and joint: the motor is a body of its own, seen by neither encoder nor log, or moves two.
 
 Of backlash and elasticity: the encoder sits on the output. The motor is a part of the joint's reflected inertia
-(`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what the loose transmission passes, minus what a rigid one
-passes. So a transmission without play and compliance is the plain model, to the bit.
+(`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what the loose transmission
+passes, minus what a rigid one passes. So a transmission without play and compliance is the plain model, to the bit.
 """
 
 from typing import Any
