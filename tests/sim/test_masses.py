@@ -1,12 +1,19 @@
 """Masses that are fixed to bodies: MuJoCo's own compiler must make the same of a body welded there."""
 
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import Batch
 
 from dynreg.errors import RobotError
+from dynreg.sim.engines import rollout
 from dynreg.sim.masses import grow, moving_sites, weight_at
+from dynreg.sim.robot import Robot, load_robot, packaged_robots
+from dynreg.sim.run import Run
 
 TURNED = 'pos="0.1 0.05 -0.03" euler="30 20 10"'
 MODEL = """<mujoco><worldbody><site name="floor"/><body name="a"><joint name="j" axis="0 1 0"/>
@@ -83,3 +90,55 @@ def test_only_sites_that_move_can_carry() -> None:
             RobotError, match=f"no site {name!r} on a body that moves; expected one of \\['t'\\]"
         ):
             weight_at(model, name)
+
+
+DISC = """
+[[settings]]
+name = "disc"
+unit = "kg"
+nominal = 0.0
+values = [0.0, 0.4]
+sets = ["modifier.added_mass[disc] +="]
+"""
+RADIUS, THICK, HANGS = 0.06, 0.02, 0.08  # m
+
+
+@pytest.mark.parametrize("engine", ["joint", "mujoco"])
+def test_a_disc_that_a_setting_hangs_on_turns_with_its_own_inertia(engine: str, tmp_path: Path) -> None:
+    """Of each episode its own mass; against the same disc welded on, and against a mass without inertia of its own."""
+    shape = f'size="{RADIUS} {THICK / 2}" pos="0 0 {-HANGS}" euler="90 0 0"'
+    marked = bench(tmp_path / "marked", f'<site name="disc" type="cylinder" {shape}/>', DISC)
+    welded = bench(
+        tmp_path / "welded", f'<body><geom type="cylinder" {shape} mass="0.4" contype="0"/></body>'
+    )
+    point = bench(tmp_path / "point", f'<site name="disc" size="1e-4" pos="0 0 {-HANGS}"/>', DISC)
+    told = Run(np.array([[0.8, -0.8]] * 2).repeat(30, axis=1)[..., None], period=0.01)
+    settings = {
+        robot: np.array([[*robot.context_defaults[-len(robot.settings) :]]] * 2) for robot in (marked, point)
+    }
+    for own in settings.values():
+        own[1, -1] = 0.4
+
+    def states(robot: Robot) -> np.ndarray:
+        run = replace(told, settings=settings.get(robot))
+        return rollout(robot, robot.space.nominal[None], run, engine=engine).states[0, :, :, 0]
+
+    plain, loaded = states(marked)
+    np.testing.assert_allclose(loaded, states(welded)[0], atol=1e-9)
+    assert np.abs(plain - loaded).max() > 0.05
+    inertia = np.abs(states(point)[1] - loaded).max()
+    assert inertia > 0.005
+
+
+def bench(folder: Path, inside: str, toml: str = "") -> Robot:
+    """The servo bench with something more on its rod."""
+    shutil.copytree(packaged_robots()["servo_pendulum"], folder)
+    model, said = folder / "model.xml", folder / "robot.toml"
+    text = model.read_text(encoding="utf-8")
+    assert '<body name="tip"' in text
+    model.write_text(text.replace('<body name="tip"', f'{inside}<body name="tip"'), encoding="utf-8")
+    said.write_text(
+        said.read_text(encoding="utf-8").replace('name = "servo_pendulum"', 'name = "bench"') + toml,
+        encoding="utf-8",
+    )
+    return load_robot(folder)
