@@ -53,7 +53,7 @@ def plain(bench: Bench) -> np.ndarray:
 
 @cache
 def bench(name: str) -> Bench:
-    """servo (lively: it saturates), servo_mujoco, servo_short, air (the leg hangs), stand, lean (a quadruped), wheels.
+    """servo (lively: it saturates), servo_mujoco, servo_short, arm, air and stand (the leg), lean (a quadruped), wheels.
 
     The two on the ground move slowly, so that contacts neither open nor close by chance.
     """
@@ -79,6 +79,11 @@ def bench(name: str) -> Bench:
         return Bench(
             name, robot, Run((reset_pose(robot) + sway * np.tile([0.1, 0.15, -0.2], 4))[None]), "mujoco"
         )
+    if name == "arm":
+        robot = load_robot("so101")
+        alone = robot.file.robot.model_copy(update={"engines": ["mujoco"]})
+        robot = replace(robot, file=robot.file.model_copy(update={"robot": alone}))
+        return Bench(name, robot, excitation(robot, seed=3, name="effects", episodes=2, steps=60), "mujoco")
     robot = load_robot("leg")
     if name == "stand":
         sway = np.sin(np.pi * np.arange(60) / 60)[:, None]
@@ -130,7 +135,7 @@ def mixed(robot: Robot, rows: Sequence[Row]) -> Terms:
     for e in effects:
         absent = np.full(len(e.parameters), np.nan)
         columns.append(np.array([values_at(e, robot, row[e]) if e in row else absent for row in rows]))
-    return Terms(tuple(Term(e) for e in effects), tuple(columns))
+    return Terms(tuple(Term(e, e.places(robot)[0]) for e in effects), tuple(columns))
 
 
 def rms(change: np.ndarray) -> float:

@@ -43,6 +43,8 @@ class StandCompliance(Effect):
             return "its base floats"
         if tilt_hinge(robot) is None:
             return "no hinge lifts anything"
+        if not _fixed(robot):
+            return "its base moves"
         # of one joint it is a spring behind the encoder
         return "an engine of the robot moves each joint alone" if "joint" in robot.engines else None
 
@@ -121,6 +123,20 @@ def on_stand(robot: Robot) -> Robot:
     standing = replace(robot)
     standing.__dict__["model"] = model
     return standing
+
+
+def _fixed(robot: Robot) -> bool:
+    """Whether no joint without a drive, but for the stand's, lies between the ground and the first driven one."""
+    model = robot.model
+    body, driven = (
+        int(model.jnt_bodyid[model.joint(robot.driven[0]).id]),
+        {model.joint(j).id for j in robot.driven},
+    )
+    below = set()
+    while body:
+        below |= {*range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])}
+        body = int(model.body_parentid[body])
+    return {j for j in below if model.joint(j).name != STAND} <= driven
 
 
 def _keep_apart(tree: ElementTree.Element, plain: mujoco.MjModel, root: int) -> None:

@@ -132,6 +132,7 @@ def test_simulators_with_and_without_it_do_not_touch_each_other(tmp_path: Path) 
     "robot, why",
     [
         ("quadruped", "its base floats"),
+        ("leg", "its base moves"),
         ("servo_pendulum", "an engine of the robot moves each joint alone"),
         ("diffdrive", "no servo whose stiffness could be compared"),
         ("emps", "no servo whose stiffness could be compared"),
