@@ -53,7 +53,7 @@ def plain(bench: Bench) -> np.ndarray:
 
 @cache
 def bench(name: str) -> Bench:
-    """servo (lively: it saturates), servo_mujoco, servo_short, arm, air and stand (the leg), lean (a quadruped), wheels.
+    """servo (lively: it saturates), servo_mujoco, servo_short, arm, air, stand (a leg), lean (a quadruped), wheels.
 
     The two on the ground move slowly, so that contacts neither open nor close by chance.
     """
