@@ -55,7 +55,7 @@ BENCHES = {
     "servo_pendulum": Bench(
         "servo_pendulum",
         {
-            "tip_mass": ("payload (share)",),
+            "tip_mass": ("payload (mass)",),
             "viscous_friction": ("viscous_friction (torque)",),
             "coulomb_friction": ("coulomb_friction (torque)",),
             "zero_offset": (

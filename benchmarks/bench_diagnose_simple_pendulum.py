@@ -77,8 +77,8 @@ def diagnosed(registry, recording, seed: int = 0) -> Diagnosis:
 
 def interval(found: Diagnosis) -> dict[str, list[float]]:
     """Lowest and highest share of the payload: if nothing else is amiss, and whatever acts."""
-    alone, wide = found.looked.alone["share"], found.looked.whatever["share"]
-    return {"alone": [alone.low, alone.high], "reported": [wide.low, wide.high]}
+    alone, wide = found.looked.alone["mass"], found.looked.whatever["mass"]
+    return {"alone": [alone.low / BOB, alone.high / BOB], "reported": [wide.low / BOB, wide.high / BOB]}
 
 
 def copies(robot: Robot, run: Run, seeds: range) -> list[Copy]:
@@ -92,7 +92,7 @@ def copies(robot: Robot, run: Run, seeds: range) -> list[Copy]:
     terms = Terms(
         (*(term(key) for key in EFFECTS), disturbance(truth)),
         (
-            *(np.array([[d[key]] for d in drawn]) for key in EFFECTS),
+            *(np.array([[d[key] * (BOB if key == "payload" else 1.0)] for d in drawn]) for key in EFFECTS),
             np.full((len(drawn), 1), DISTURBANCE * limit),
         ),
     )

@@ -104,7 +104,7 @@ def short_errors(
     run, out = data.windows.run.take(np.flatnonzero(data.parts.test)), {}
     for name, config in configs.items():
         values = robot.space.from_dict(dict(config.values))[None]
-        states = rollout(robot, values, run, engine="joint", threads=1, terms=_terms(config)).states
+        states = rollout(robot, values, run, engine="joint", threads=1, terms=_terms(robot, config)).states
         out[name] = motion_errors(robot, data, states[0], joint, recording)
     return out
 
@@ -123,7 +123,7 @@ def whole_states(robot: Robot, run: Run, rows: dict, model: str, engine: str) ->
     }
     values = [robot.space.from_dict(merged | {n: configs[j].values[n] for n in SHARED}) for j in JOINTS]
     effects = {key: value for j in JOINTS for key, value in configs[j].effects.items()}
-    terms = _terms(SimConfig(robot.hash, robot.name, merged, effects), len(JOINTS))
+    terms = _terms(robot, SimConfig(robot.hash, robot.name, merged, effects), len(JOINTS))
     return rollout(robot, np.array(values), run, engine=engine, threads=1, terms=terms).states
 
 
@@ -191,8 +191,8 @@ def _config(robot: Robot, given: dict) -> SimConfig:
     return SimConfig(robot.hash, robot.name, given["values"], given["effects"])
 
 
-def _terms(config: SimConfig, times: int = 1) -> Terms | None:
-    made = terms_of(config)
+def _terms(robot: Robot, config: SimConfig, times: int = 1) -> Terms | None:
+    made = terms_of(config, robot)
     return made.tiled(times) if made.terms else None
 
 

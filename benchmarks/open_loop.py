@@ -62,7 +62,7 @@ def simulated(robot: Robot, config: SimConfig, segments: Segments) -> np.ndarray
         velocity=segments.velocity,
     )
     values = robot.space.from_dict(dict(config.values))[None]
-    return rollout(robot, values, run, threads=1, terms=terms_of(config)).states[0]
+    return rollout(robot, values, run, threads=1, terms=terms_of(config, robot)).states[0]
 
 
 def window_errors(states: np.ndarray, segments: Segments, joints: int) -> np.ndarray:

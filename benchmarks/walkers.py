@@ -33,12 +33,13 @@ from dynreg.sim.space import ParameterSpace
 RATE = 36.0  # Hz
 OFF_CENTRE = 0.08  # m from the middle of the torso, ahead, where the payload sits
 SHARE = 0.15  # of the torso's mass
+TORSO = 2.0  # kg
 ABLE = 0.1  # m in 10 s
 BATCH, DRAWS = 8, 200  # draws of a robot until one can walk
 CAUSES = 2  # that a diagnosis may name
 # kind: {effect: values in its units}, two robots of each; the ground rises by 4 degrees where it says slope
 OUTSIDE: dict[str, dict[str, tuple[float, ...]]] = {
-    "payload": {"payload": (SHARE,), "com_offset": (SHARE / (1 + SHARE) * OFF_CENTRE,)},
+    "payload": {"payload": (SHARE * TORSO,), "com_offset": (SHARE / (1 + SHARE) * OFF_CENTRE,)},
     "weak joint": {"torque_limit[JOINT]": (0.40,)},
     "late commands": {"command_delay": (0.030,)},
     "slope": {},

@@ -46,7 +46,7 @@ def logged(
     episodes = []
     for number, actions in enumerate(told):
         run = Run(actions[None], period=PERIOD)
-        states = rollout(robot, values, run, engine=engine, terms=terms_of(truth)).states[0, 0]
+        states = rollout(robot, values, run, engine=engine, terms=terms_of(truth, robot)).states[0, 0]
         states = states + sigma * stream(seed, "noise", number).standard_normal(states.shape)
         rows = np.concatenate([states, np.concatenate([actions, actions[-1:]])], axis=1)
         episodes.append(Episode(f"run_{number}", PERIOD * np.arange(len(rows)), rows))

@@ -198,7 +198,7 @@ def _states(
     out = []
     for owner, config in simulators.values():
         values = owner.space.from_dict(dict(config.values))[None]
-        terms = terms_of(config) if config.effects else None
+        terms = terms_of(config, owner) if config.effects else None
         out.append(rollout(owner, values, run, threads=threads, terms=terms).states[0])
     return np.stack(out)
 

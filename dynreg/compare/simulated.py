@@ -74,7 +74,7 @@ def replayed(
     in_whole_episodes = replace(robot, file=robot.file.model_copy(update={"replay": ReplayTable()}))
     cut = windows(in_whole_episodes, even)
     values = robot.space.from_dict(dict(config.values))[None]
-    states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config)).states[0]
+    states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config, robot)).states[0]
     poses = _poses(robot, even, cut, states, pose)
     out = Replayed(told, poses, time.perf_counter() - began)
     if {*told.episode.tolist()} - {*poses} or not np.isfinite(out.moved(np.arange(len(told.episode)))).all():

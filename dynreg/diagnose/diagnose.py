@@ -176,7 +176,7 @@ def no_candidates(
             continue
         if name not in able:
             out[name] = f"robot {robot.name!r} cannot have it ({effect_of(name).why_not(robot)})"
-        elif able[name].scope == "robot":
+        elif able[name].scope != "joint":
             out[name] = "an effect of the whole robot needs all its joints; leave out the choice of joints"
         else:
             out[name] = "it is an effect of all joints together; leave out the choice of joints"

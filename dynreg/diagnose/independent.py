@@ -5,7 +5,7 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.evidence.truth import Hidden, Protocol, hide, recorded
 from dynreg.rng import stream_seed
-from dynreg.sim.effects import Term, applicable
+from dynreg.sim.effects import Effect, Term, applicable, placed
 from dynreg.sim.robot import Robot
 from dynreg.truths.causes import cause
 from dynreg.truths.table import kind, log, sized
@@ -27,13 +27,18 @@ def hide_independent(robot: Robot, key: str | None, size: str | None, seed: int)
     values = sized(robot.name, name, size or "medium", stream_seed(seed, "values") % 2**31)
     truth = Truth(robot.name, parameters, name, values, joints, seed)
     known, able = cause(name), applicable(robot)
-    answers = tuple(
-        Term(able[n], joints if able[n].scope == "joint" else ()) for n in known.names if n in able
-    )
+    answers = tuple(t for n in known.names if n in able for t in _answers(robot, able[n], joints))
     terms = answers[:1] if known.same else ()
     stated = tuple(np.array([values.get(p.name, np.nan) for p in t.effect.parameters]) for t in terms)
     hidden = Hidden(terms, stated, drawn.parameters, seed, size, name, answers)
     return hidden, truth
+
+
+def _answers(robot: Robot, effect: Effect, joints: tuple[str, ...]) -> list[Term]:
+    """The terms of an effect that name a cause right: at its joints; of a body's, wherever along the robot it sits."""
+    if effect.scope == "body":
+        return placed(robot, effect)
+    return [Term(effect, joints if effect.scope == "joint" else ())]
 
 
 def independent_log(robot: Robot, truth: Truth, plan: Protocol) -> Recording:

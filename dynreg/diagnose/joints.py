@@ -43,7 +43,7 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
 
 
 def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
-    """Of all single terms those at these joints: on each joint, and on all of them together.
+    """Of all single terms those at these joints: on each joint (each pair), and on all of them together.
 
     Effects of the whole robot are left out: a part of the joints does not identify them.
     """
@@ -53,7 +53,7 @@ def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:
             continue
         if len(joints) > 1 and not term.joints:
             out.append(Term(term.effect, joints))
-        elif len(term.joints) == 1 and term.joints[0] in joints:
+        elif term.joints and {*term.joints} <= {*joints}:
             out.append(term)
     return out
 

@@ -55,7 +55,7 @@ def pose(
     cut = _settled(robot, cut.scaled_by(robot, split.chosen), options)
     cut = replace(cut, run=replace(cut.run, joints=options.joints))
     _check_motion(robot, cut, split)
-    begun = None if start is None or not start.effects else terms_of(start)
+    begun = None if start is None or not start.effects else terms_of(start, robot)
     centre = None if start is None else robot.space.from_dict(dict(start.values))
     coordinates = Coordinates(robot, known_values(robot, recording), centre, options.tolerance)
     if options.joints:

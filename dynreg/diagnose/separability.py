@@ -87,13 +87,16 @@ def fit_pairs(
 def neighbours(robot: Robot, term: Term, among: Sequence[Term]) -> list[Term]:
     """The terms of `among` that may be confused with the term: on the same joints, not of the same exact group.
 
-    One effect declares the other near, or both belong to a group that is not exact on this robot.
+    One effect declares the other near, both belong to a group that is not exact on this robot, or they are the same on
+    two bodies.
     """
     out = []
     for other in among:
         declared = other.effect.id in term.effect.near or term.effect.id in other.effect.near
         near = declared or (bool(term.effect.group) and other.effect.group == term.effect.group)
-        same = other.effect.id == term.effect.id or one_group(robot, term, other)
+        elsewhere = other.bodies != term.bodies and other.effect.id == term.effect.id
+        same = (other.effect.id == term.effect.id and not elsewhere) or one_group(robot, term, other)
+        near = near or elsewhere
         if near and not same and (not term.joints or not other.joints or other.joints == term.joints):
             out.append(other)
     return out

@@ -178,15 +178,15 @@ def same_cause(robot: Robot, hidden: Term) -> set[str]:
 
 
 def joint_right(robot: Robot, hidden: Hidden, first: Term | None) -> bool | None:
-    """Whether the cause sits in the joints where one is hidden; None where it does not sit in a joint.
+    """Whether the cause sits in the joints (the body) where one is hidden; None where it does not sit in one.
 
     An effect of the whole robot that no commands tell from the hidden one sits there, too.
     """
-    joints = hidden.joints
-    if not joints:
+    places = hidden.places
+    if not places:
         return None
     return first is not None and (
-        first.joints == joints or any(first.key in names for names in right_names(robot, hidden))
+        first.at == places or any(first.key in names for names in right_names(robot, hidden))
     )
 
 

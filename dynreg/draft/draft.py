@@ -1,5 +1,6 @@
 """A robot folder drafted from a model that others wrote, and from a log where there is one."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -46,6 +47,7 @@ from dynreg.draft.text import toml_of
 from dynreg.draft.trial import Make, with_engines, with_finer_step, with_sound_ranges, with_time_step
 from dynreg.errors import RobotError
 from dynreg.folder import TOML, Folder
+from dynreg.sim.masses import moving_sites
 from dynreg.sim.mjcf import model_files, trust_model
 from dynreg.sim.robot import Robot, robot_of
 
@@ -54,6 +56,10 @@ ELSEWHERE = 0.1  # rad or m by which a base may begin elsewhere than simulations
 RATES = (50.0, 100.0)  # Hz: of commands where no log tells, for arms and for robots that stand
 FALLEN = 0.4  # share of the height in which the base stands below which it has fallen
 TILT = 1.0  # rad
+# words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite
+TOOLS = frozenset(
+    {"flange", "tool", "tcp", "ee", "eef", "effector", "attachment", "gripper", "grasp", "pinch", "grip"}
+)
 
 
 def draft_robot(
@@ -260,6 +266,7 @@ def _head(
     heard_rate = told.rate([d.action for d in drives]) if told else None
     rate = heard_rate or RATES[base >= 0]
     said = "control_rate: of the log's stamps" if heard_rate else "control_rate: a guess"
+    tools = [site for site in moving_sites(model) if TOOLS & {*re.split(r"[\W\d_]+", site.lower())}]
     return Entry(
         {
             "name": name,
@@ -269,6 +276,7 @@ def _head(
             "engines": ["mujoco"],
             "control_rate": rate,
             "timestep": min(float(model.opt.timestep), 1.0 / rate, 0.05),
+            **({"tools": tools} if tools else {}),
         },
         said,
     )

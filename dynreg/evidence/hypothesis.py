@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from dynreg.sim.effects import EffectParameter, Term, applicable, placed
-from dynreg.sim.effects.body import at_reset, driven_dofs, lever
+from dynreg.sim.effects.body import at_reset, body_at, carrier, driven_dofs, lever
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
@@ -151,7 +151,8 @@ class Coordinates:
             "torque": limit,
             "stiffness": 1.0 / np.maximum(law.stiffness[0], 1e-9),
             "inertia": inertia,
-            "length": lever(self.robot) * ones,
+            "length": lever(self.robot, carrier(self.robot)) * ones,
+            "mass": model.body_mass[carrier(self.robot)] * ones,
             "command": reach,
         }
 
@@ -162,6 +163,8 @@ class Coordinates:
 
     def scale(self, term: Term, parameter: EffectParameter) -> float:
         """What one medium size of this parameter is, in its unit; the mean over the term's joints."""
+        if term.bodies and parameter.per == "length":
+            return float(parameter.medium * lever(self.robot, body_at(self.robot, term.bodies)))
         at = self.robot.drives_of(term.joints)
         return float(parameter.medium * np.mean(self.scales[parameter.per][at]))
 

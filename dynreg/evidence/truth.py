@@ -65,9 +65,23 @@ class Hidden:
         return self.cause or "+".join(t.effect.id for t in self.terms) or None
 
     @property
+    def places(self) -> tuple[str, ...]:
+        """The joints, or the body, where it sits; () for all joints, or the robot as a whole."""
+        return tuple(place for t in self._stated for place in t.at)
+
+    @property
     def joints(self) -> tuple[str, ...]:
-        """Where it sits; () for all joints, or the robot as a whole."""
-        return tuple(j for t in self.terms or self.answers[:1] for j in t.joints)
+        """The joints among its places."""
+        return tuple(j for t in self._stated for j in t.joints)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies and tool frames among its places."""
+        return tuple(b for t in self._stated for b in t.bodies)
+
+    @property
+    def _stated(self) -> tuple[Term, ...]:
+        return self.terms or self.answers[:1]
 
     @property
     def key(self) -> str:

@@ -3,6 +3,7 @@
 The changes of model fields and ports are read off the effect itself, so a plugin's effects are carried as well.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -20,6 +21,7 @@ from dynreg.sim.run import Run
 from dynreg.sim.sets import Assignment
 
 MOVING = (
+    "remodel",
     "feedback",
     "command",
     "encoder",
@@ -116,6 +118,14 @@ def carriers(fields: Fields, term: Term, values: np.ndarray) -> tuple[Carrier, .
 
     None where an element that it changes has no name in the model.
     """
+    base = re.sub(r"\W", "_", "_".join(["effect", term.effect.id, *term.at]))
+    said = term.effect.sets(fields.robot, term.at)
+    if said:
+        fields.apply(Terms((term,), (values[None],)))
+        return tuple(
+            Carrier(base, p.unit, float(value), *sorted((0.0, 2.0 * float(value))), (said[p.name],))
+            for p, value in zip(term.effect.parameters, values, strict=True)
+        )
     before = fields.arrays()
     fields.apply(Terms((term,), (values[None],)))
     groups: dict[tuple[str, float], list[tuple[str, tuple[int, ...]]]] = {}
@@ -128,7 +138,6 @@ def carriers(fields: Fields, term: Term, values: np.ndarray) -> tuple[Carrier, .
         for place, op, value in _changes(target, old, after):
             same = [key for key in groups if key[0] == op and abs(key[1] - value) <= SAME * abs(value)]
             groups.setdefault(same[0] if same else (op, value), []).append((target, place))
-    base = "_".join(["effect", term.effect.id, *term.joints])
     made = [_carrier(fields, base, *key, places) for key, places in groups.items()]
     if any(one is None for one in made):
         return None

@@ -53,7 +53,7 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
             expected="a name that is not taken, in a folder that is there",
             do="name another one",
         )
-    terms, values = terms_of(config), robot.space.from_dict(dict(config.values))
+    terms, values = terms_of(config, robot), robot.space.from_dict(dict(config.values))
     acting(robot, terms)  # refuses what cannot act on this robot
     destination.mkdir()
     try:

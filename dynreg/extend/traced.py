@@ -110,7 +110,7 @@ def _effects(
     """
     moving: dict[tuple[str, int], Any] = {}
     for one in acting(robot, terms):
-        key = _key(robot, terms, one)
+        key = one.key
         names = {name: f"{key}.{name}" for name in one.values}
         symbols = {k: Formula.of(n, ranges) if n in ranges else one.values[k][0, 0] for k, n in names.items()}
         if says(one.effect.id) and not robot.planar:
@@ -180,16 +180,7 @@ def _configured(
 ) -> None:
     """Let an effect write with these values of its parameters, before anything moves."""
     values = {name: np.array([[value]], dtype=kind) for name, value in symbols.items()}
-    one.effect.configure(Site(robot, fields.ports, one.rows, one.joints, fields.expand, {}), values)
-
-
-def _key(robot: Robot, terms: Terms, one: Acting) -> str:
-    """The key of the term that acts."""
-    return next(
-        term.key
-        for term in terms.terms
-        if term.effect.id == one.effect.id and robot.drives_of(term.joints) == one.joints.tolist()
-    )
+    one.effect.configure(Site(robot, fields.ports, one.rows, one.joints, fields.expand, {}, one.at), values)
 
 
 def _rows(robot: Robot, field: str) -> list[str] | None:

@@ -39,7 +39,8 @@ def simulators_of(robot: Robot, configs: Sequence[SimConfig], known: np.ndarray 
     values = np.array([robot.space.from_dict(dict(config.values)) for config in configs])
     if known is not None:
         values = np.where(np.isnan(known), values, known)
-    return Simulators(values, stacked(len(configs), (([i], terms_of(c)) for i, c in enumerate(configs))))
+    own = (([i], terms_of(config, robot)) for i, config in enumerate(configs))
+    return Simulators(values, stacked(len(configs), own))
 
 
 class Trials:

@@ -12,6 +12,7 @@ PER = {
     "stiffness": ("1/k", "divided by the stiffness of the servo"),
     "inertia": ("I", "the joint's inertia"),
     "length": ("l", "from the joint to the centre of mass"),
+    "mass": ("m", "the mass of the heaviest body that moves"),
     "command": (
         "u",
         "the largest speed command of a velocity drive; 1 rad for a position drive",

@@ -117,7 +117,7 @@ def listed(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
     rows = [
         (
             str(t.seed),
-            (t.hidden or "nothing") + (f"[{','.join(t.joints)}]" if t.joints else ""),
+            (t.hidden or "nothing") + (f"[{','.join(at)}]" if (at := t.joints or t.bodies) else ""),
             t.size or "-",
             t.named or "nothing",
             t.verdict,

@@ -19,25 +19,34 @@ CauseVerdict = Literal["named", "ambiguous", "partly_explained"]
 Simulator = Literal["nominal", "calibrated", "extended"]
 
 
-def cause_key(effect: str, joints: tuple[str, ...]) -> str:
-    """The name of an effect on some joints, as the ranking and the equivalents give it.
+def cause_key(effect: str, places: tuple[str, ...]) -> str:
+    """The name of an effect at a place, as the ranking and the equivalents give it.
 
-    >>> cause_key("load_friction", ()), cause_key("backlash", ("hip", "knee"))
-    ('load_friction', 'backlash[hip,knee]')
+    >>> cause_key("load_friction", ()), cause_key("backlash", ("hip", "knee")), cause_key("payload", ("flange",))
+    ('load_friction', 'backlash[hip,knee]', 'payload[flange]')
     """
-    return effect + (f"[{','.join(joints)}]" if joints else "")
+    return effect + (f"[{','.join(places)}]" if places else "")
 
 
 class EffectOn(Result):
-    """An effect on some joints; none for all of them, or for the robot as a whole."""
+    """An effect on some joints; none for all of them, or for the robot as a whole.
+
+    bodies : the body or tool frame that has an effect of a body; none for the one that it takes for granted.
+    """
 
     effect: str
     joints: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Its joints, or its body or tool frame."""
+        return self.joints or self.bodies
 
     @property
     def key(self) -> str:
-        """`effect[joints]`."""
-        return cause_key(self.effect, self.joints)
+        """`effect[joints]`, or `effect[body]`."""
+        return cause_key(self.effect, self.places)
 
 
 class EffectEstimate(Interval):
@@ -386,7 +395,13 @@ class Diagnosis(Result):
     def rows(self) -> list[dict[str, Any]]:
         """The ranking."""
         return [
-            {"effect": r.effect, "joints": ", ".join(r.joints), "nats": r.score_nats} for r in self.ranking
+            {
+                "effect": r.effect,
+                "joints": ", ".join(r.joints),
+                "bodies": ", ".join(r.bodies),
+                "nats": r.score_nats,
+            }
+            for r in self.ranking
         ]
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:

@@ -267,7 +267,7 @@ def inseparable_sentences(looked: Looked | None, pairs: Sequence[Inseparable]) -
 
 
 def _effect(cause: Cause) -> str:
-    return cause.effect + (f" of {', '.join(cause.joints)}" if cause.joints else "")
+    return cause.effect + (f" of {', '.join(cause.places)}" if cause.places else "")
 
 
 def _sizes(cause: Cause) -> str:

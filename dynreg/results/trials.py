@@ -50,12 +50,13 @@ class TrialResult(Result):
     """One simulated robot with a hidden effect (or none), and its diagnosis.
 
     hidden : id of the effect ("a+b" for two), null without one. size : weak, medium or strong.
+    joints, bodies : those that have it, as `EffectOn` has them.
     hidden_values : true values of the effect's parameters. true_parameters : true values of the robot's parameters.
     outside : the library has no name for what is hidden; then right means that no cause was named with confidence.
     named : key of the first cause. causes : keys of all causes.
     right : with a hidden effect: the verdict is named or ambiguous, and the first cause is the true effect or one of
     its exact group; of several hidden effects, each is among the causes in this sense. Without one: no cause was named.
-    joint_right : the first cause acts on the joint of the true effect; null if that acts on no single joint.
+    joint_right : the first cause acts on the joint (body, tool frame) of the true effect; null if that has no such.
     false_alarm : a cause was named, and there is no hidden effect. in_set : the true effect is the first cause or one
     of its equivalents. size_of_set : number of these. share_of_attainable_gain : (calibrated - extended) /
     (calibrated - true structure refitted), of the error on the test part. parameter_error : relative error of the
@@ -70,6 +71,7 @@ class TrialResult(Result):
     outside: bool = False
     size: Literal["weak", "medium", "strong"] | None = None
     joints: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
     hidden_values: dict[str, float] = {}
     true_parameters: dict[str, float] = {}
     named: str | None
@@ -172,7 +174,8 @@ class TrialTable(Result):
         """One row for each trial."""
         left_out = ("schema", "hidden_values", "true_parameters")
         rows = [
-            t.to_dict() | {"joints": ", ".join(t.joints), "causes": ", ".join(t.causes)} for t in self.trials
+            t.to_dict() | {key: ", ".join(getattr(t, key)) for key in ("joints", "bodies", "causes")}
+            for t in self.trials
         ]
         return [{k: v for k, v in row.items() if k not in left_out} for row in rows]
 

@@ -53,11 +53,11 @@ class SimConfig:
         )
 
 
-def terms_of(config: SimConfig) -> "Terms":
-    """The effects of a configuration as the terms of one simulator, for `rollout(..., terms=)`.
+def terms_of(config: SimConfig, robot: "Robot") -> "Terms":
+    """The effects of a configuration of `robot` as the terms of one simulator, for `rollout(..., terms=)`.
 
-    A shape that has no value takes its typical one. Raises UsageError for an unknown effect, or values that are not
-    those of its parameters.
+    A shape that has no value takes its typical one, and names of parameters that a version of dynreg before this one
+    stored are understood. Raises UsageError for an unknown effect, or values that are not those of its parameters.
     """
     import numpy as np
 
@@ -66,9 +66,7 @@ def terms_of(config: SimConfig) -> "Terms":
     terms, rows = [], []
     for key, values in config.effects.items():
         found = term(key)
-        # a shape that an effect has got since (the count of cogging) was its typical one
-        since = {p.name: p.medium for p in found.effect.parameters if p.shape and p.name not in values}
-        values = since | dict(values)
+        values = found.effect.told(robot, found.at, values)
         names = [p.name for p in found.effect.parameters]
         if sorted(values) != sorted(names):
             raise UsageError(

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from dynreg.errors import RobotError
+from dynreg.sim.masses import grow, moving_sites, weight_at
 from dynreg.sim.sets import Assignment, combine, matching
 
 _OBJECTS = MappingProxyType(
@@ -71,12 +72,16 @@ def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.n
 def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
     """Apply a named modifier from (B,) values.
 
-    gravity [m/s^2, downwards], mass [kg or factor; inertia in proportion], link_length [m or factor; the
-    link's children, geometry, mass (as length) and inertia (as length cubed, a slender rod)].
+    gravity [m/s^2, downwards], mass [kg or factor; inertia in proportion], added_mass [kg; at a site with the site's
+    shape, on a body spread as that is], link_length [m or factor; the link's children, geometry, mass (as length) and
+    inertia (as length cubed, a slender rod)].
     """
     if assignment.path == "gravity":
         gravity = batch.expand("opt.gravity")
         gravity[:, 2] = -combine(assignment.op, -gravity[:, 2], values)
+        return
+    if assignment.path == "added_mass":
+        _add_masses(batch, model, assignment, values)
         return
     bodies = matching(names_of(model, "body"), assignment.elements, assignment.text)
     for body in bodies:
@@ -87,6 +92,22 @@ def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndar
             batch.expand("body_mass")[:, body] = new
         else:
             _scale_link(batch, model, int(body), assignment, values)
+
+
+def _add_masses(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
+    sites, bodies = moving_sites(model), names_of(model, "body")
+    for name in assignment.elements or ("",):
+        if assignment.op != "+=" or not name or name not in (*sites, *bodies[1:]):
+            raise RobotError(
+                f"sets entry {assignment.text!r}",
+                expected=f"'modifier.added_mass[NAME] +=' with a site out of {sites} or a body out of "
+                f"{[one for one in bodies[1:] if one]}",
+                do="correct the entry",
+            )
+        if name in sites:
+            weight_at(model, name).add(batch.expand, slice(None), values)
+        else:
+            grow(batch.expand, model, slice(None), bodies.index(name), values[:, None])
 
 
 def _scale_link(batch, model: mujoco.MjModel, body: int, assignment: Assignment, values: np.ndarray) -> None:

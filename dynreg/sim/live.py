@@ -64,7 +64,7 @@ class LiveSimulator:
             raise UsageError(f"seed {seed!r}", expected="a whole number, or None", do="give another one")
         self.robot, self.config, self._seed = robot, config, seed
         self._values = robot.space.from_dict(dict(config.values))[None]
-        self._terms = terms_of(config)
+        self._terms = terms_of(config, robot)
         known = dict(zip(robot.settings, (s.nominal for s in robot.file.settings), strict=True))
         self._settings = _told("setting", settings, known)
         self._inputs = _told("input", inputs, dict(zip(robot.inputs, robot.input_defaults, strict=True)))

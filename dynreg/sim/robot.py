@@ -102,6 +102,15 @@ class Robot:
         return -1 if name is None else names.index(name)
 
     @property
+    def tools(self) -> tuple[str, ...]:
+        """Names of the tool frames: sites of bodies that move; RobotError where the model has no such site."""
+        from dynreg.sim.masses import weight_at
+
+        for name in self.file.robot.tools:
+            weight_at(self.model, name)
+        return tuple(self.file.robot.tools)
+
+    @property
     def input_defaults(self) -> np.ndarray:
         """(I,) values where a log lacks the input: nominal ones, drives enabled."""
         given = [i.nominal for i in self.file.inputs]

@@ -1,7 +1,7 @@
 """The `sets` grammar of robot.toml: "TARGET OP" says what a value does to a simulator.
 
 TARGET is `mj.<MjModel field>[<elements>][<index>]`, `port.<port>.<key>[<joints or actions>]`,
-`control.<key>` or `modifier.<name>[<bodies>]`; elements are names or globs, separated by commas; OP is `=`,
+`control.<key>` or `modifier.<name>[<bodies or sites>]`; elements are names or globs, separated by commas; OP is `=`,
 `+=` or `*=`.
 """
 
@@ -19,7 +19,7 @@ _FORM = re.compile(
 )
 NAMES = {
     "control": ("rate", "noise", "max_step", "clock"),
-    "modifier": ("link_length", "mass", "gravity"),
+    "modifier": ("link_length", "mass", "added_mass", "gravity"),
 }
 DRIVE_DEFAULTS = {  # of drives whose type does not have the key
     "gain": 1.0,

@@ -44,6 +44,11 @@ class RobotTable(Table):
     integrator: Literal["euler", "implicitfast", "rk4"] | None = Field(
         default=None, description="Integrator of the `mujoco` engine; without it, the one in the MJCF model."
     )
+    tools: list[str] = Field(
+        default_factory=list,
+        description="Sites of the MJCF model where the robot may carry something, such as its flange: a diagnosis "
+        "looks for a `payload` at each of them. The site's type and size are the payload's shape.",
+    )
     title: str = Field(default="", description="One line for people.")
     source: str = Field(default="", description="Where the model and its numbers come from.")
 

@@ -142,6 +142,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
             Cause(
                 effect=term.effect.id,
                 joints=term.joints,
+                bodies=term.bodies,
                 title=term.effect.title,
                 verdict=later if number else made.verdict,
                 parameters={name: EffectEstimate(**vars(e)) for name, e in seen.causes[number].items()},
@@ -224,7 +225,13 @@ def _ranking(made: Diagnosed) -> tuple[Ranked, ...]:
         for scored in naming.ranking:
             term = scored.point.hypothesis.terms[-1]
             out.append(
-                Ranked(effect=term.effect.id, joints=term.joints, score_nats=scored.nats, round=number)
+                Ranked(
+                    effect=term.effect.id,
+                    joints=term.joints,
+                    bodies=term.bodies,
+                    score_nats=scored.nats,
+                    round=number,
+                )
             )
     return tuple(out)
 

@@ -25,6 +25,7 @@ def looked(made: Diagnosed, seen: Account) -> Looked | None:
     return Looked(
         effect=examined.cause.effect.id,
         joints=examined.cause.joints,
+        bodies=examined.cause.bodies,
         rivals=tuple(one.pair[1].key for one in examined.beside),
         alone=_documents(alone),
         whatever=_documents(widest),

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dynreg.errors import command
+from dynreg.errors import UsageError, command
 from dynreg.evidence.estimate import NORMAL_90, free_quantities, unit_of
 from dynreg.evidence.gaussian import Gaussian, coordinates
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
@@ -37,7 +37,8 @@ Answer = Neighbours | Diagnosis
 
 def opened(result: str, answer: Answer, found: Simulator) -> Open:
     """What an answer (of that id) leaves open about the simulator that it made."""
-    robot, terms = found.robot, terms_of(found.config)
+    robot = found.robot
+    terms = terms_of(found.config, robot)
     values = robot.space.from_dict(dict(found.config.values))
     told = answer.parameters if isinstance(answer, Diagnosis) else answer.synthesised.parameters
     kept = answer.posterior if isinstance(answer, Diagnosis) else answer.synthesised.posterior
@@ -134,8 +135,14 @@ def _sizes(answer: Answer, robot: Robot, terms: Terms) -> dict[str, Interval]:
     for term, values in zip(terms.terms, terms.values, strict=True):
         for p, value in zip(term.effect.parameters, values[0], strict=True):
             name, value = f"{term.key}.{p.name}", float(value)
-            if term.key in causes:
+            if p.name in causes.get(term.key, {}):
                 out[name] = causes[term.key][p.name]
+            elif term.key in causes:
+                raise UsageError(
+                    f"the result has {term.key} with {sorted(causes[term.key])}, as an earlier version named it",
+                    expected=f"its {p.name}",
+                    do="diagnose the recording again",
+                )
             elif posterior and name in posterior.names:
                 sides = [posterior.centre + z * posterior.deviations for z in (-NORMAL_90, NORMAL_90)]
                 ends = [float(posterior.values(z)[posterior.names.index(name)]) for z in sides]

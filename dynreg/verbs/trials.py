@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynreg.data.names import joint_of
 from dynreg.diagnose.threshold import Threshold
 from dynreg.diagnose.trial import (
     Trial,
@@ -72,6 +71,7 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
         outside=hidden.outside,
         size=hidden.size if hidden.anything else None,
         joints=hidden.joints,
+        bodies=hidden.bodies,
         hidden_values=_values(hidden),
         true_parameters=robot.space.as_dict(hidden.parameters),
         named=first.key if first else None,
@@ -99,7 +99,8 @@ def _values(hidden: Hidden) -> dict[str, float]:
 
 def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: int, seed: int) -> list[Trial]:
     """The hidden effects of every robot; the arguments are those of `TrialSettings`."""
-    shared = [t for t in single_terms(robot) if not t.joints]
+    every = single_terms(robot)
+    shared = [t for i, t in enumerate(every) if t.effect.id not in {one.effect.id for one in every[:i]}]
     seeds = [stream_seed(seed, "trial", i) % 2**31 for i in range(count)]
     if hide == "nothing":
         return [Trial((), None, s) for s in seeds]
@@ -141,8 +142,8 @@ def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:
     """The terms with these keys. Raises UsageError if one of them cannot act on the robot."""
     chosen = tuple(term(key) for key in keys)
     for t in chosen:
-        unknown = set(t.joints) - {joint_of(name) for name in robot.actions}
-        reason = f"it has no joint {min(unknown)!r}" if unknown else t.effect.why_not(robot)
+        wrong = t.effect.misplaced(robot, t.at)
+        reason = t.effect.why_not(robot) or (wrong and wrong[0])
         if reason:
             raise UsageError(
                 f"effect {t.key!r} on robot {robot.name!r}: {reason}",

@@ -51,7 +51,7 @@ def frames(robot: Robot, recording: Recording, config: SimConfig, *, threads: in
     """
     cut, rows = windows(robot, recording), rows_of(robot, recording)
     values = robot.space.from_dict(dict(config.values))[None]
-    states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config)).states[0, :]
+    states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config, robot)).states[0, :]
     parts, begin = [], _begins(rows)
     for w, (n, (first, stop)) in enumerate(zip(cut.episode.tolist(), cut.rows.tolist(), strict=True)):
         times = rows.time[n][first:stop] - rows.time[n][0] + begin[n]

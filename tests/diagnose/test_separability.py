@@ -28,3 +28,11 @@ def test_neighbours_on_several_joints_are_not_the_effect_itself_nor_of_the_group
     play = {t.key for t in neighbours(robot, term("backlash[knee]"), terms)}
     assert "joint_elasticity[knee]" in play
     assert not {"joint_elasticity[hip_roll]", "backlash", "backlash[knee]", "backlash[hip_roll]"} & play
+
+
+def test_the_same_on_another_body_is_a_neighbour():
+    robot = load_robot("leg")
+    near = {t.key for t in neighbours(robot, term("payload"), single_terms(robot))}
+    assert "payload[shank]" in near and "payload" not in near
+    elsewhere = {t.key for t in neighbours(robot, term("payload[shank]"), single_terms(robot))}
+    assert "payload" in elsewhere and "payload[shank]" not in elsewhere

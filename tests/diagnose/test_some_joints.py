@@ -169,7 +169,8 @@ def test_effects_that_have_no_place_are_told_with_the_reason():
     ):
         offered(model, data, replace(some, effects=("payload",)))
     every = replace(some, joints=ARM.driven, effects=("payload",))
-    assert [t.key for t in offered(model, data, every)] == ["payload"]
+    places = ["payload", "payload[wrist]", "payload[gripper]", "payload[jaw]"]
+    assert [t.key for t in offered(model, data, every)] == places
     assert set(no_candidates(model.robot, data, replace(some, effects=None), ())) >= {
         "payload",
         "gravity_tilt",

@@ -203,3 +203,13 @@ def test_what_is_not_understood_is_said(tmp_path):
     assert any("pull" in note for note in made.notes) and any("tendon" in note for note in made.notes)
     assert "pull" in made.files["robot.toml"].decode()
     assert problems(made.robot) == []
+
+
+def test_sites_that_are_named_for_a_tool_are_where_the_robot_may_carry(tmp_path):
+    text = MODELS["position"][0].replace(
+        '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015"',
+        '<site name="attachment_site" pos="0.2 0 0"/><site name="wheel"/><site name="knee2"/>'
+        '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015"',
+    )
+    assert drafted(tmp_path, text).robot.tools == ("attachment_site",)
+    assert drafted(tmp_path, MODELS["position"][0]).robot.tools == ()

@@ -65,7 +65,7 @@ def config(robot: Robot, *keys: str, sign: float = 1.0) -> SimConfig:
 
 def states(robot: Robot, made: SimConfig, run: Run, engine: str | None = None) -> np.ndarray:
     values = robot.space.from_dict(made.values)[None]
-    return rollout(robot, values, run, engine=engine, terms=terms_of(made)).states[0]
+    return rollout(robot, values, run, engine=engine, terms=terms_of(made, robot)).states[0]
 
 
 def bank(robot: Robot, steps: int = 40) -> Run:

@@ -106,14 +106,14 @@ def test_sizes_of_effects_are_drawn_and_are_those_of_the_engine(diagnosed, examp
     robot = load_robot("servo_pendulum")
     ranges = written(diagnosed, "payload", tmp_path / "ranges.toml")
     assert [(e["key"], e["carried_by"]) for e in ranges["effect"]] == [("payload", "fields")]
-    assert ranges["free"][-1]["name"] == "payload.share" and ranges["verdict"] == "named"
+    assert ranges["free"][-1]["name"] == "payload.mass" and ranges["verdict"] == "named"
     folder = diagnosed.export_robot(ranges["simulator"], tmp_path / "robot")
     drawn = example.draw(ranges, 4, stream(0, "example"))
-    shares = np.array([[one.pop("payload.share")] for one in drawn])
+    masses = np.array([[one.pop("payload.mass")] for one in drawn])
     values = np.array([robot.space.from_dict(one) for one in drawn])
-    arena = Arena(robot, values, Run(np.zeros((1, 1, 1))), terms=Terms((term("payload"),), (shares,)))
-    for one, share in zip(drawn, shares[:, 0], strict=True):
-        one["payload.share"] = float(share)
+    arena = Arena(robot, values, Run(np.zeros((1, 1, 1))), terms=Terms((term("payload"),), (masses,)))
+    for one, mass in zip(drawn, masses[:, 0], strict=True):
+        one["payload.mass"] = float(mass)
     same(example, mujoco.MjModel.from_xml_path(folder.mjcf), ranges, drawn, arena)
 
 
@@ -147,7 +147,7 @@ def test_the_posterior_of_a_diagnosis_has_its_intervals(diagnosed, example, tmp_
     ranges = written(diagnosed, "payload", tmp_path / "ranges.toml")
     found = diagnosed.result("payload")
     rows = columns(example.draw(ranges, MANY, stream(0, "diagnosis")), ranges)
-    told = {**found.parameters, "payload.share": found.causes[0].parameters["share"]}
+    told = {**found.parameters, "payload.mass": found.causes[0].parameters["mass"]}
     for q, (low, high) in zip(ranges["free"], np.quantile(rows, (0.05, 0.95), axis=0).T, strict=True):
         e = told[q["name"]]
         slack = 0.04 * (

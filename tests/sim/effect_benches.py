@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from dynreg.sim.effects import Effect, Term, Terms
-from dynreg.sim.effects.body import at_reset, driven_dofs, lever
+from dynreg.sim.effects.body import at_reset, carrier, driven_dofs, lever
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation, reset_pose
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
@@ -53,7 +53,7 @@ def plain(bench: Bench) -> np.ndarray:
 
 @cache
 def bench(name: str) -> Bench:
-    """servo (lively: it saturates), servo_mujoco, servo_short, air (the leg hangs), stand, lean (a quadruped), wheels.
+    """servo (lively: it saturates), servo_mujoco, servo_short, arm, air, stand (a leg), lean (a quadruped), wheels.
 
     The two on the ground move slowly, so that contacts neither open nor close by chance.
     """
@@ -79,6 +79,11 @@ def bench(name: str) -> Bench:
         return Bench(
             name, robot, Run((reset_pose(robot) + sway * np.tile([0.1, 0.15, -0.2], 4))[None]), "mujoco"
         )
+    if name == "arm":
+        robot = load_robot("so101")
+        alone = robot.file.robot.model_copy(update={"engines": ["mujoco"]})
+        robot = replace(robot, file=robot.file.model_copy(update={"robot": alone}))
+        return Bench(name, robot, excitation(robot, seed=3, name="effects", episodes=2, steps=60), "mujoco")
     robot = load_robot("leg")
     if name == "stand":
         sway = np.sin(np.pi * np.arange(60) / 60)[:, None]
@@ -112,7 +117,9 @@ def unit_of(robot: Robot, per: str) -> float:
         model, data = robot.model, at_reset(robot)
         return float(data.M[model.M_rowadr + model.M_rownnz - 1][driven_dofs(robot)].mean())
     if per == "length":
-        return lever(robot)
+        return lever(robot, carrier(robot))
+    if per == "mass":
+        return float(robot.model.body_mass[carrier(robot)])
     return {
         "1": 1.0,
         "command": 1.0,
@@ -128,7 +135,7 @@ def mixed(robot: Robot, rows: Sequence[Row]) -> Terms:
     for e in effects:
         absent = np.full(len(e.parameters), np.nan)
         columns.append(np.array([values_at(e, robot, row[e]) if e in row else absent for row in rows]))
-    return Terms(tuple(Term(e) for e in effects), tuple(columns))
+    return Terms(tuple(Term(e, e.places(robot)[0]) for e in effects), tuple(columns))
 
 
 def rms(change: np.ndarray) -> float:

@@ -28,7 +28,7 @@ def runs(robot, steps: int = 30) -> tuple[Run, Run]:
 
 def effects(robot, name: str) -> Terms | None:
     """The same in two simulators."""
-    terms = terms_of(SimConfig(robot.hash, robot.name, {}, EFFECTS[name]))
+    terms = terms_of(SimConfig(robot.hash, robot.name, {}, EFFECTS[name]), robot)
     return Terms(terms.terms, tuple(np.repeat(v, 2, axis=0) for v in terms.values)) if EFFECTS[name] else None
 
 
@@ -105,7 +105,7 @@ def test_the_slope_turns_gravity_that_an_effect_has_tilted() -> None:
     run = Run(np.tile(robot.model.keyframe("stance").ctrl, (1, 2, 1)), period=1 / robot.rate)
 
     def gravity(tilt: float, slope: float) -> np.ndarray:
-        terms = terms_of(SimConfig(robot.hash, robot.name, {}, {"gravity_tilt": {"angle": tilt}}))
+        terms = terms_of(SimConfig(robot.hash, robot.name, {}, {"gravity_tilt": {"angle": tilt}}), robot)
         arena = Arena(robot, robot.space.nominal[None], run, threads=1, terms=terms, slope=slope)
         return arena.model(0).opt.gravity
 

@@ -50,7 +50,7 @@ def told(robot: Robot, run: Run) -> Mapping[str, float]:
 
 def rolled(robot: Robot, config: SimConfig, run: Run) -> np.ndarray:
     """(T+1, S) the states of the engine."""
-    values, terms = robot.space.from_dict(dict(config.values)), terms_of(config)
+    values, terms = robot.space.from_dict(dict(config.values)), terms_of(config, robot)
     return rollout(robot, values[None], run, engine="mujoco", terms=terms if terms.terms else None).states[
         0, 0
     ]

@@ -38,7 +38,7 @@ def _errors(
     starts = [(e, at) for e in recording.episodes for at in range(0, len(e.time) - steps, stride)]
     measured = np.stack([e.values[at : at + steps + 1, states] for e, at in starts])
     commands = np.stack([e.values[at : at + steps, actions] for e, at in starts])
-    terms = terms_of(SimConfig(robot.hash, robot.name, {}, effects or {}))
+    terms = terms_of(SimConfig(robot.hash, robot.name, {}, effects or {}), robot)
     run = Run(commands, initial=measured[:, 0])
     out = rollout(robot, robot.space.nominal[None], run, engine=engine, threads=1, terms=terms)
     return out.states[0] - measured

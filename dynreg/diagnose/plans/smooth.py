@@ -25,9 +25,9 @@ class Smooth(Plan):
     the same chance. rounds : of naming, where the first found a model without the term that is `better` [nats] on its
     way. last : iterations of the calibrated simulator's last fit. On bench_constants half and twice of `rivals` and
     `rounds`, of `better`, of `again` and of `last` name the same.
-    checked, checks : the best hypotheses that are scored anew by the finer time step itself, and the iterations by which
-    they and the model without them are polished with it, where the time step disturbs. Its correction is that of the
-    calibrated simulator: what it lacks elsewhere passes for a cause.
+    checked, checks : the best hypotheses that are scored anew by the finer time step itself, where the time step
+    disturbs, and the iterations by which they and the model without them are polished with it. The correction is that
+    of the calibrated simulator: what it lacks elsewhere passes for a cause.
     """
 
     iterations: int = 5

@@ -6,7 +6,7 @@ from typing import Any
 
 from dynreg.errors import UsageError
 from dynreg.plugins import with_plugins
-from dynreg.sim.effects import body, command, contact, drive, friction, sensor, transmission, wheels
+from dynreg.sim.effects import body, command, contact, drive, friction, sensor, stand, transmission, wheels
 from dynreg.sim.effects.effect import (
     SIZES,
     Effect,
@@ -54,10 +54,12 @@ _PACKAGED = (
     transmission.JointElasticity,
     transmission.MotorBacklash,
     transmission.MotorElasticity,
+    transmission.CableCoupling,
     body.Payload,
     body.ComOffset,
     body.Inertia,
     body.GravityTilt,
+    stand.StandCompliance,
     contact.GroundFriction,
     contact.SecondFrictionMaterial,
     contact.ContactCompliance,
@@ -97,11 +99,14 @@ def effect(name: str) -> Effect:
 
 
 def term(key: str) -> Term:
-    """The term that a key such as "load_friction" or "backlash[fl_hip]" names; UsageError where it is none."""
-    name, bracket, joints = key.partition("[")
-    if bracket and not joints.endswith("]"):
+    """The term that a key such as "load_friction", "backlash[fl_hip]" or "payload[flange]" names.
+
+    Raises UsageError where it is none.
+    """
+    name, bracket, places = key.partition("[")
+    if bracket and not places.endswith("]"):
         raise UsageError(f"effect {key!r}", expected="EFFECT or EFFECT[JOINT,...]", do="close the bracket")
-    chosen = tuple(j.strip() for j in joints[:-1].split(",")) if bracket else ()
+    chosen = tuple(p.strip() for p in places[:-1].split(",")) if bracket else ()
     return Term(effect(name), chosen)
 
 
@@ -111,11 +116,8 @@ def applicable(robot: Robot) -> dict[str, Effect]:
 
 
 def placed(robot: Robot, effect: Effect) -> list[Term]:
-    """The effect on all joints that a robot drives, and on each of them where it drives several."""
-    single = (
-        [Term(effect, (j,)) for j in robot.driven] if effect.alone(robot) and len(robot.driven) > 1 else []
-    )
-    return [Term(effect), *single]
+    """The effect at every place where it is looked for: all joints and each of them, or bodies and tool frames."""
+    return [Term(effect, at) for at in effect.places(robot)]
 
 
 __all__ = [

@@ -1,9 +1,12 @@
 """Effects of bodies: masses, inertia and gravity are not where the model has them."""
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Site, Values
+from dynreg.sim.masses import grow, weight_at
 from dynreg.sim.robot import Robot
 
 
@@ -17,23 +20,57 @@ class _OfMasses(Effect):
         return "no engine of the robot has masses" if robot.planar else None
 
 
-class Payload(_OfMasses):
-    """The carrying body (the heaviest that the joints move; a floating base's own) is heavier."""
+class _OnBody(_OfMasses):
+    """Of one body: without a name the carrying one (the heaviest that the joints move; a floating base's own)."""
+
+    scope = "body"
+
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        return ((), *((name,) for name in distal_bodies(robot)))
+
+    def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
+        names = moving_bodies(robot)
+        if len(at) > 1:
+            return f"{len(at)} places", "one body"
+        return (f"no body {at[0]!r} moves", f"one of {names}") if at and at[0] not in names else None
+
+
+class Payload(_OnBody):
+    """A mass that the model does not have: on a body, about its centre, or at a tool frame with the site's shape."""
 
     id, title = "payload", "the robot carries more mass than the model"
-    parameters = (EffectParameter("share", "1", "share of the body's mass", 0.05, 0.15, 0.40, 3.0),)
+    parameters = (EffectParameter("mass", "kg", "added mass", 0.05, 0.15, 0.40, 3.0, per="mass"),)
     near = ("inertia", "coulomb_friction", "drive_gain")
     separate_by = "a slow triangle against a chirp, or a known mass added"
 
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        return (*super().places(robot), *((name,) for name in robot.tools))
+
+    def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
+        if len(at) == 1 and at[0] in robot.tools:
+            return None
+        wrong = super().misplaced(robot, at)
+        return wrong and (wrong[0], f"{wrong[1]}, or of the tools {list(robot.tools)}")
+
+    def told(self, robot: Robot, at: tuple[str, ...], values: Mapping[str, float]) -> Mapping[str, float]:
+        # simulators of dynreg before 0.2 have it as a share of the carrying body's mass
+        if {*values} != {"share"} or at:
+            return values
+        return {"mass": values["share"] * float(robot.model.body_mass[carrier(robot)])}
+
+    def sets(self, robot: Robot, at: tuple[str, ...]) -> Mapping[str, str]:
+        return {"mass": f"modifier.added_mass[{at[0]}] +="} if at and at[0] in robot.tools else {}
+
     def configure(self, site: Site, p: Values) -> None:
-        # a share of the model's own mass: a known mass that a setting adds stays what it is
-        body, model = carrier(site.robot), site.robot.model
-        site.expand("body_mass")[site.rows, body] += p["share"][:, 0] * model.body_mass[body]
-        site.expand("body_inertia")[site.rows, body] += p["share"] * model.body_inertia[body]
+        model = site.robot.model
+        if site.at and site.at[0] in site.robot.tools:
+            weight_at(model, site.at[0]).add(site.expand, site.rows, p["mass"][:, 0])
+        else:
+            grow(site.expand, model, site.rows, body_at(site.robot, site.at), p["mass"])
 
 
-class ComOffset(_OfMasses):
-    """The carrying body's centre of mass lies beside where the model has it."""
+class ComOffset(_OnBody):
+    """A body's centre of mass lies beside where the model has it."""
 
     id, title = "com_offset", "the centre of mass lies beside the model's"
     parameters = (
@@ -59,9 +96,8 @@ class ComOffset(_OfMasses):
         return (robot.model.joint(hinge).name,) if alone and hinge is not None else None
 
     def configure(self, site: Site, p: Values) -> None:
-        body = carrier(site.robot)
-        across = direction_across(site.robot)
-        site.expand("body_ipos")[site.rows, body] += p["shift"] * across
+        body = body_at(site.robot, site.at)
+        site.expand("body_ipos")[site.rows, body] += p["shift"] * direction_across(site.robot, body)
 
 
 class Inertia(Effect):
@@ -131,6 +167,58 @@ def carrier(robot: Robot) -> int:
     return int(np.argmax(np.where(moving, model.body_mass, -1.0)))
 
 
+def body_at(robot: Robot, at: tuple[str, ...]) -> int:
+    """The body that a place names; the carrying one where it names none."""
+    return int(robot.model.body(at[0]).id) if at else carrier(robot)
+
+
+def moving_bodies(robot: Robot) -> list[str]:
+    """Names of the bodies that joints move."""
+    model = robot.model
+    return [model.body(b).name for b in range(1, model.nbody) if model.body_weldid[b] and model.body(b).name]
+
+
+def distal_bodies(robot: Robot) -> list[str]:
+    """Names of the bodies, besides the carrying one, where a robot on a fixed base may carry something.
+
+    They are the outer half of each chain of bodies after which nothing branches: nearer to the base a mass does little
+    that friction and gains could not do. Of bodies welded together it is the first, as they move as one. A robot on a
+    floating base carries on its base, or at a tool frame.
+    """
+    model = robot.model
+    if robot.planar or (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+        return []
+    roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+    after: dict[int, list[int]] = {b: [] for b in (0, *roots)}
+    for body in roots:
+        after[int(model.body_weldid[model.body_parentid[body]])].append(body)
+    found = []
+    for leaf in (b for b in roots if not after[b]):
+        chain = [leaf]
+        while (parent := int(model.body_weldid[model.body_parentid[chain[-1]]])) and len(after[parent]) == 1:
+            chain.append(parent)
+        found += chain[: max(1, len(chain) // 2)]
+    carrying = int(model.body_weldid[carrier(robot)])
+    return [name for b in sorted(found) if b != carrying and (name := model.body(b).name)]
+
+
+def neighbours(robot: Robot) -> tuple[tuple[str, str], ...]:
+    """Pairs of driven hinges of which the second hangs on the first with no other driven joint between them."""
+    model, out = robot.model, []
+    hinges = [j for j in robot.driven if model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_HINGE]
+    numbers = {j: int(model.joint(j).id) for j in robot.driven}
+    for second in hinges:
+        below = [j for j in robot.driven if j != second and _hangs_on(model, numbers[second], numbers[j])]
+        # the last of them hangs on all the others
+        last = [
+            j
+            for j in below
+            if sum(_hangs_on(model, numbers[j], numbers[k]) for k in below if k != j) == len(below) - 1
+        ]
+        out += [(first, second) for first in last if first in hinges]
+    return tuple(out)
+
+
 def driven_dofs(robot: Robot) -> np.ndarray:
     """(A,) degree of freedom of each action's joint."""
     model = robot.model
@@ -176,25 +264,25 @@ def _hangs_on(model, joint: int, other: int) -> bool:
     return False
 
 
-def direction_across(robot: Robot) -> np.ndarray:
-    """(3,) in the carrier's frame: across the link in the plane of its motion, forward (x) on a floating base."""
-    model, body = robot.model, carrier(robot)
+def direction_across(robot: Robot, body: int) -> np.ndarray:
+    """(3,) in a body's frame: across the link in the plane of its motion, forward (x) on a floating base."""
+    model = robot.model
     if (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
         return np.array([1.0, 0.0, 0.0])
     data = at_reset(robot)
-    joint = _moving_joint(robot)
+    joint = _moving_joint(robot, body)
     across = np.cross(data.xaxis[joint], data.xipos[body] - data.xanchor[joint])
     length = np.linalg.norm(across)
     across = across / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
     return data.xmat[body].reshape(3, 3).T @ across
 
 
-def lever(robot: Robot) -> float:
-    """[m] from the joint that moves the carrier to its centre of mass; 0.1 where they coincide."""
+def lever(robot: Robot, body: int) -> float:
+    """[m] from the joint that moves a body to its centre of mass; 0.1 where they coincide."""
     if (robot.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
         return float(robot.model.stat.extent) / 4
     data = at_reset(robot)
-    length = float(np.linalg.norm(data.xipos[carrier(robot)] - data.xanchor[_moving_joint(robot)]))
+    length = float(np.linalg.norm(data.xipos[body] - data.xanchor[_moving_joint(robot, body)]))
     return length if length > 1e-3 else 0.1
 
 
@@ -208,8 +296,8 @@ def at_reset(robot: Robot):
     return data
 
 
-def _moving_joint(robot: Robot) -> int:
-    model, body = robot.model, carrier(robot)
+def _moving_joint(robot: Robot, body: int) -> int:
+    model = robot.model
     while body and not model.body_jntnum[body]:
         body = int(model.body_parentid[body])
     return int(model.body_jntadr[body])

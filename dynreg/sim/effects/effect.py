@@ -24,8 +24,9 @@ class EffectParameter:
     """One number of an effect.
 
     unit : of the value. per : the quantity that sizes are multiples of: "1", "torque" (the joint's torque limit),
-    "stiffness" (of its servo), "inertia" (of the joint), "length" (joint to centre of mass), "command" (the largest
-    one of a drive that is told a speed; else 1: such units are written for positions).
+    "stiffness" (of its servo), "inertia" (of the joint), "length" (joint to centre of mass), "mass" (of the heaviest
+    body that moves), "command" (the largest one of a drive that is told a speed; else 1: such units are written for
+    positions).
     weak, medium, strong : sizes in multiples of `per`; below weak the effect is not worth naming. A parameter
     of shape (how fast, how wide) has the same three sizes: its typical value.
     most : largest size that a fit may reach. signed : whether the size can be negative. inverse : the effect
@@ -41,7 +42,7 @@ class EffectParameter:
     medium: float
     strong: float
     most: float
-    per: Literal["1", "torque", "stiffness", "inertia", "length", "command"] = "1"
+    per: Literal["1", "torque", "stiffness", "inertia", "length", "mass", "command"] = "1"
     signed: bool = False
     inverse: bool = False
     shape: bool = False
@@ -102,7 +103,7 @@ class Site:
 
     rows : index of its simulators. joints : numbers of its drives (columns of the ports). expand(field) is the
     MjModel field of all simulators (B, ...), to be changed in place at `rows`; an engine without a MuJoCo model
-    has no such fields. memory : the effect's own state, which `Moment.memory` then holds.
+    has no such fields. memory : the effect's own state, which `Moment.memory` then holds. at : the term's place.
     """
 
     robot: Robot
@@ -111,6 +112,7 @@ class Site:
     joints: np.ndarray
     expand: Callable[[str], np.ndarray]
     memory: dict[str, np.ndarray] = field(default_factory=dict)
+    at: tuple[str, ...] = ()
 
     def drive(self, key: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
         """Replace one key of the drives of these rows and joints by `change` of it."""
@@ -135,12 +137,16 @@ class Effect:
     id : stable name. acts_on : command, drive, friction, transmission, body, contact or sensor.
     group : the exact equivalence group; no excitation of the standard protocol separates its members.
     near : effects that only the right excitation separates from this one. separate_by : that experiment.
-    scope : "joint" (one, several or all joints), "robot" (the whole).
+    scope : where it acts, and so what the names of a term's place are: "joint" (one, several or all joints), "body"
+    (a body or a tool frame; without a name the one that the effect takes for granted), "robot" (the whole).
 
     Ports
     -----
+    remodel(robot) : the robot with another model; simulators that have the effect run on that, apart from others, and
+        only on the mujoco engine.
     configure(site, p) : write model fields and port constants once, before anything moves.
     feedback(q, v, x, p) : (rows, joints) position and speed that the drive's encoder says -> those that its loop sees.
+    begin(robot, batch, rows) : change the state in which an episode starts, in a mujoco.batch.Batch of that model.
     command(u, x, p) : (rows, joints) commands -> commands.
     encoder(x, p) : how far ahead of the joint the encoder's shaft stands [rad] and how much faster it turns, (rows,
         joints) each, for an encoder that does not sit on the joint. It is asked at first, when `x.torque` is what the
@@ -160,10 +166,12 @@ class Effect:
     group: ClassVar[str] = ""
     near: ClassVar[tuple[str, ...]] = ()
     separate_by: ClassVar[str] = ""
-    scope: ClassVar[Literal["joint", "robot"]] = "joint"
+    scope: ClassVar[Literal["joint", "body", "robot"]] = "joint"
 
+    remodel: ClassVar[Callable | None] = None
     configure: ClassVar[Callable | None] = None
     feedback: ClassVar[Callable | None] = None
+    begin: ClassVar[Callable | None] = None
     command: ClassVar[Callable | None] = None
     encoder: ClassVar[Callable | None] = None
     drive: ClassVar[Callable | None] = None
@@ -178,6 +186,29 @@ class Effect:
     def alone(self, robot: Robot) -> bool:
         """Whether it is looked for in single joints, too."""
         return self.scope == "joint"
+
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        """Where it is looked for: () for all joints, or for the place that it takes for granted."""
+        single = self.alone(robot) and len(robot.driven) > 1
+        return ((), *((joint,) for joint in robot.driven)) if single else ((),)
+
+    def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
+        """What is wrong with a place, and what is expected; None where the effect can act there."""
+        unknown = sorted({*at} - {*robot.joints})
+        return (
+            (f"no action drives {unknown[0]!r}", f"joints out of {sorted(robot.driven)}") if unknown else None
+        )
+
+    def told(self, robot: Robot, at: tuple[str, ...], values: Mapping[str, float]) -> Mapping[str, float]:
+        """The values of a stored simulator by the names of today's parameters; as they are unless names changed.
+
+        A shape that the effect has got since (the count of cogging) was its typical one.
+        """
+        return {p.name: p.medium for p in self.parameters if p.shape and p.name not in values} | dict(values)
+
+    def sets(self, robot: Robot, at: tuple[str, ...]) -> Mapping[str, str]:
+        """{parameter: entry of `sets` in robot.toml that does the same}, where one entry says it as it is."""
+        return {}
 
     def about(self, robot: Robot, joints: tuple[str, ...]) -> tuple[str, ...] | None:
         """Joints at which the exact group's members cannot be told apart, when this one acts on `joints`.
@@ -208,15 +239,29 @@ class OfAnyDrive(Effect):
 
 @dataclass(frozen=True)
 class Term:
-    """An effect on some joints of a robot; no joints for all of them, or for the robot as a whole."""
+    """An effect at a place of a robot.
+
+    at : names of joints, or of a body or tool frame, as the effect's scope says; none for all joints, for the place
+    that the effect takes for granted, or for the robot as a whole.
+    """
 
     effect: Effect
-    joints: tuple[str, ...] = ()
+    at: tuple[str, ...] = ()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that have it; none for all of them, and for an effect of a body or of the whole robot."""
+        return self.at if self.effect.scope == "joint" else ()
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body or tool frame that has it; none for the one that the effect takes for granted."""
+        return self.at if self.effect.scope == "body" else ()
 
     @property
     def key(self) -> str:
-        """ "load_friction", or "load_friction[arm]" where not all joints have it."""
-        return self.effect.id + (f"[{','.join(self.joints)}]" if self.joints else "")
+        """ "load_friction", or "load_friction[arm]" where not all joints have it; "payload[flange]"."""
+        return self.effect.id + (f"[{','.join(self.at)}]" if self.at else "")
 
 
 def one_group(robot: Robot, first: Term, second: Term) -> bool:

@@ -1,21 +1,22 @@
-"""Effects between motor and joint: the motor is a body of its own.
+"""Effects between motor and joint: the motor is a body of its own, or moves two joints.
 
-The encoder sits on the output, and neither it nor the log sees the motor; or, of `motor_backlash` and
-`motor_elasticity`, on the motor, and neither it nor the log sees the joint. The motor is a part of the joint's
-reflected inertia (`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what the loose
-transmission passes, minus what a rigid one passes. So a transmission without play and compliance is the plain model, to
-the bit.
+Of backlash and elasticity: the encoder sits on the output, and neither it nor the log sees the motor; or, of
+`motor_backlash` and `motor_elasticity`, on the motor, and neither it nor the log sees the joint. The motor is a part of
+the joint's reflected inertia (`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what
+the loose transmission passes, minus what a rigid one passes. So a transmission without play and compliance is the plain
+model, to the bit.
 """
 
 from typing import Any
 
 import numpy as np
 
-from dynreg.sim.effects.body import driven_dofs
+from dynreg.sim.effects.body import driven_dofs, neighbours
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, Site, Values, drives
 from dynreg.sim.robot import Robot
 
 ROTOR = 0.5  # of the joint's armature that turns with the motor, at least
+COUPLED_SPEED = 0.01  # rad/s at which the friction of a coupled motor has three quarters of its torque
 LIGHT = 0.02  # of the joint's inertia
 RIGID = 0.2  # joint inertia / time step^2: stiffness of a rigid transmission, which the time step can follow
 
@@ -88,6 +89,70 @@ class JointElasticity(_Transmission):
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         return torque + loosened(torque, x, gap=None, compliance=p["compliance"])
+
+
+class CableCoupling(Effect):
+    """A motor that turns with two joints, one after the other: its friction acts on the sum of both speeds.
+
+    So it is where the cables or the gear of a joint run through the one before (the wrist of a Staubli TX40, joints 5
+    and 6). With speed = v + s v', s the sign of `torque` (below 0 the motor turns with the difference):
+    |torque| tanh(speed / COUPLED_SPEED) + coefficient speed is taken off the first joint, and s times as much off the
+    second. The motor's inertia is left out: in that wrist it is a hundredth of the links'.
+    """
+
+    id, acts_on, title = "cable_coupling", "transmission", "a motor turns with two joints, by cables or gears"
+    parameters = (
+        EffectParameter(
+            "torque",
+            "N*m",
+            "dry friction on the sum of speeds",
+            0.01,
+            0.03,
+            0.08,
+            0.5,
+            per="torque",
+            signed=True,
+        ),
+        EffectParameter(
+            "coefficient",
+            "N*m*s/rad",
+            "torque per sum of speeds",
+            0.05 / 6,
+            0.15 / 6,
+            0.40 / 6,
+            1.0,
+            per="torque",
+        ),
+    )
+    near = ("coulomb_friction", "viscous_friction", "load_friction")
+    separate_by = "move each of the two joints alone, then both together and both against each other"
+
+    def why_not(self, robot: Robot) -> str | None:
+        without = super().why_not(robot)
+        if without or not robot.model.njnt or not neighbours(robot):
+            return without or "no joint that is driven hangs on another"
+        return "an engine of the robot moves each joint alone" if "joint" in robot.engines else None
+
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        return neighbours(robot)
+
+    def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
+        pairs = neighbours(robot)
+        expected = f"two neighbours, one of {[','.join(pair) for pair in pairs]}"
+        return None if at in pairs else (f"{','.join(at) or 'all joints'!r}", expected)
+
+    def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        way = np.where(p["torque"] < 0.0, -1.0, 1.0)
+        first, second = x.v[:, :1], x.v[:, 1:]
+        # of what both joints together set against a torque on their sum; wider where a time step would overshoot
+        inertia = 1.0 / (1.0 / x.inertia[:, :1] + 1.0 / x.inertia[:, 1:])
+        dry = np.abs(p["torque"])
+        within = np.maximum(COUPLED_SPEED, dry * x.h / inertia)
+        speed = first + way * second
+        taken = dry * np.tanh(speed / within) + p["coefficient"] * speed / (
+            1.0 + x.h * p["coefficient"] / inertia
+        )
+        return torque - np.concatenate([taken, way * taken], axis=1)
 
 
 class MotorElasticity(JointElasticity, _OnMotor):

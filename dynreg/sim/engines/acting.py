@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
-from dynreg.sim.effects import Effect, Moment, Site, Terms, Values, effects
+from dynreg.sim.effects import Effect, Moment, Site, Term, Terms, Values, effects
 from dynreg.sim.ports import UNLIMITED, Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -23,7 +23,8 @@ BACK = (
 class Acting:
     """One term in one batch of simulations.
 
-    rows : its simulations (slice or numbers). joints : its drives (A',). where : both, to index (n, A) arrays.
+    rows : its simulations (slice or numbers). joints : its drives (A',). where : both, to index (n, A) arrays. at : the
+    term's place.
     """
 
     effect: Effect
@@ -32,6 +33,12 @@ class Acting:
     where: tuple
     values: Values
     moment: Moment = field(default_factory=Moment)
+    at: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Of its term."""
+        return Term(self.effect, self.at).key
 
     def see(self, **arrays: np.ndarray) -> Moment:
         """The moment with these (n, A) arrays cut to the term's rows and joints."""
@@ -57,35 +64,28 @@ class Acting:
 def acting(robot: Robot, terms: Terms | None) -> list[Acting]:
     """The terms that any of n simulations has, (n, K) values of each, in the order of the table of effects.
 
-    Raises UsageError where a term names a joint that no action drives, or cannot act on this robot.
+    Raises UsageError where a term cannot act on this robot, or not at its place.
     """
     if terms is None:
         return []
     out = []
     for number, term in enumerate(terms.terms):
-        reason = term.effect.why_not(robot)
-        unknown = sorted(set(term.joints) - set(robot.joints))
-        if reason or unknown:
-            raise UsageError(
-                f"effect {term.key!r} on robot {robot.name!r}: {reason or f'no action drives {unknown[0]!r}'}",
-                expected="an effect that can act there"
-                if reason
-                else f"joints out of {sorted(robot.driven)}",
-                do="see `dynreg effects`",
-            )
+        require(robot, term)
         rows = terms.rows(number)
         if not isinstance(rows, slice) and not len(rows):
             continue
         joints = np.array(robot.drives_of(term.joints), dtype=int)
         where = _where(rows, joints, len(robot.joints))
-        out.append(Acting(term.effect, rows, joints, where, terms.at(number, rows)))
+        out.append(Acting(term.effect, rows, joints, where, terms.at(number, rows), at=term.at))
     return _in_order(out)
 
 
 def _in_order(active: list[Acting]) -> list[Acting]:
     order = {name: i for i, name in enumerate(effects())}
-    # of one effect on several joints by joints: whatever else is in the batch, a simulation adds them up alike
-    return sorted(active, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints)))
+    # of one effect at several places by place: whatever else is in the batch, a simulation adds them up alike
+    return sorted(
+        active, key=lambda a: (order.get(a.effect.id, len(order)), a.effect.id, tuple(a.joints), a.at)
+    )
 
 
 def with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting]:
@@ -104,13 +104,25 @@ def with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acti
     return _in_order(out)
 
 
+def require(robot: Robot, term: Term) -> None:
+    """UsageError where a term cannot act on this robot, or not at its place."""
+    reason = term.effect.why_not(robot)
+    wrong = (reason, "an effect that can act there") if reason else term.effect.misplaced(robot, term.at)
+    if wrong:
+        raise UsageError(
+            f"effect {term.key!r} on robot {robot.name!r}: {wrong[0]}",
+            expected=wrong[1],
+            do="see `dynreg effects`",
+        )
+
+
 def configure_terms(
     robot: Robot, active: list[Acting], ports: Ports, expand: Callable[[str], np.ndarray]
 ) -> None:
     """Let static effects write ports and model fields, after the parameters and before anything moves."""
     for a in active:
         if a.effect.configure is not None:
-            a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory), a.values)
+            a.effect.configure(Site(robot, ports, a.rows, a.joints, expand, a.moment.memory, a.at), a.values)
 
 
 def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, clock: "Clock") -> None:

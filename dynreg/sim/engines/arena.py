@@ -9,9 +9,17 @@ from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, with_profiles
+from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_profiles
 from dynreg.sim.engines.alone import Alone
-from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, quiet, told
+from dynreg.sim.engines.mujoco_model import (
+    compiled,
+    configure,
+    episode_inputs,
+    joint_inertia,
+    modelled,
+    quiet,
+    told,
+)
 from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.layout import Layout, base_motion, observe
@@ -41,6 +49,7 @@ class Simulations:
         terms: Terms | None = None,
         slope: float = 0.0,
     ):
+        robot = modelled(robot, terms, len(values))
         model, self.layout = compiled(robot)
         self.robot = robot
         batch = Batch(model, len(values), nthread=threads)
@@ -67,6 +76,8 @@ class Simulations:
         told = [values, self._inputs[:, 0], *(terms.values if terms else ())]
         told += [] if run.settings is None else [run.settings]
         reset(robot, batch, model, self.layout, run, ports, told)
+        for a in on(self._active, "begin"):
+            a.effect.begin(robot, batch, a.rows)
         self._start = {name: batch.bind(name).copy() for name in _KEPT}
         self._memory = [copy.deepcopy(a.moment.memory) for a in self._active]
         self._used = False

@@ -10,13 +10,42 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from dynreg.errors import SimulationError
 from dynreg.sim.commands import shaped_commands
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines.acting import require
 from dynreg.sim.fields import modify, set_field
 from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import Ports, assigned, nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 from dynreg.sim.sets import FRICTION_FIELDS, Assignment, matching
+
+
+def by_model(terms: Terms | None, count: int) -> list[np.ndarray]:
+    """Numbers of the simulations, out of so many, that share a model: with the same effects that make another."""
+    other = [i for i, term in enumerate(terms.terms) if term.effect.remodel] if terms else []
+    has = np.array([np.isfinite(terms.values[i]).all(axis=1) for i in other]).reshape(len(other), count)
+    _, kind = np.unique(has, axis=1, return_inverse=True) if other else (None, np.zeros(count, dtype=int))
+    return [np.flatnonzero(kind == one) for one in np.unique(kind)]
+
+
+def modelled(robot: Robot, terms: Terms | None, count: int) -> Robot:
+    """The robot with the model that the effects of so many simulations make of it.
+
+    Raises SimulationError where some of them make another one than others.
+    """
+    if len(by_model(terms, count)) > 1:
+        raise SimulationError(
+            f"simulators of {robot.name!r} with and without an effect that makes another model of it",
+            expected="simulators of one model",
+            do="look at them one by one",
+        )
+    for term, values in zip(terms.terms, terms.values, strict=True) if terms else ():
+        if term.effect.remodel and np.isfinite(values).all():
+            require(robot, term)
+            robot = term.effect.remodel(robot)
+    return robot
 
 
 def configure(robot: Robot, batch: Batch, model: mujoco.MjModel, values: np.ndarray, run: Run) -> Ports:

@@ -23,7 +23,7 @@ def _benches(effect: Effect, *names: str) -> list[Bench]:
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
 def test_half_of_a_small_size_is_half_the_change(effect: Effect):
     """Nothing at size zero, and a slope there that a fit can follow (small is 2 % of the weak size)."""
-    for b in _benches(effect, "servo_short", "air", "lean", "wheels"):
+    for b in _benches(effect, "servo_short", "air", "lean", "wheels") or _benches(effect, "arm"):
         half, whole, weak = (rms(c) for c in b.changes({effect: 0.01}, {effect: 0.02}, {effect: 1.0}))
         assert whole <= 0.2 * weak, b.name
         if (
@@ -38,7 +38,7 @@ def test_half_of_a_small_size_is_half_the_change(effect: Effect):
 def test_a_strong_effect_is_seen(effect: Effect):
     """On at least one bench some channel moves by several times its sensor noise."""
     most = 0.0
-    for b in _benches(effect, "servo", "stand", "lean", "wheels"):
+    for b in _benches(effect, "servo", "arm", "stand", "lean", "wheels"):
         change = b.changes({effect: "strong"})[0]
         assert np.isfinite(change).all()
         noise = np.array([c.noise for c in b.robot.file.channels])[b.columns]
