@@ -67,3 +67,11 @@ def test_without_effects_nothing_changes() -> None:
 def test_what_is_no_effect_is_refused(effects: dict, says: str) -> None:
     with pytest.raises(UsageError, match=says):
         terms_of(config(effects), ROBOT)
+
+
+def test_cogging_of_before_it_had_a_count_has_twelve():
+    """What was stored with a sine and a cosine alone is the simulator that it was."""
+    (values,) = terms_of(config({"cogging": {"sine": 0.01, "cosine": -0.02}}), ROBOT).values
+    assert values.tolist() == [[0.01, -0.02, 12.0]]
+    with pytest.raises(UsageError, match="cogging.*one for each of.*sine.*cosine.*count"):
+        terms_of(config({"cogging": {"sine": 0.01}}), ROBOT)

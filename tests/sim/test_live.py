@@ -27,6 +27,7 @@ OUTSIDE = (
     ("sensor_delay",),
     ("encoder_offset",),
     ("clock_error",),
+    ("motor_backlash", "feedback_delay", "torque_lag", "profile_speed"),
     ("rate_limit", "backlash", "stribeck_friction", "sensor_delay", "encoder_scale"),
 )
 INSIDE = ((), ("payload",), ("coulomb_friction", "torque_limit", "gravity_tilt"))
