@@ -141,3 +141,21 @@ def test_trials_in_the_journal_are_not_run_again(naming, monkeypatch, tmp_path):
     assert naming.run_all(jobs, 1, journal) == done and len(ran) == 5
     with pytest.raises(SystemExit, match="another table"):
         naming.Journal(journal.path, {"seed": 6}).begin()
+
+
+def test_the_bench_of_independent_robots_gives_every_cause_its_turn(monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    import bench_naming_independent as bench
+
+    from dynreg.evidence.truth import protocol
+    from dynreg.sim.robot import load_robot
+
+    robot = load_robot("diffdrive")
+    one = bench.Job(robot, protocol(robot, seconds=12.5), (), None, 0, 20.0, truth="independent")
+    rows = bench.rows_of(robot)
+    assert "encoder_scale" not in rows.same and rows.outside == ("eccentric_wheel", "coloured_speed")
+    mine = bench.hidden(one, "same", rows.same, 2 * len(rows.same), 1)
+    assert sorted(job.keys[0] for job in mine) == sorted(2 * rows.same)
+    assert {job.size for job in mine} == {"medium", "strong"} and len({job.seed for job in mine}) == len(mine)
+    others = bench.hidden(one, "same", rows.same, 4, bench.REPORT)
+    assert not {job.seed for job in mine} & {job.seed for job in others}, "tuned robots never report"

@@ -41,7 +41,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "voltage_sag": {"sag": "sag"},
     "thermal_fade": {"fade": "fade"},
     "heat_build_up": {"fade": "build_up"},
-    "cogging": {"sine": "ripple_sine", "cosine": "ripple_cosine"},
+    "cogging": {"sine": "ripple_sine", "cosine": "ripple_cosine", "count": "ripple_count"},
     "cogging_7": {"ripple": "ripple_sine"},
     "cogging_24": {"ripple": "ripple_sine"},
     "force_offset": {"torque": "force"},
@@ -64,7 +64,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "torque_lag": {"time": "torque_lag"},
 }
 _SET = ("fades", "bend", "no_load_speed", "rate_limit", "profile_speed", "profile_acceleration")  # not added
-_COUNTS = {"cogging": 12.0, "cogging_7": 7.0, "cogging_24": 24.0}  # a turn
+_COUNTS = {"cogging_7": 7.0, "cogging_24": 24.0}  # a turn
 # causes of the whole robot, which `Arm` and `_episode_of` read
 _WHOLE = (
     "torque_limit",

@@ -111,6 +111,7 @@ _SAME: Mapping[str, Cause] = {
     "cogging": {
         "sine": _torque(0.009, 0.026, 0.07, signed=True),
         "cosine": _torque(0.009, 0.026, 0.07, signed=True),
+        "count": Size(12.0, 12.0, 12.0),  # a turn
     },
     "force_offset": {"torque": _torque(0.01, 0.03, 0.08, signed=True)},
     "backlash": {"gap": _angle(0.3, 1.0, 3.0)},

@@ -112,7 +112,7 @@ def test_eccentricity_is_an_error_once_a_turn():
 @pytest.mark.parametrize(("cause", "count"), [("cogging", 12), ("cogging_7", 7), ("cogging_24", 24)])
 def test_cogging_pulls_to_as_many_places_as_it_says(cause, count):
     space = load_robot(SERVO).space
-    values = dict.fromkeys(CAUSES[cause].sizes, 0.05)
+    values = dict.fromkeys(CAUSES[cause].sizes, 0.05) | {"count": 12.0}
     x = KINDS[SERVO].rows(Truth(SERVO, space.as_dict(space.nominal), cause, values), {})
     turn = np.linspace(0, 2 * np.pi, 720, endpoint=False)
     torque = [motor(x, np.zeros((2, 1)), 0, 0.0, angle, 0.0, 0.0, 1.0, 1e-4) for angle in turn]
