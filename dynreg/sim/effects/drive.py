@@ -176,7 +176,7 @@ class Cogging(Effect):
         EffectParameter(
             "cosine", "N*m", "ripple in cos(count q)", 0.009, 0.026, 0.07, 0.4, per="torque", signed=True
         ),
-        # a phase of two thirds of a turn is told from its neighbours' at steps of 1
+        # over half a turn, counts that differ by less than 2 look alike: from steps of 1 a fit walks to any between
         EffectParameter("count", "1", "cycles a turn", 12, 12, 12, 72, shape=True, tried=tuple(range(2, 61))),
     )
     near = ("coulomb_friction",)
