@@ -50,7 +50,7 @@ SIX_JOINT_ARM = Arm(
     tilts=np.array([0.0, 1.0, 0.0]),
     carrier=(1, np.array([1.0, 0.0, 0.0])),
     tool=(5, np.array([0.0, 0.05, 0.0])),
-    # means of the joints: torque limits, 1 / gains, what a torque on a joint alone speeds up; the stated payload
-    units=Units(torque=80.67, stiffness=0.00153, inertia=1.66, length=0.2, mass=7.0),
+    # means of the joints: torque limits, 1 / gains, what a torque on a joint alone speeds up; the heaviest body
+    units=Units(torque=80.67, stiffness=0.00153, inertia=1.66, length=0.2, mass=8.0),
     sensors=joint_sensors(JOINTS, (0.0005, 0.0001), (0.01, 0.0)),
 )

@@ -39,6 +39,6 @@ TWO_JOINT_ARM = Arm(
     carrier=(0, np.array([-1.0, 0.0, 0.0])),
     tool=(1, np.array([0.0, 0.0, -0.25])),
     # means of both joints: torque limits, 1 / gains, what a torque on a joint alone speeds up; the mass of the fore arm
-    units=Units(torque=9.0, stiffness=0.0375, inertia=0.0638, length=0.15, mass=0.8),
+    units=Units(torque=9.0, stiffness=0.0375, inertia=0.0638, length=0.15, mass=1.2),
     sensors=joint_sensors(JOINTS, (0.0005, 0.001534), (0.05, 0.0)),
 )
