@@ -1,6 +1,7 @@
 """The options of a diagnosis, as plain values."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -15,6 +16,8 @@ class DiagnosisOptions:
         rough guesses. joints : only these are diagnosed, and the channels of the others do not count; None for all.
         windows : most rollouts to fit, and most to select by, drawn over all episodes by the seed; None takes all, and
         splits them by episode.
+    ranker : "auto" makes a population of simulators with one effect each under the log's commands, whose nearest ones
+        say what to refit first, where the plan gains by it; "off" does without.
     """
 
     hold_out: str | None = None
@@ -29,3 +32,4 @@ class DiagnosisOptions:
     tolerance: float = 1.0
     joints: tuple[str, ...] | None = None
     windows: int | None = None
+    ranker: Literal["auto", "off"] = "auto"

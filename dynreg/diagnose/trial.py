@@ -3,15 +3,18 @@
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import Diagnosed, search
+from dynreg.diagnose.guided import guided
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
+from dynreg.diagnose.ranking.guide import Guide
 from dynreg.diagnose.threshold import Cache, known, null_seed, scores_of, threshold
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.fit import fit
@@ -35,7 +38,8 @@ class Trials:
     """Simulated robots under one protocol, which share one threshold, and the settings of their diagnosis.
 
     engine : of the diagnosis; None for the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
-    seed : of the robots without an effect that determine the threshold.
+    seed : of the robots without an effect that determine the threshold. ranker : as in `DiagnosisOptions`; guide : the
+    population that it stands for, which all share (see `with_guide`).
     """
 
     robot: Robot
@@ -44,6 +48,8 @@ class Trials:
     threshold_runs: int = DiagnosisOptions.threshold_runs
     threads: int = 0
     seed: int = 0
+    ranker: Literal["auto", "off"] = DiagnosisOptions.ranker
+    guide: Guide | None = None
 
     @property
     def truth_engine(self) -> str:
@@ -61,7 +67,18 @@ class Trials:
             engine=self.engine,
             threshold_runs=self.threshold_runs,
             threads=self.threads,
+            ranker=self.ranker,
         )
+
+    def guided(self, cache: Cache | None = None, progress: Progress | None = None) -> "Trials":
+        """The same with their guide, if their plan has one: a population under the protocol's commands."""
+        recording, options = _without_effect(self)
+
+        def made() -> Search[Problem]:
+            problem = yield from _posed(self, recording, options)
+            return (yield from guided(problem, recording, options, cache, progress))
+
+        return replace(self, guide=run(made(), threads=self.threads).guide)
 
 
 @dataclass(frozen=True)
@@ -126,7 +143,8 @@ def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:
 
 def _posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:
     model, data = pose(trials.robot, recording, options)
-    return (yield from planned(model, data, single_terms(trials.robot, (), options.without)))
+    problem = yield from planned(model, data, single_terms(trials.robot, (), options.without))
+    return replace(problem, guide=trials.guide)
 
 
 def tried(trials: Trials, todo: Sequence[Trial], needed: float) -> list[Tried]:

@@ -150,18 +150,22 @@ def remaining(residual: np.ndarray, rough: bool) -> float:
     return float(np.sqrt(np.exp(np.log(np.maximum(squares, TINY)).mean())))
 
 
-def verdict_of(robot: Robot, evidence: Evidence, rounds: tuple[Naming, ...], accepted: int) -> Verdict:
+def verdict_of(
+    robot: Robot, evidence: Evidence, rounds: tuple[Naming, ...], accepted: int, *, outside: bool = False
+) -> Verdict:
     """The verdict: "named" or "ambiguous" if the residual reaches the noise floor, else "partly_explained"; without a
     cause "none" or "unknown".
 
     Without repeated runs the floor is the stated noise; a white residual then counts as explained, too.
+    outside : whether none of the known causes looks like the log: one cause alone then explains part of it at most.
+    (A log with several causes looks like none of them.)
     """
     explained = evidence.noise.ratio <= EXPLAINED
     if evidence.noise.basis == "stated_noise" and evidence.noise.white:
         explained = True
     if accepted == 0:
         return "none" if explained else "unknown"
-    if not explained:
+    if not explained or (outside and accepted == 1):
         return "partly_explained"
     return "ambiguous" if rivals(robot, rounds[0]) else "named"
 

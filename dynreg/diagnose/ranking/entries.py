@@ -1,28 +1,92 @@
-"""Entries: what the sensors of simulators with one effect or none would say under the commands of a log."""
+"""Entries: simulators with one effect or none under the commands of a log, what they do, and their features."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
+from dynreg.diagnose.ranking.draws import drawn
+from dynreg.diagnose.ranking.features import Frame
 from dynreg.evidence.data import Sample
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.rng import stream
+from dynreg.sim.effects import Term
 from dynreg.sim.real import disturbance, disturbed, sensed
 from dynreg.sim.robot import Robot
 
-TOGETHER = 64  # entries of one batch, which share the errors of their starts and their disturbance
+# Entries of one batch, which share the errors of their starts and their disturbance. On the servo bench robots with
+# draws of their own are ranked as well as held-out entries are.
+TOGETHER = 64
 
 
-def logs(model: Model, points: Sequence[Point], sample: Sample, robot: Robot, seed: int) -> Search[np.ndarray]:
-    """(n, W, T+1, S) states of the points in the windows of a sample as sensors say them.
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """Consecutive entries (n).
 
-    They start within the noise of the measured starts, and have the torque disturbance and sensor noise of hidden
-    robots. robot : with the sensor noise of its log.
+    values : (n, P) parameters in their units. carried : (n,) number of the term that each has, -1 for none; effects :
+    (n, K) its values, and points : (n, P' + K) coordinates, 0 where there are fewer. states : (n, W, T+1, S) as sensors
+    say them. features : (n, F).
     """
-    rng = stream(seed, "noise of entries")
+
+    values: np.ndarray
+    carried: np.ndarray
+    effects: np.ndarray
+    points: np.ndarray
+    states: np.ndarray
+    features: np.ndarray
+
+
+def entries(
+    frame: Frame, terms: Sequence[Term], robot: Robot, numbers: Sequence[int], seed: int
+) -> Search[Entries]:
+    """The entries `numbers` of a population; each depends on its number, not on what is made beside it.
+
+    frame : of a model without corrections: entries have its own time step. robot : with the sensor noise of its log.
+    """
+    use = frame.sample.data.use
+    points, states, features = [], [], []
+    for group, some in groupby(numbers, lambda i: i // TOGETHER):
+        some = list(some)
+        own = drawn(frame.model, terms, some, seed)
+        true = yield from _moved(frame.model, own, frame.sample, robot, stream(seed, "group", group))
+        said = np.stack([sensed(robot, s, stream(seed, "sensors", i)) for i, s in zip(some, true, strict=True)])
+        points += own
+        states.append(said.astype(np.float32))
+        # as they are stored
+        features.append((yield from frame.features(said[..., 1:, use])).astype(np.float16))
+    return Entries(
+        *_told(frame.model, terms, points), states=np.concatenate(states), features=np.concatenate(features)
+    )
+
+
+def _told(
+    model: Model, terms: Sequence[Term], points: Sequence[Point]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`values`, `carried`, `effects` and `points` of entries."""
+    c, keys = model.coordinates, {term.key: number for number, term in enumerate(terms)}
+    given, sizes = len(model.start.hypothesis.terms), len(model.start.effect)
+    width = max(len(term.effect.parameters) for term in terms)
+    carried, effects = np.full(len(points), -1), np.zeros((len(points), width))
+    rows = np.zeros((len(points), len(c) + sizes + width))
+    for number, point in enumerate(points):
+        rows[number, : len(point.z)] = point.z
+        if len(point.hypothesis.terms) > given:
+            carried[number] = keys[point.hypothesis.terms[-1].key]
+            own = c.effect_values(point.hypothesis, point.effect[None])[-1][0]
+            effects[number, : len(own)] = own
+    return c.values(rows[:, : len(c)]), carried, effects, rows
+
+
+def _moved(
+    model: Model, points: Sequence[Point], sample: Sample, robot: Robot, rng: np.random.Generator
+) -> Search[np.ndarray]:
+    """(n, W, T+1, S) states of the points in the windows of a sample.
+
+    They start within the noise of the measured starts, under the torque disturbance of hidden robots.
+    """
     run = sample.data.windows.run.take(sample.chosen)
     if run.initial is not None:
         off = robot.sensor_noise * rng.standard_normal(run.initial.shape)
@@ -32,5 +96,4 @@ def logs(model: Model, points: Sequence[Point], sample: Sample, robot: Robot, se
         Point(p.hypothesis.with_term(noise), p.nominal, np.append(p.effect, 1.0))  # of its one size
         for p in points
     ]
-    states = yield from model.states(unsteady, disturbed(model.robot, run, rng))
-    return sensed(robot, states, rng)
+    return (yield from model.states(unsteady, disturbed(model.robot, run, rng)))

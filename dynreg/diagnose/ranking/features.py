@@ -36,12 +36,10 @@ class Frame:
         """Of a model's start and a log."""
         sample = data.sample(data.both)
         begun, (slope,) = yield from sensitivities(model, [model.start], sample)
-        _, sizes, directions = np.linalg.svd(_flat(slope), full_matrices=False)
-        away = directions[sizes > SMALL * sizes.max(initial=SMALL)]
-        return cls(model, sample, begun[0], slope, away)
+        return cls(model, sample, begun[0], slope, _spanned(slope))
 
     def features(self, measured: np.ndarray) -> Search[np.ndarray]:
-        """(n, F) what the model leaves of logs (n, W', T, C) in the windows of the sample; 0 where nothing was measured.
+        """(n, F) what the model leaves of logs (n, W', T, C) in the sample's windows; 0 where nothing was measured.
 
         From its start the model's parameters make `STEPS` Gauss-Newton steps with the derivatives of the start; what
         these could still make up for is projected off.
@@ -56,10 +54,24 @@ class Frame:
         flat = _flat(left)
         return flat - (flat @ self.away.T) @ self.away
 
+    @staticmethod
+    def left(model: Model, point: Point, data: Data) -> Search[np.ndarray]:
+        """(F,) what a point leaves of a log; what its coordinates could make up for to first order is projected off."""
+        sample = data.sample(data.both)
+        residual, (slope,) = yield from sensitivities(model, [point], sample)
+        away, flat = _spanned(slope), _flat(residual)[0]
+        return flat - (flat @ away.T) @ away
+
     def _moved(self, point: Point, residual: np.ndarray) -> Point:
         curvature, downhill = information(point, residual, self.slope, self.sample)
         step = np.linalg.lstsq(curvature, downhill, rcond=1e-12)[0]
         return clipped(self.model.coordinates, point, point.z + np.clip(step, -FAR, FAR))
+
+
+def _spanned(slope: np.ndarray) -> np.ndarray:
+    """(D', F) orthonormal directions that derivatives (D, W, T, C) span."""
+    _, sizes, directions = np.linalg.svd(_flat(slope), full_matrices=False)
+    return directions[sizes > SMALL * sizes.max(initial=SMALL)]
 
 
 def _flat(residuals: np.ndarray) -> np.ndarray:

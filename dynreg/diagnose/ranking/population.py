@@ -7,13 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.diagnose.ranking.classifier import Classifier
-from dynreg.diagnose.ranking.draws import drawn
-from dynreg.diagnose.ranking.entries import TOGETHER, logs
+from dynreg.diagnose.ranking.entries import TOGETHER, Entries, entries
 from dynreg.diagnose.ranking.features import Frame
 from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import NONE, Model
-from dynreg.evidence.point import Point
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot
@@ -35,7 +33,7 @@ TINY = 1e-12  # no energy is smaller
 class EffectPopulation:
     """Simulators (n) under the commands of one log: what they carry, and their features.
 
-    terms : that they may carry; carried : (n,) its number of each, -1 for none. points : (n, P' + K) coordinates, NaN
+    terms : that they may carry; carried : (n,) its number of each, -1 for none. points : (n, P' + K) coordinates, 0
     where an effect has fewer. size : (n,) root mean square of each feature, in spreads of the motion.
     directions : (F, D) orthonormal, of features. codes : (n, D) unit features in them. classifier : of these.
     """
@@ -59,17 +57,19 @@ class EffectPopulation:
     @cached_property
     def unit(self) -> np.ndarray:
         """(n, D) codes of length 1: what noise adds beyond these directions is left out."""
-        return self.codes / np.maximum(np.linalg.norm(self.codes, axis=1, keepdims=True), TINY)
+        codes = self.codes.astype(np.float64)
+        return codes / np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), TINY)
 
-    def ranked(self, feature: np.ndarray) -> "Ranking":
-        """What a log with the feature (F,) looks like."""
+    def ranked(self, feature: np.ndarray, among: Sequence[str] | None = None) -> "Ranking":
+        """What a log with the feature (F,) looks like: none, or one of the terms `among` (keys), by default all."""
         size = float(np.sqrt(np.mean(feature**2)))
         code = (feature / max(float(np.linalg.norm(feature)), TINY)) @ self.directions
-        cosines = self.unit @ code
+        allowed = [-1, *(i for i, key in enumerate(self.terms) if among is None or key in among)]
+        cosines = np.where(np.isin(self.carried, allowed), self.unit @ code, -1.0)
         rows = inputs(code[None], np.array([size]), self.noise)
         told = self.classifier.logarithms(rows)[0]
-        best = np.array([cosines[self.carried == i].max(initial=-1.0) for i in range(-1, len(self.terms))])
-        score = told + COSINE * best
+        best = np.array([cosines[self.carried == i].max(initial=-1.0) for i in allowed])
+        score = told[np.array(allowed) + 1] + COSINE * best
         share = np.exp(score - score.max())
         share /= share.sum()
         order = np.argsort(-score, kind="stable")
@@ -78,7 +78,7 @@ class EffectPopulation:
         missed = max((1.0 - near**2) * size**2 - self.noise**2, 0.0) / max(size**2, TINY)
         names = ("", *self.terms)
         return Ranking(
-            causes=tuple(Likely(names[i], float(share[i]), float(best[i])) for i in order),
+            causes=tuple(Likely(names[allowed[i] + 1], float(share[i]), float(best[i])) for i in order),
             cosines=cosines,
             size=size,
             noise=self.noise,
@@ -150,39 +150,38 @@ def populated(
 
     told : is called with how many are done.
     """
-    plain = replace(model, corrections=NONE)  # entries have the model's own time step: nothing is to be corrected
-    frame = yield from Frame.of(plain, data)
-    every, found = [], []
+    frame = yield from bare(model, data)
+    parts: list[Entries] = []
     for begin in range(0, count, TOGETHER):
-        numbers = range(begin, min(begin + TOGETHER, count))
-        some = drawn(model, terms, numbers, seed)
-        own = stream_seed(seed, "entries", begin)
-        states = yield from logs(plain, some, frame.sample, robot, own)
-        found.append((yield from frame.features(states[..., 1:, data.use])).astype(np.float32))
-        every += some
+        some = yield from entries(frame, terms, robot, range(begin, min(begin + TOGETHER, count)), seed)
+        parts.append(some)
         if told:
-            told(len(every))
-    return gathered(every, [term.key for term in terms], np.concatenate(found), seed)
+            told(sum(len(part.carried) for part in parts))
+    carried, points, features = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("carried", "points", "features")
+    )
+    return gathered([term.key for term in terms], carried, points, features, seed)
+
+
+def bare(model: Model, data: Data) -> Search[Frame]:
+    """The frame of the entries: of the model's own time step, for which nothing is to be corrected."""
+    return (yield from Frame.of(replace(model, corrections=NONE), data))
 
 
 def gathered(
-    points: Sequence[Point], terms: Sequence[str], features: np.ndarray, seed: int
+    terms: Sequence[str], carried: np.ndarray, points: np.ndarray, features: np.ndarray, seed: int
 ) -> EffectPopulation:
-    """The population of points with features (n, F)."""
-    given = min(len(p.hypothesis.terms) for p in points)
-    names = [p.hypothesis.terms[given].key if len(p.hypothesis.terms) > given else "" for p in points]
-    carried = np.array([terms.index(name) if name else -1 for name in names])
-    rows = np.full((len(points), max(len(p.z) for p in points)), np.nan)
-    for row, point in zip(rows, points, strict=True):
-        row[: len(point.z)] = point.z
-    size = np.sqrt(np.mean(features**2, axis=1))
+    """The population of entries that carry these terms (n,), at points (n, P' + K), with features (n, F)."""
+    features = features.astype(np.float32)
+    size = np.sqrt(np.mean(features**2, axis=1, dtype=np.float64))
     unit = features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), TINY)
-    directions = main_directions(unit, min(DIRECTIONS, *unit.shape), seed)
-    codes = unit @ directions
+    # as they are stored, so that a population that was kept ranks as one that was just made
+    directions = main_directions(unit, min(DIRECTIONS, *unit.shape), seed).astype(np.float16)
+    codes = (unit @ directions.astype(np.float32)).astype(np.float16)
     noise = float(np.median(size[carried < 0]))
     own = stream_seed(seed, "classifier") % 2**31
     classifier = Classifier.fitted(inputs(codes, size, noise), carried + 1, len(terms) + 1, own)
-    return EffectPopulation(tuple(terms), carried, rows, size, directions, codes, classifier)
+    return EffectPopulation(tuple(terms), carried, points, size, directions, codes, classifier)
 
 
 def main_directions(rows: np.ndarray, count: int, seed: int) -> np.ndarray:
