@@ -1,4 +1,4 @@
-"""Guided: a problem with a population of simulators under its commands, made once and then taken from the cache."""
+"""Guided: a problem with simulators that carry one effect each under its commands, made once and then kept."""
 
 import base64
 from collections.abc import Mapping
@@ -17,10 +17,10 @@ from dynreg.diagnose.threshold import Cache, commands, key_of, same
 from dynreg.evidence.lockstep import Search
 from dynreg.progress import Progress
 
-KIND = "ranking"
-VERSION = 1  # of the entries: a new one invalidates cached populations
-# Entries for each term and for none, and the most of all. On the servo bench (31 terms) 640, 960, 1900 and 2900 entries
-# name 98.6, 99.1, 99.8 and 99.8 % of held-out ones with three times the noise.
+KIND = "effects"  # of what the cache holds
+VERSION = 1  # of the entries: a new one invalidates those that are kept
+# Entries for each term, and the most of all. On the servo bench (31 terms) 640, 960, 1900 and 2900 entries name 98.6,
+# 99.1, 99.8 and 99.8 % of held-out ones with three times the noise.
 EACH, MOST = 60, 4000
 
 
@@ -31,55 +31,58 @@ def guided(
     cache: Cache | None = None,
     progress: Progress | None = None,
 ) -> Search[Problem]:
-    """The problem with a guide, where the options ask for one and its plan gains by it."""
-    if options.ranker == "off" or not problem.plan.guided:
+    """The problem with a guide, as far as the options ask for one; one that is made is kept in the cache."""
+    if options.ranker == "off":
         return problem
-    return (yield from with_guide(problem, recording, options, entries(problem), cache, progress))
+    noise = own_noise(problem.model.robot, recording)
+    found = kept(problem, noise, cache)
+    if found is None and options.ranker == "make":
+        count, report = usual_count(problem), progress or (lambda *_: None)
+        report("entries", 0, count)
+        robot = noisier(problem.model.robot, noise)
+        found = yield from populated(
+            *(problem.model, problem.data, problem.terms, robot, count, options.seed),
+            lambda done: report("entries", done, count),
+        )
+        keep(found, problem, noise, cache)
+    return problem if found is None else replace(problem, guide=Guide(found))
 
 
-def entries(problem: Problem) -> int:
-    """How many entries a guide of the problem has."""
+def usual_count(problem: Problem) -> int:
+    """How many entries a guide of the problem has that is made for one diagnosis."""
     return min(EACH * (1 + len(problem.terms)), MOST)
 
 
-def with_guide(
-    problem: Problem,
-    recording: Recording,
-    options: DiagnosisOptions,
-    count: int,
-    cache: Cache | None = None,
-    progress: Progress | None = None,
-) -> Search[Problem]:
-    """The problem with a guide of `count` entries, from the cache where it holds one for similar commands."""
-    noise = own_noise(problem.model.robot, recording)
-    key = population_key(problem, noise, count, options.seed)
-    told, terms = commands(problem.data), [t.key for t in problem.terms]
-    kept = [] if cache is None else (cache.cached(KIND, key) or {"found": []})["found"]
-    for one in kept:
-        if same(told, np.array(one["commands"])):
-            return replace(problem, guide=Guide(EffectPopulation.from_arrays(terms, _arrays(one["arrays"]))))
-    report = progress or (lambda *_: None)
-    report("entries", 0, count)
-    robot = noisier(problem.model.robot, noise)
-    found = yield from populated(
-        problem.model,
-        problem.data,
-        problem.terms,
-        robot,
-        count,
-        options.seed,
-        lambda done: report("entries", done, count),
-    )
-    if cache is not None:
-        row = {"commands": told.tolist(), "arrays": _text(found.as_arrays())}
-        cache.cache(KIND, key, {"found": [*kept, row]})
-    return replace(problem, guide=Guide(found))
+def kept(problem: Problem, noise: Mapping[str, float], cache: Cache | None) -> EffectPopulation | None:
+    """The largest population that the cache holds for the problem, under similar commands; None without one.
+
+    noise : of the log's own sensors; see `own_noise`.
+    """
+    told, terms = commands(problem.data), [term.key for term in problem.terms]
+    rows = [] if cache is None else (cache.cached(KIND, population_key(problem, noise)) or {"found": []})["found"]
+    like = [one for one in rows if same(told, np.array(one["commands"]))]
+    if not like:
+        return None
+    return EffectPopulation.from_arrays(terms, _arrays(max(like, key=lambda one: one["entries"])["arrays"]))
 
 
-def population_key(problem: Problem, noise: Mapping[str, float], count: int, seed: int) -> dict[str, Any]:
-    """All that the entries depend on besides the commands, as plain JSON."""
-    own = key_of(replace(problem, guide=None), noise, 0, seed)
-    return {k: v for k, v in own.items() if k != "plan"} | {"entries": count, "version": VERSION}
+def keep(
+    found: EffectPopulation, problem: Problem, noise: Mapping[str, float], cache: Cache | None
+) -> None:
+    """Keep a population in the cache, in place of smaller ones under similar commands."""
+    if cache is None:
+        return
+    key, told = population_key(problem, noise), commands(problem.data)
+    before = (cache.cached(KIND, key) or {"found": []})["found"]
+    others = [one for one in before if not same(told, np.array(one["commands"]))]
+    row = {"commands": told.tolist(), "entries": len(found), "arrays": _text(found.as_arrays())}
+    cache.cache(KIND, key, {"found": [*others, row]})
+
+
+def population_key(problem: Problem, noise: Mapping[str, float]) -> dict[str, Any]:
+    """All that entries depend on besides the commands and their seed, as plain JSON."""
+    own = key_of(replace(problem, guide=None), noise, 0, 0)
+    return {name: value for name, value in own.items() if name != "plan"} | {"version": VERSION}
 
 
 def _text(arrays: Mapping[str, np.ndarray]) -> dict[str, list[Any]]:

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import Diagnosed, search
 from dynreg.diagnose.guided import guided
 from dynreg.diagnose.noise import own_noise
-from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.options import DiagnosisOptions, Ranker
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.guide import Guide
@@ -48,7 +47,7 @@ class Trials:
     threshold_runs: int = DiagnosisOptions.threshold_runs
     threads: int = 0
     seed: int = 0
-    ranker: Literal["auto", "off"] = DiagnosisOptions.ranker
+    ranker: Ranker = DiagnosisOptions.ranker
     guide: Guide | None = None
 
     @property

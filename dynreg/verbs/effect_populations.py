@@ -33,10 +33,10 @@ LEAST = 2  # entries for each term and for none: fewer tell a classifier nothing
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """A recording of a robot as a problem, and the id of the population under its commands."""
+    """A recording of a robot as a problem, its sensors' own noise, and the id of the population under its commands."""
 
     problem: Problem
-    robot: Robot
+    noise: dict[str, float]
     recording: str
     seed: int
     id: str
@@ -53,9 +53,10 @@ def posed(asked: Recorded, seed: int, threads: int) -> Posed:
     model, data = pose(asked.robot, asked.recording, options)
     problem = run(planned(model, data, offered(model, data, options)), threads=threads)
     noise = own_noise(asked.robot, asked.recording)
-    says = population_key(problem, noise, 0, seed) | {"commands": commands(problem.data).round(6).tolist()}
+    told = {"seed": seed, "commands": commands(problem.data).round(6).tolist()}
+    says = population_key(problem, noise) | told
     identity = hashlib.sha256(json.dumps(says, sort_keys=True).encode()).hexdigest()
-    return Posed(problem, noisier(asked.robot, noise), asked.recording.id, seed, identity)
+    return Posed(problem, noise, asked.recording.id, seed, identity)
 
 
 def begin(registry: Registry, robot: Robot, given: Posed, n: int) -> str:
@@ -107,6 +108,7 @@ def fill(
 ) -> int:
     """Make and store the entries that are missing, and wait for those of other processes: how many it added."""
     problem, total = given.problem, 0
+    robot = noisier(problem.model.robot, given.noise)
     frame = run(bare(problem.model, problem.data), threads=threads)
     while spans := registry.missing_spans(given.id):
         added = 0
@@ -116,7 +118,7 @@ def fill(
                     continue
                 numbers = range(first, stop)
                 with watch.of("simulate"):
-                    made = run(entries(frame, problem.terms, given.robot, numbers, given.seed), threads=threads)
+                    made = run(entries(frame, problem.terms, robot, numbers, given.seed), threads=threads)
                 added += len(registry.put_shard(given.id, first, _shard(made, problem)))
             report(registry.count(given.id))
         if not added:

@@ -100,6 +100,7 @@ def with_effects(
     registry: "Registry", robot: "Robot", n: int, settings: PopulateSettings, progress: Progress | None
 ) -> "PopulationSummary":
     """Extend a population of simulators that carry one effect or none to n entries; see `populate`."""
+    from dynreg.diagnose.guided import keep
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
     from dynreg.verbs.effect_populations import begin, fill, held, posed
@@ -113,6 +114,7 @@ def with_effects(
     report("link", 0, 1)
     with watch.of("train"):
         population, _, _ = held(registry, identity)
+        keep(population, given.problem, given.noise, registry)  # for diagnoses under these commands
     report("link", 1, 1)
     return PopulationSummary(
         population=identity,

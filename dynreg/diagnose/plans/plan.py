@@ -63,11 +63,6 @@ class Plan(ABC):
     hopeless: float = 60.0
 
     @property
-    def guided(self) -> bool:
-        """Whether a population that tells which terms are likely is worth its simulations."""
-        return False
-
-    @property
     def fitted(self) -> int:
         """How many points are fitted to the end; of many terms it does not count."""
         return 0

@@ -27,10 +27,6 @@ class Short(Smooth):
     finalists: int = 16
 
     @property
-    def guided(self) -> bool:
-        return True
-
-    @property
     def fitted(self) -> int:
         return self.finalists
 

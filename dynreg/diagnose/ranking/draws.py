@@ -17,16 +17,22 @@ WITHIN = 2.5
 LEAST, MOST = 0.5, 1.5
 # Of the sizes of one effect each is drawn about a common one, by up to the root of this factor to either side.
 APART = 2.0
+NONE_OF = 5  # one entry in so many carries nothing: these tell the noise, in as many directions as there are of them
 
 
 def drawn(model: Model, terms: Sequence[Term], numbers: Sequence[int], seed: int) -> list[Point]:
-    """The entries `numbers`: the model without any term and each of the terms in turn, each with a robot of its own.
+    """The entries `numbers`, each with a robot of its own: one in `NONE_OF` without any term, the others with each in turn.
 
     Sizes are uniform in their logarithm, signs are even, shapes and parameters come from their priors. An entry does
     not depend on the others.
     """
-    choices: list[Term | None] = [None, *terms]
-    return [_drawn(model, choices[i % len(choices)], stream(seed, "one effect", i)) for i in numbers]
+    return [_drawn(model, carried(terms, i), stream(seed, "one effect", i)) for i in numbers]
+
+
+def carried(terms: Sequence[Term], number: int) -> Term | None:
+    """The term of entry `number`; None where it has none."""
+    turn, own = divmod(number, NONE_OF)
+    return terms[(turn * (NONE_OF - 1) + own - 1) % len(terms)] if own else None
 
 
 def _drawn(model: Model, term: Term | None, rng: np.random.Generator) -> Point:

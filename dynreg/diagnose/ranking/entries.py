@@ -8,7 +8,6 @@ import numpy as np
 
 from dynreg.diagnose.ranking.draws import drawn
 from dynreg.diagnose.ranking.features import Frame
-from dynreg.evidence.data import Sample
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -51,8 +50,7 @@ def entries(
     for group, some in groupby(numbers, lambda i: i // TOGETHER):
         some = list(some)
         own = drawn(frame.model, terms, some, seed)
-        true = yield from _moved(frame.model, own, frame.sample, robot, stream(seed, "group", group))
-        said = np.stack([sensed(robot, s, stream(seed, "sensors", i)) for i, s in zip(some, true, strict=True)])
+        said = yield from _said(frame, own, some, robot, seed, group)
         points += own
         states.append(said.astype(np.float32))
         # as they are stored
@@ -60,6 +58,36 @@ def entries(
     return Entries(
         *_told(frame.model, terms, points), states=np.concatenate(states), features=np.concatenate(features)
     )
+
+
+def _said(
+    frame: Frame, points: Sequence[Point], numbers: Sequence[int], robot: Robot, seed: int, group: int
+) -> Search[np.ndarray]:
+    """(n, W, T+1, S) states of entries; those that carry nothing have the noise of hidden robots.
+
+    That is, they start within the noise of the measured starts, under a torque disturbance, and sensors say them.
+    """
+    model, sample = frame.model, frame.sample
+    run = sample.data.windows.run.take(sample.chosen)
+    given = len(model.start.hypothesis.terms)
+    bare = np.array([len(p.hypothesis.terms) == given for p in points])
+    out = np.empty((len(points), run.episodes, run.steps + 1, len(robot.channels)))
+    if not bare.all():
+        out[~bare] = yield from model.states([p for p, b in zip(points, bare, strict=True) if not b], run)
+    if bare.any():
+        rng, noise = stream(seed, "group", group), disturbance(model.robot)
+        if run.initial is not None:
+            off = robot.sensor_noise * rng.standard_normal(run.initial.shape)
+            run = replace(run, initial=run.initial + off)
+        unsteady = [
+            Point(p.hypothesis.with_term(noise), p.nominal, np.append(p.effect, 1.0))  # of its one size
+            for p, b in zip(points, bare, strict=True)
+            if b
+        ]
+        moved = yield from model.states(unsteady, disturbed(model.robot, run, rng))
+        own = [n for n, b in zip(numbers, bare, strict=True) if b]
+        out[bare] = [sensed(robot, s, stream(seed, "sensors", i)) for i, s in zip(own, moved, strict=True)]
+    return out
 
 
 def _told(
@@ -78,22 +106,3 @@ def _told(
             own = c.effect_values(point.hypothesis, point.effect[None])[-1][0]
             effects[number, : len(own)] = own
     return c.values(rows[:, : len(c)]), carried, effects, rows
-
-
-def _moved(
-    model: Model, points: Sequence[Point], sample: Sample, robot: Robot, rng: np.random.Generator
-) -> Search[np.ndarray]:
-    """(n, W, T+1, S) states of the points in the windows of a sample.
-
-    They start within the noise of the measured starts, under the torque disturbance of hidden robots.
-    """
-    run = sample.data.windows.run.take(sample.chosen)
-    if run.initial is not None:
-        off = robot.sensor_noise * rng.standard_normal(run.initial.shape)
-        run = replace(run, initial=run.initial + off)
-    noise = disturbance(model.robot)
-    unsteady = [
-        Point(p.hypothesis.with_term(noise), p.nominal, np.append(p.effect, 1.0))  # of its one size
-        for p in points
-    ]
-    return (yield from model.states(unsteady, disturbed(model.robot, run, rng)))
