@@ -223,6 +223,20 @@ class Rest(Result):
     trajectories: int
 
 
+class Resemblance(Result):
+    """What simulators with one effect each, under the recording's commands, say that it looks like.
+
+    causes : the likeliest first. resemblance : 1 where the nearest of these simulators shows all that the recording has
+    beyond noise, 0 where it shows nothing. outside : none of the known causes looks like this; one cause alone then
+    explains part of the error at most. entries : how many simulators.
+    """
+
+    causes: tuple[str, ...]
+    resemblance: float
+    outside: bool
+    entries: int
+
+
 class DiagnosisTrace(Curves):
     """Measured and simulated values of one channel in one episode; time [s]; null where there is no such simulator."""
 
@@ -247,6 +261,7 @@ class Diagnosis(Result):
     where no error is unexplained, or where the log does not tell the states to predict from.
     looked : how large the first cause may be, whatever else acts. inseparable : the rivals that the recording does
     not separate from it.
+    resembles : what the recording looks like beside simulators with one effect each; null where there were none.
     asked : the options that decide the answer, by name; null in documents that were stored before they were kept.
     recordings : names of several that were asked about at once; stable : what is the same in all of them, and what not.
     inputs : what the log measured and the simulators were driven by. notes : what else a reader must know.
@@ -286,6 +301,7 @@ class Diagnosis(Result):
     notes: tuple[str, ...] = ()
     recordings: tuple[str, ...] = ()
     stable: tuple[Refit, ...] = ()
+    resembles: Resemblance | None = None
     asked: dict[str, Any] | None = None
     calibrated_simulator: str | None = None
     extended_simulator: str | None

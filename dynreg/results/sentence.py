@@ -71,8 +71,8 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     """The main figures under the verdict, one short sentence each.
 
     What calibration alone gains; the sizes of the causes that clearly help, and the names of the others; the held-out
-    error with all causes, or with the first where that of all is not known; the residual against its noise floor; and
-    the interval of a cause that the recording does not separate from others.
+    error with all causes, or with the first where that of all is not known; whether none of the known causes looks like
+    the recording; the residual against its noise floor; and the interval of a cause that the recording does not separate from others.
     """
     error = of.error
     out = [*_calibration_sentences(of)]
@@ -87,6 +87,8 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
         out.append("The recording does not separate these causes.")
     out += [*_gain_sentences(of), _doubtful_sentence(of)]
     out.append(over_start_sentence(of))
+    if of.resembles is not None and of.resembles.outside and of.verdict != "none":
+        out.append("None of the known causes looks like this recording.")
     out += [residual_sentence(of.noise), _signal(of.residual) if of.verdict == "unknown" else ""]
     out += stable_sentences(of.stable)
     out += inseparable_sentences(of.looked, of.inseparable)

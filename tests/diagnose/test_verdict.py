@@ -52,6 +52,12 @@ def test_without_repeated_runs_a_white_rest_counts_as_explained():
     assert verdict_of(leg, evidence(far, "repeatability", True), rounds, 1) == "partly_explained"
 
 
+def test_what_looks_like_no_known_cause_is_partly_explained_at_most():
+    leg, both = load_robot("leg"), (*named("backlash[knee]"), *named("payload"))
+    said = [verdict_of(leg, evidence(1.0), both, many, outside=True) for many in (0, 1, 2)]
+    assert said == ["none", "partly_explained", "named"]
+
+
 def test_rivals_leave_the_exact_group_out():
     (naming,) = named(
         "force_offset[knee]", "asymmetric_friction[knee]", "asymmetric_friction", "cogging[knee]"
