@@ -59,16 +59,18 @@ def kept(problem: Problem, noise: Mapping[str, float], cache: Cache | None) -> E
     noise : of the log's own sensors; see `own_noise`.
     """
     told, terms = commands(problem.data), [term.key for term in problem.terms]
-    rows = [] if cache is None else (cache.cached(KIND, population_key(problem, noise)) or {"found": []})["found"]
+    rows = (
+        []
+        if cache is None
+        else (cache.cached(KIND, population_key(problem, noise)) or {"found": []})["found"]
+    )
     like = [one for one in rows if same(told, np.array(one["commands"]))]
     if not like:
         return None
     return EffectPopulation.from_arrays(terms, _arrays(max(like, key=lambda one: one["entries"])["arrays"]))
 
 
-def keep(
-    found: EffectPopulation, problem: Problem, noise: Mapping[str, float], cache: Cache | None
-) -> None:
+def keep(found: EffectPopulation, problem: Problem, noise: Mapping[str, float], cache: Cache | None) -> None:
     """Keep a population in the cache, in place of smaller ones under similar commands."""
     if cache is None:
         return

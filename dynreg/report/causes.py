@@ -28,7 +28,9 @@ def tables(result: Causes) -> Group:
         f"What calibration leaves is {number(result.size / max(result.noise, 1e-12))} times what noise leaves. "
         f"The nearest of {result.entries} entries resembles it by {result.resemblance:.3f}."
     )
-    return Group(Text(str(result)), table(columns, rows, "causes that the recording looks like"), Text(beyond))
+    return Group(
+        Text(str(result)), table(columns, rows, "causes that the recording looks like"), Text(beyond)
+    )
 
 
 def hint(result: Causes) -> str:

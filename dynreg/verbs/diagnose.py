@@ -87,7 +87,9 @@ def windows(of: str = "") -> int | None:
 
 def ranker(of: str = "") -> str:
     """The setting of what says which causes to try first."""
-    about = "What says which causes to try first: simulators with one effect each (auto: if they are registered)."
+    about = (
+        "What says which causes to try first: simulators with one effect each (auto: if they are registered)."
+    )
     return option(DiagnosisOptions.ranker, _of(of, about), choices=("auto", "make", "off"))
 
 

@@ -14,6 +14,7 @@ from dynreg.diagnose.noise import noisier, own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
+from dynreg.diagnose.ranking.draws import NONE_OF
 from dynreg.diagnose.ranking.entries import Entries, entries
 from dynreg.diagnose.ranking.population import EffectPopulation, bare, gathered
 from dynreg.diagnose.threshold import commands
@@ -28,7 +29,7 @@ from dynreg.verbs.subjects import EFFECTS, Recorded
 
 INDEX = "effects"  # under which the features' directions and the classifier are kept
 SHARD = 256  # entries that are stored together: whole groups of `entries.TOGETHER`
-LEAST = 2  # entries for each term and for none: fewer tell a classifier nothing
+LEAST = 3  # entries for each term: fewer tell a classifier nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +65,11 @@ def begin(registry: Registry, robot: Robot, given: Posed, n: int) -> str:
 
     Raises UsageError where n leaves some effects without entries.
     """
-    least = LEAST * (1 + len(given.keys))
+    least = LEAST * (1 + len(given.keys)) * NONE_OF // (NONE_OF - 1)
     if n < least:
         raise UsageError(
             f"{n} simulators for {len(given.keys)} effects of {robot.name!r}",
-            expected=f"at least {least}: {LEAST} for each, and {LEAST} without any",
+            expected=f"at least {least}: {LEAST} for each, and some without any",
             do=f"ask for more, such as -n {10 * least}",
         )
     accept(registry, robot)
@@ -84,7 +85,9 @@ def begin(registry: Registry, robot: Robot, given: Posed, n: int) -> str:
     data, columns = given.problem.data, columns_of(robot)
     bank = data.windows.run.take(data.both)
     told = {"actions": bank.actions, "inputs": bank.inputs, "settings": bank.settings}
-    held = {name: a for name, a in told.items() if a is not None and a.shape[-1] == len(getattr(columns, name))}
+    held = {
+        name: a for name, a in told.items() if a is not None and a.shape[-1] == len(getattr(columns, name))
+    }
     record = PopulationRecord(
         id=given.id,
         robot_hash=robot.hash,

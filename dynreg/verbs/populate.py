@@ -23,7 +23,9 @@ class PopulateSettings(Settings):
     ranges: str | None = option(None, "Named parameter ranges of robot.toml.")
     shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
     link: bool = option(True, "Also build the search graph.")
-    effects: bool = option(False, "Give each simulator one effect, or none, under the commands of a recording.")
+    effects: bool = option(
+        False, "Give each simulator one effect, or none, under the commands of a recording."
+    )
     like: str | None = option(None, "With --effects: the recording.", metavar="RECORDING")
     threads: int = threads()
 
@@ -107,7 +109,9 @@ def with_effects(
     from dynreg.verbs.subjects import recorded
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
-    given = posed(recorded(registry, settings.like, robot, None, ingest=True), settings.seed, settings.threads)
+    given = posed(
+        recorded(registry, settings.like, robot, None, ingest=True), settings.seed, settings.threads
+    )
     identity = begin(registry, robot, given, n)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
     added = fill(registry, given, settings.threads, watch, advance)
