@@ -21,7 +21,7 @@ from bench_naming import group
 from bench_naming_leg import plan_of as leg_plan
 from constants_table import TABLE, changed
 from journal import Journal
-from naming import RESULTS, TUNE, confident, seeds
+from naming import RESULTS, TUNE, seeds
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import search
@@ -36,6 +36,7 @@ from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.interval import posterior
 from dynreg.evidence.lockstep import Search, run, together
 from dynreg.evidence.truth import Hidden, hide, log_of, protocol
+from dynreg.results.trials import confident
 from dynreg.sim.effects import Term, term
 from dynreg.sim.robot import load_robot
 
@@ -122,12 +123,12 @@ def names(robots: Robots) -> dict[str, Any]:
     for one in done:
         hidden, found = one.hidden.terms, one.made.found
         stated = [t.key for t in found.current.hypothesis.terms]
-        told.append("+".join(stated) + ("" if confident(one.made) else "?"))
+        told.append("+".join(stated) + ("" if confident(one.made.verdict) else "?"))
         if not hidden:
             alarms += bool(found.accepted)
             continue
         keys = [same_cause(robots.trials.robot, t) for t in hidden]
-        right += confident(one.made) and bool(stated) and all(k & {*stated} for k in keys)
+        right += confident(one.made.verdict) and bool(stated) and all(k & {*stated} for k in keys)
         nats += max(
             (s.nats for s in found.rounds[0].ranking if _last(s).key in set().union(*keys)), default=0.0
         )

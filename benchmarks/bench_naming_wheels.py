@@ -11,7 +11,7 @@ tolerances leave open. It is a row of its own.
 import time
 from dataclasses import replace
 
-from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, write
+from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, titled, write
 
 from dynreg.evidence.truth import protocol
 from dynreg.sim.effects import SIZES, term
@@ -41,7 +41,7 @@ def main() -> None:
     plan = protocol(robot, seed=TUNE, seconds=given.seconds)
     journal = journal_of(given, robot, seed)
     needed = threshold("diffdrive", robot, plan, given, journal)
-    one = Job(robot, plan, (), None, 0, needed, interval=given.interval)
+    one = Job(robot, plan, (), None, 0, needed, interval=given.interval, truth=given.truth)
 
     def hidden(keys: tuple[str, ...]) -> list[Job]:
         return [
@@ -56,12 +56,12 @@ def main() -> None:
     began = time.perf_counter()
     done = run_all(jobs + scale, given.processes, journal)
     seconds = time.perf_counter() - began
-    out = report("diffdrive", done[: len(jobs)], needed)
+    out = report(titled("diffdrive", given.truth), done[: len(jobs)], needed)
     print("\nthe scale of both encoders, which wheels and drags may have, too")
     out["scale"] = report("diffdrive, encoder_scale", done[len(jobs) :], needed)
     out["seconds"]["all"] = seconds
     print(f"{len(done)} diagnoses in {seconds:.0f} s")
-    write("naming_wheels.json", out, given)
+    write("naming_wheels.json" if given.truth == "own" else "naming_wheels_independent.json", out, given)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from journal import Journal
 from dynreg.diagnose.threshold import SEARCH, USUAL, level
 from dynreg.diagnose.trial import Trial, Trials, null_scores
 from dynreg.evidence.truth import Protocol
-from dynreg.results.trials import Rate, TrialResult, TrialTable, rate
+from dynreg.results.trials import Rate, TrialResult, TrialTable, confident, rate
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot
@@ -28,7 +28,8 @@ TUNE = 3  # the seed of the development, of the commands and of the threshold
 PARTS = 10  # in which the threshold's robots are simulated
 MANY = 100  # trials: with more, a line tells of fifty
 NOTHING = "nothing"  # hidden or named
-RATES = ("right", "joint_right", "covered", "wrong", "false_alarm", "in_set")
+TRUTHS = ("own", "independent")  # code of the hidden robots: the library's, or other
+RATES = ("right", "joint_right", "covered", "wrong", "false_alarm", "not_none", "outside", "in_set")
 KEPT = (
     *RATES,
     "by_size",
@@ -44,8 +45,9 @@ KEPT = (
 class Job:
     """One trial of a robot under a plan.
 
-    keys : what it hides, () for nothing; size : how large; seed : of the robot; needed : the threshold [nats];
-    without : effects that the diagnosis lacks; max_causes : where it stops; share, interval : as in `results_of`.
+    keys : what it hides, () for nothing; of a robot whose `truth` is independent one cause of `dynreg.truths`; size :
+    how large; seed : of the robot; needed : the threshold [nats]; without : effects that the diagnosis
+    lacks; max_causes : where it stops; share, interval : as in `results_of`.
     """
 
     robot: Robot
@@ -58,6 +60,7 @@ class Job:
     max_causes: int = 1
     share: bool = False
     interval: bool = False
+    truth: str = "own"
 
 
 def arguments(about: str, **defaults: int | bool) -> argparse.ArgumentParser:
@@ -66,6 +69,9 @@ def arguments(about: str, **defaults: int | bool) -> argparse.ArgumentParser:
     parser.add_argument("--none", type=int, help="robots without an effect")
     parser.add_argument("--threshold-runs", type=int, help="robots from which the threshold is found")
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument(
+        "--truth", choices=TRUTHS, default="own", help="code that simulates the hidden robots"
+    )
     yes_no = argparse.BooleanOptionalAction
     parser.add_argument(
         "--interval", action=yes_no, default=False, help="whether 90 %% intervals hold the truth"
@@ -118,8 +124,13 @@ def nulls(given: tuple[Robot, Protocol, range]) -> list[float]:
 
 def run(job: Job) -> TrialResult:
     """The trial, on one core; alone, so that its seconds are its own."""
-    trial = Trial(tuple(term(key) for key in job.keys), job.size, job.seed, job.without, job.max_causes)
-    trials, asked = Trials(job.robot, job.plan, threads=1), {"share": job.share, "interval": job.interval}
+    limits = job.size, job.seed, job.without, job.max_causes
+    if job.truth == "own":
+        trial = Trial(tuple(term(key) for key in job.keys), *limits)
+    else:
+        trial = Trial((), *limits, cause=job.keys[0] if job.keys else None)
+    trials = Trials(job.robot, job.plan, threads=1, truth=job.truth)
+    asked = {"share": job.share, "interval": job.interval}
     (result,) = results_of(trials, [trial], job.needed, **asked)
     return result
 
@@ -154,9 +165,9 @@ def _finished(jobs: Sequence[Job], left: Sequence[int], processes: int) -> Itera
 
 
 def _key(job: Job) -> str:
-    """What tells a trial from all others of the table."""
+    """What tells a trial from all others of the table; robots of other code say so."""
     said = (job.keys, job.size, job.seed, job.needed, job.without, job.max_causes, job.share, job.interval)
-    return json.dumps(said)
+    return json.dumps(said if job.truth == "own" else (*said, job.truth))
 
 
 def journal_of(given: argparse.Namespace, robot: Robot, seed: int) -> Journal | None:
@@ -166,11 +177,6 @@ def journal_of(given: argparse.Namespace, robot: Robot, seed: int) -> Journal | 
     journal = Journal(given.journal, {"robot": robot.hash, "seed": seed, "search": SEARCH})
     journal.begin()
     return journal
-
-
-def confident(result: TrialResult) -> bool:
-    """Whether the diagnosis says that its first cause explains the log."""
-    return result.verdict in ("named", "ambiguous")
 
 
 def document(name: str, done: Sequence[TrialResult], needed: float) -> dict:
@@ -218,7 +224,7 @@ def report(name: str, done: Sequence[TrialResult], needed: float) -> dict:
 
 def report_absent(done: Sequence[TrialResult]) -> dict | None:
     """Print which names were given with confidence though the cause was taken away; the same as a document."""
-    wrong = [f"{r.hidden} -> {r.named}" for r in done if confident(r)]
+    wrong = [f"{r.hidden} -> {r.named}" for r in done if confident(r.verdict)]
     if not done:
         return None
     print(f"  cause absent: confident wrong names {len(wrong)} of {len(done)}", *wrong, sep="\n    ")
@@ -242,6 +248,11 @@ def report_pairs(done: Sequence[TrialResult]) -> dict | None:
 def interval(share: Rate) -> str:
     """A rate with its 90 % interval."""
     return f"{share.value:.3f} [{share.low:.3f}, {share.high:.3f}] of {share.of}"
+
+
+def titled(robot: str, truth: str) -> str:
+    """What the tables of a robot are called."""
+    return robot if truth == "own" else f"{robot}, independent truth"
 
 
 def write(name: str, out: dict, given: argparse.Namespace) -> None:
@@ -272,7 +283,7 @@ def _tell(jobs: Sequence[Job], done: dict[int, TrialResult]) -> None:
 def _judged(job: Job, result: TrialResult) -> str:
     """Whether a trial was right; a cause that was taken away is rightly missed."""
     if job.without:
-        return "WRONG" if confident(result) else "right"
+        return "WRONG" if confident(result.verdict) else "right"
     return "right" if result.right else "WRONG" if result.wrong else "missed"
 
 

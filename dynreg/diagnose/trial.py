@@ -9,6 +9,7 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import Diagnosed, search
 from dynreg.diagnose.guided import guided
+from dynreg.diagnose.independent import hide_independent, independent_log
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions, Ranker
 from dynreg.diagnose.pose import pose
@@ -37,8 +38,9 @@ class Trials:
     """Simulated robots under one protocol, which share one threshold, and the settings of their diagnosis.
 
     engine : of the diagnosis; None for the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
-    seed : of the robots without an effect that determine the threshold. ranker : as in `DiagnosisOptions`; guide : the
-    population that it stands for, which all share (see `with_guide`).
+    seed : of the robots without an effect that determine the threshold. truth : "own" simulates the hidden robots by
+    the library's effects, "independent" by other code (`dynreg.truths`). ranker : as in `DiagnosisOptions`; guide : what
+    it stands for, which all of them share; None without one (see `guided`).
     """
 
     robot: Robot
@@ -47,6 +49,7 @@ class Trials:
     threshold_runs: int = DiagnosisOptions.threshold_runs
     threads: int = 0
     seed: int = 0
+    truth: str = "own"
     ranker: Ranker = DiagnosisOptions.ranker
     guide: Guide | None = None
 
@@ -74,7 +77,7 @@ class Trials:
         recording, options = _without_effect(self)
 
         def made() -> Search[Problem]:
-            problem = yield from _posed(self, recording, options)
+            problem = yield from posed(self, recording, options)
             return (yield from guided(problem, recording, options, cache, progress))
 
         return replace(self, guide=run(made(), threads=self.threads).guide)
@@ -84,7 +87,8 @@ class Trials:
 class Trial:
     """One trial: the hidden `terms` at `size` in the robot of `seed`, and the limits of its diagnosis.
 
-    without : effects that are no candidates. max_causes : most causes to name.
+    without : effects that are no candidates. max_causes : most causes to name. cause : what an independent truth hides
+    in place of terms, "backlash[elbow]" in one joint; None for nothing.
     """
 
     terms: tuple[Term, ...]
@@ -92,6 +96,7 @@ class Trial:
     seed: int
     without: tuple[str, ...] = ()
     max_causes: int = 1
+    cause: str | None = None
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,7 @@ def trial_threshold(trials: Trials, cache: Cache | None = None, progress: Progre
     recording, options = _without_effect(trials)
 
     def found() -> Search[float]:
-        problem = yield from _posed(trials, recording, options)
+        problem = yield from posed(trials, recording, options)
         return (yield from threshold(problem, recording, options, cache, progress)).nats
 
     return run(found(), threads=trials.threads)
@@ -127,7 +132,7 @@ def null_scores(trials: Trials, numbers: Iterable[int]) -> list[float]:
     seeds = [null_seed(options.seed, i) for i in numbers]
 
     def found() -> Search[list[float]]:
-        problem = yield from _posed(trials, recording, options)
+        problem = yield from posed(trials, recording, options)
         return (yield from scores_of(problem, own_noise(trials.robot, recording), seeds))
 
     return run(found(), threads=trials.threads)
@@ -140,7 +145,8 @@ def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:
     return log_of(trials.robot, hidden, trials.plan, engine=trials.truth_engine), options
 
 
-def _posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:
+def posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:
+    """A log of the trials as a problem, with their guide."""
     model, data = pose(trials.robot, recording, options)
     problem = yield from planned(model, data, single_terms(trials.robot, (), options.without))
     return replace(problem, guide=trials.guide)
@@ -151,19 +157,35 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: float) -> list[Tried]:
 
     The time that all took is shared out evenly.
     """
-    hidden = [hide(trials.robot, one.terms, one.size, one.seed) for one in todo]
-    logs = [log_of(trials.robot, one, trials.plan, engine=trials.truth_engine) for one in hidden]
+    hidden, logs = zip(*(hidden_log(trials, one) for one in todo), strict=True)
     began, busy = time.perf_counter(), time.process_time()
 
     def diagnosed(one: Trial, recording: Recording) -> Search[Diagnosed]:
         options = trials.options(one.without, one.max_causes)
-        problem = yield from _posed(trials, recording, options)
+        problem = yield from posed(trials, recording, options)
         return (yield from search(problem, recording, known(needed), options))
 
     searches = [diagnosed(*one) for one in zip(todo, logs, strict=True)]
     made = run(together(searches), threads=trials.threads)
     spent = (time.perf_counter() - began) / len(todo), (time.process_time() - busy) / len(todo)
     return [Tried(*one, *spent) for one in zip(hidden, made, strict=True)]
+
+
+def hidden_log(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
+    """What a trial hides, and its log."""
+    robot = trials.robot
+    if trials.truth == "independent":
+        hidden, truth = hide_independent(robot, one.cause, one.size, one.seed)
+        return hidden, independent_log(robot, truth, trials.plan)
+    hidden = hide(robot, one.terms, one.size, one.seed)
+    return hidden, log_of(robot, hidden, trials.plan, engine=trials.truth_engine)
+
+
+def right_names(robot: Robot, hidden: Hidden) -> list[set[str]]:
+    """For each hidden cause the keys that name it right; none where nothing is hidden, or nothing with a name."""
+    if hidden.cause is not None:
+        return [set().union(*(same_cause(robot, t) for t in hidden.answers))] if hidden.answers else []
+    return [same_cause(robot, t) for t in hidden.terms]
 
 
 def same_cause(robot: Robot, hidden: Term) -> set[str]:
@@ -176,11 +198,11 @@ def joint_right(robot: Robot, hidden: Hidden, first: Term | None) -> bool | None
 
     An effect of the whole robot that no commands tell from the hidden one sits there, too.
     """
-    joints = tuple(j for t in hidden.terms for j in t.joints)
+    joints = hidden.joints
     if not joints:
         return None
     return first is not None and (
-        first.joints == joints or any(first.key in same_cause(robot, t) for t in hidden.terms)
+        first.joints == joints or any(first.key in names for names in right_names(robot, hidden))
     )
 
 

@@ -34,13 +34,40 @@ TILES = 2.5  # nameplate errors are drawn within so many sigma
 
 @dataclass(frozen=True)
 class Hidden:
-    """What a trial hides: terms with their values [units of the effects], and the robot's true parameters (P,)."""
+    """What a trial hides: terms with their values [units of the effects], and the robot's true parameters (P,).
+
+    cause : id of what a truth by other code hides; its terms are then those of the library's effect of the same
+    physics, or none, with NaN for values that the effect does not state alike. answers : terms each of which is a right
+    name for that cause; none where it lies outside the library.
+    """
 
     terms: tuple[Term, ...]
     values: tuple[np.ndarray, ...]
     parameters: np.ndarray
     seed: int
     size: str | None = None
+    cause: str | None = None
+    answers: tuple[Term, ...] = ()
+
+    @property
+    def anything(self) -> bool:
+        """Whether a cause is hidden."""
+        return bool(self.terms) or self.cause is not None
+
+    @property
+    def outside(self) -> bool:
+        """Whether the library has no name for what is hidden."""
+        return self.cause is not None and not self.answers
+
+    @property
+    def id(self) -> str | None:
+        """Id of the cause, "a+b" of two effects; None where nothing is hidden."""
+        return self.cause or "+".join(t.effect.id for t in self.terms) or None
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Where it sits; () for all joints, or the robot as a whole."""
+        return tuple(j for t in self.terms or self.answers[:1] for j in t.joints)
 
     @property
     def key(self) -> str:
@@ -144,9 +171,13 @@ def hide(
 
 def log_of(robot: Robot, hidden: Hidden, plan: Protocol, *, engine: str | None = None) -> Recording:
     """What the hidden robot's logger writes under the commands of `plan`."""
+    return recorded(robot, plan, answered(measured_states(robot, hidden, plan.run, engine=engine)))
+
+
+def recorded(robot: Robot, plan: Protocol, states: np.ndarray) -> Recording:
+    """The log of readings (E, T+1, S) under the commands of `plan`."""
     run = plan.run
-    parts = [answered(measured_states(robot, hidden, run, engine=engine))]
-    parts.append(np.concatenate([run.actions, run.actions[:, -1:]], axis=1))
+    parts = [states, np.concatenate([run.actions, run.actions[:, -1:]], axis=1)]
     channels = [Channel(c.name, c.unit) for c in robot.file.channels]
     channels += [Channel(a.name, a.unit) for a in robot.file.actions]
     if run.inputs is not None and run.inputs.shape[-1]:

@@ -39,6 +39,9 @@ def verdict(result: TrialTable) -> str:
         parts.append(f"{result.right.hits} of {count(result.right.of, 'hidden effect')} named right")
     if result.wrong:
         parts.append(f"{result.wrong.hits} of {result.wrong.of} named wrong")
+    if result.outside:
+        names = f"{result.outside.hits} of {count(result.outside.of, 'cause')} outside the library"
+        parts.append(f"{names} named with confidence")
     if result.false_alarm:
         alarms = count(result.false_alarm.hits, "false alarm")
         parts.append(f"{alarms} in {count(result.false_alarm.of, 'robot')} without an effect")
@@ -53,6 +56,8 @@ def rates(result: TrialTable) -> list[tuple[str, Rate]]:
         ("true effect among the equivalents", result.in_set),
         ("wrong name", result.wrong),
         ("false alarm (no hidden effect)", result.false_alarm),
+        ("other verdict than none (no hidden effect)", result.not_none),
+        ("confident name for a cause outside the library", result.outside),
     ]
     return [(name, rate) for name, rate in named if rate is not None]
 

@@ -41,11 +41,17 @@ def rate(found: Iterable[bool]) -> Rate | None:
     return Rate(hits=hits, of=of, value=hits / of, low=low, high=high)
 
 
+def confident(verdict: str) -> bool:
+    """Whether a verdict says that the first cause explains the log."""
+    return verdict in ("named", "ambiguous")
+
+
 class TrialResult(Result):
     """One simulated robot with a hidden effect (or none), and its diagnosis.
 
     hidden : id of the effect ("a+b" for two), null without one. size : weak, medium or strong.
     hidden_values : true values of the effect's parameters. true_parameters : true values of the robot's parameters.
+    outside : the library has no name for what is hidden; then right means that no cause was named with confidence.
     named : key of the first cause. causes : keys of all causes.
     right : with a hidden effect: the verdict is named or ambiguous, and the first cause is the true effect or one of
     its exact group; of several hidden effects, each is among the causes in this sense. Without one: no cause was named.
@@ -61,6 +67,7 @@ class TrialResult(Result):
     robot: str
     seed: int
     hidden: str | None
+    outside: bool = False
     size: Literal["weak", "medium", "strong"] | None = None
     joints: tuple[str, ...] = ()
     hidden_values: dict[str, float] = {}
@@ -105,9 +112,11 @@ class Confusion(Result):
 class TrialTable(Result):
     """Many trials with their rates. `TrialTable.of` makes it.
 
-    right, in_set, wrong : over the trials with a hidden effect; wrong counts wrong causes. joint_right : over those
-    whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. by_size, by_effect :
-    `right` by size and by effect. set_median, set_p95 : median and 95th percentile of `size_of_set`.
+    right, in_set, wrong : over the trials with a hidden effect that has a name; wrong counts wrong causes. outside :
+    how often a cause was named with confidence where the library has no name for what is hidden. joint_right : over
+    those whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. not_none : how
+    often these got another verdict than none. by_size, by_effect : `right` by size and by effect. set_median, set_p95 :
+    median and 95th percentile of `size_of_set`.
     """
 
     schema_: Literal["dynreg/trials/1"] = Field(default="dynreg/trials/1", alias="schema")
@@ -119,6 +128,8 @@ class TrialTable(Result):
     in_set: Rate | None
     wrong: Rate | None
     false_alarm: Rate | None
+    not_none: Rate | None = None
+    outside: Rate | None = None
     by_size: dict[str, Rate]
     by_effect: tuple[TrialGroup, ...]
     confusions: tuple[Confusion, ...]
@@ -132,7 +143,7 @@ class TrialTable(Result):
     @classmethod
     def of(cls, robot: str, trials: Sequence[TrialResult], notes: Sequence[str] = ()) -> "TrialTable":
         """The table of these trials."""
-        with_effect = [t for t in trials if t.hidden is not None]
+        with_effect = [t for t in trials if t.hidden is not None and not t.outside]
         sets = sorted(t.size_of_set for t in with_effect if t.size_of_set)
         sizes = [s for s in ("weak", "medium", "strong") if any(t.size == s for t in with_effect)]
         return cls(
@@ -144,6 +155,8 @@ class TrialTable(Result):
             in_set=_in_set(with_effect),
             wrong=rate(t.wrong for t in with_effect),
             false_alarm=rate(t.false_alarm for t in trials if t.hidden is None),
+            not_none=rate(t.verdict != "none" for t in trials if t.hidden is None),
+            outside=rate(confident(t.verdict) for t in trials if t.outside),
             by_size={s: rate(t.right for t in with_effect if t.size == s) for s in sizes},
             by_effect=_groups(trials),
             confusions=_confusions(trials),
@@ -170,6 +183,8 @@ class TrialTable(Result):
             ("joint right", self.joint_right),
             ("in set", self.in_set),
             ("wrong name", self.wrong),
+            ("not none", self.not_none),
+            ("named, outside the library", self.outside),
         ]
         named += [("false alarm", self.false_alarm), *((f"right, {s}", r) for s, r in self.by_size.items())]
         named += [(f"right, {g.hidden or 'no hidden effect'}", g.right) for g in self.by_effect]

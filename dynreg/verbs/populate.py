@@ -43,9 +43,10 @@ def populate(
 
     Entry i has the parameters of row i of the Sobol sequence over the robot's ranges. It is simulated with the commands
     of the shared bank and with its own motor noise; its model is warm-started from the base model. Its bytes depend
-    only on the robot, the seed and i. With `effects` they carry one effect each, or none, under the commands of the
-    recording `like`; see `verbs.effect_populations`. An interrupted populate resumes. Several processes share the work, and each
+    only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
     returns when all entries are done.
+
+    With `effects` the entries carry one effect each, or none, under the commands of the recording `like`, and no models.
 
     Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
     """

@@ -14,7 +14,7 @@ from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import today
 
 if TYPE_CHECKING:
-    from dynreg.registry import Registry, ResultRecord
+    from dynreg.registry import EntryRecord, PopulationRecord, Registry, ResultRecord
     from dynreg.sim.config import SimConfig
     from dynreg.sim.robot import Robot
 

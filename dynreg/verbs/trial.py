@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 HIDES = ("drawn", "chosen", "nothing", "every")
 TOGETHER = 8  # robots diagnosed in lockstep: more take more memory, and save no time
+TRUTHS = ("own", "independent")
+PHYSICS = ("same", "other")
 SIZES = ("weak", "medium", "strong")  # as in `sim.effects`, whose import takes long
 
 
@@ -23,6 +25,8 @@ class TrialSettings(Settings):
 
     hide : "drawn" (one random effect per robot), "chosen" (all of `effects` in each robot), "nothing", or
         "every" (each effect that the robot can have, `count` robots with each).
+    truth, physics : "independent" robots are simulated by other code than the model's, with the library's physics or
+        other; `effects` are then one of their causes.
     Raises UsageError if `effects` is given without "chosen", or "chosen" without `effects`.
     """
 
@@ -32,6 +36,10 @@ class TrialSettings(Settings):
     count: int = option(1, "Number of robots.", flag="-n", least=1)
     seed: int = seed()
     seconds: float = option(50.0, "Length of each robot's log [s].", above=0.0)
+    truth: str = option(
+        "own", "Code that simulates the hidden robots: the library's, or independent.", choices=TRUTHS
+    )
+    physics: str = option("same", "Physics of independent robots: the library's, or other.", choices=PHYSICS)
     engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
     threshold_runs: int = threshold_runs()
     threads: int = threads()
@@ -46,7 +54,7 @@ class TrialSettings(Settings):
                 expected="effects if and only if hide is 'chosen'",
                 do="name effects, or change `hide`",
             )
-        for key in self.effects:
+        for key in self.effects if self.truth == "own" else ():
             term(key)
 
 
@@ -60,12 +68,13 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
     from dynreg.diagnose.trial import Trials, trial_threshold
     from dynreg.evidence.truth import protocol
     from dynreg.results.trials import TrialTable
-    from dynreg.verbs.trials import jobs, results_of
+    from dynreg.verbs.trials import independent_jobs, jobs, results_of
 
     report = progress or (lambda *_: None)
     plan = protocol(asked.robot, seed=settings.seed, seconds=settings.seconds)
-    todo = jobs(asked.robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed)
-    how = settings.engine, settings.threshold_runs, settings.threads, settings.seed
+    what = asked.robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed
+    todo = jobs(*what) if settings.truth == "own" else independent_jobs(*what, settings.physics)
+    how = settings.engine, settings.threshold_runs, settings.threads, settings.seed, settings.truth
     trials = Trials(asked.robot, plan, *how)
     needed = trial_threshold(trials, asked.registry, progress)
     results = []

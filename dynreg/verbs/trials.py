@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from dynreg.data.names import joint_of
 from dynreg.diagnose.trial import (
     Trial,
@@ -10,7 +12,7 @@ from dynreg.diagnose.trial import (
     attainable_share,
     covered,
     joint_right,
-    same_cause,
+    right_names,
     size_error,
     tried,
 )
@@ -18,7 +20,7 @@ from dynreg.diagnose.verdict import rivals
 from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.truth import Hidden
-from dynreg.results.trials import TrialResult
+from dynreg.results.trials import TrialResult, confident
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Term, term
 from dynreg.sim.robot import Robot
@@ -39,7 +41,8 @@ def _result(trials: Trials, one: Tried, share: bool, interval: bool) -> TrialRes
     result = _scored(trials.robot, one)
     if interval and result.parameter_error is not None:
         result = result.model_copy(update={"covered": covered(trials, one)})
-    if not share or not one.hidden.terms or not one.made.found.accepted:
+    known = all(np.isfinite(values).all() for values in one.hidden.values)
+    if not share or not one.hidden.terms or not known or not one.made.found.accepted:
         return result
     return result.model_copy(update={"share_of_attainable_gain": attainable_share(trials, one)})
 
@@ -52,18 +55,22 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
         {first.key, *(s.point.hypothesis.terms[-1].key for s in first_round.equivalent)} if first else set()
     )
     causes = tuple(t.key for t in found.current.hypothesis.terms)
-    truths = [same_cause(robot, t) for t in hidden.terms]
+    truths = right_names(robot, hidden)
     right = first is None
-    if hidden.terms:
+    if hidden.outside:
+        right = not confident(verdict)
+    elif hidden.anything:
         stated_first = first is not None and any(first.key in truth for truth in truths)
-        right = verdict in ("named", "ambiguous") and stated_first and all(t & {*causes} for t in truths)
+        right = confident(verdict) and stated_first and all(t & {*causes} for t in truths)
     same = first is not None and len(hidden.terms) == 1 and first.key == hidden.terms[0].key
+    same = same and np.isfinite(hidden.values[0][0])
     return TrialResult(
         robot=robot.name,
         seed=hidden.seed,
-        hidden="+".join(t.effect.id for t in hidden.terms) or None,
-        size=hidden.size if hidden.terms else None,
-        joints=tuple(j for t in hidden.terms for j in t.joints),
+        hidden=hidden.id,
+        outside=hidden.outside,
+        size=hidden.size if hidden.anything else None,
+        joints=hidden.joints,
         hidden_values=_values(hidden),
         true_parameters=robot.space.as_dict(hidden.parameters),
         named=first.key if first else None,
@@ -71,8 +78,8 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
         verdict=verdict,
         right=right,
         joint_right=joint_right(robot, hidden, first),
-        false_alarm=not hidden.terms and first is not None,
-        in_set=bool(stated & set().union(*truths)) if hidden.terms and first else None,
+        false_alarm=not hidden.anything and first is not None,
+        in_set=bool(stated & set().union(*truths)) if truths and first else None,
         size_of_set=1 + len(rivals(robot, first_round)) if first else 0,
         parameter_error=size_error(one) if same else None,
         seconds=one.seconds,
@@ -102,6 +109,31 @@ def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: in
         return [Trial((shared[d],), size, s) for d, s in zip(draw, seeds, strict=True)]
     chosen = _chosen(robot, effects)
     return [Trial(chosen, size, s) for s in seeds]
+
+
+def independent_jobs(
+    robot: Robot, hide: str, causes: tuple[str, ...], size: str, count: int, seed: int, physics: str
+) -> list[Trial]:
+    """As `jobs`, for hidden robots by other code; one cause each. `physics` chooses among those that are drawn."""
+    from dynreg.truths.table import causes_of, sized
+
+    able = causes_of(robot.name, physics)
+    seeds = [stream_seed(seed, "trial", i) % 2**31 for i in range(count)]
+    if hide == "nothing":
+        return [Trial((), None, s) for s in seeds]
+    if hide == "every":
+        return [Trial((), size, stream_seed(s, c) % 2**31, cause=c) for c in able for s in seeds]
+    if hide == "drawn":
+        draw = stream(seed, "hidden causes").integers(0, len(able), count)
+        return [Trial((), size, s, cause=able[d]) for d, s in zip(draw, seeds, strict=True)]
+    if len(causes) > 1:
+        raise UsageError(
+            f"{' and '.join(causes)} in one independent robot",
+            expected="one cause",
+            do="hide one at a time, or leave `truth` at 'own'",
+        )
+    sized(robot.name, causes[0].partition("[")[0], size, seed)
+    return [Trial((), size, s, cause=causes[0]) for s in seeds]
 
 
 def _chosen(robot: Robot, keys: tuple[str, ...]) -> tuple[Term, ...]:

@@ -1,0 +1,47 @@
+"""Hidden robots by other code than the model's: a robot's protocol as commands for a truth, and its log."""
+
+import numpy as np
+
+from dynreg.data.recording import Recording
+from dynreg.evidence.truth import Hidden, Protocol, hide, recorded
+from dynreg.rng import stream_seed
+from dynreg.sim.effects import Term, applicable
+from dynreg.sim.robot import Robot
+from dynreg.truths.causes import cause
+from dynreg.truths.table import kind, log, sized
+from dynreg.truths.truth import Commands, Truth
+
+
+def hide_independent(robot: Robot, key: str | None, size: str | None, seed: int) -> tuple[Hidden, Truth]:
+    """A robot drawn from its nameplate by a truth of its own, with a cause ("backlash", "backlash[elbow]") or none.
+
+    Raises UsageError where the robot has no such truth, or that no such cause.
+    """
+    kind(robot.name)
+    drawn = hide(robot, (), None, seed)
+    parameters = robot.space.as_dict(drawn.parameters)
+    if key is None:
+        return drawn, Truth(robot.name, parameters, seed=seed)
+    name, _, rest = key.partition("[")
+    joints = tuple(j.strip() for j in rest.rstrip("]").split(",") if j.strip())
+    values = sized(robot.name, name, size or "medium", stream_seed(seed, "values") % 2**31)
+    truth = Truth(robot.name, parameters, name, values, joints, seed)
+    known, able = cause(name), applicable(robot)
+    answers = tuple(
+        Term(able[n], joints if able[n].scope == "joint" else ()) for n in known.names if n in able
+    )
+    terms = answers[:1] if known.same else ()
+    stated = tuple(np.array([values.get(p.name, np.nan) for p in t.effect.parameters]) for t in terms)
+    hidden = Hidden(terms, stated, drawn.parameters, seed, size, name, answers)
+    return hidden, truth
+
+
+def independent_log(robot: Robot, truth: Truth, plan: Protocol) -> Recording:
+    """What the logger of a hidden robot writes under the commands of `plan`."""
+    run = plan.run
+    inputs = {} if run.inputs is None else {n: run.inputs[..., i] for i, n in enumerate(robot.inputs)}
+    settings = {} if run.settings is None else {n: run.settings[:, i] for i, n in enumerate(robot.settings)}
+    commands = Commands(run.actions, run.period, run.begin, run.initial, inputs, settings)
+    states = log(truth, commands)
+    own = [sensor.channel for sensor in kind(truth.kind).sensors]
+    return recorded(robot, plan, states[..., [own.index(name) for name in robot.channels]])
