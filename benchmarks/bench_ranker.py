@@ -116,7 +116,9 @@ def report(lines: list[dict]) -> None:
         for inside, name in ((True, "in the library"), (False, "outside or none")):
             some = [x for x in lines if x["size_of"] == size and x["found"]["inside"] == inside]
             if some:
-                print(f"{size:7} flagged, {name}: {share(sum(x['found']['outside'] for x in some), len(some))}")
+                print(
+                    f"{size:7} flagged, {name}: {share(sum(x['found']['outside'] for x in some), len(some))}"
+                )
     print(f"a ranking: {np.median([x['found']['seconds'] for x in lines]):.2f} s, median")
     both = [x["found"] for x in lines if "with" in x["found"]]
     if not both:
@@ -129,7 +131,9 @@ def report(lines: list[dict]) -> None:
             f"{share(sum(not x['right'] for x in sure), len(own))}, {np.mean([x['seconds'] for x in own]):.2f} s each"
         )
     turned = [(x["without"]["right"], x["with"]["right"]) for x in both]
-    print(f"wrong turned right: {turned.count((False, True))}; right turned wrong: {turned.count((True, False))}")
+    print(
+        f"wrong turned right: {turned.count((False, True))}; right turned wrong: {turned.count((True, False))}"
+    )
 
 
 def main() -> None:
@@ -149,7 +153,9 @@ def main() -> None:
     began = time.process_time()
     trials = trials.guided()
     count, spent = len(trials.guide.population), time.process_time() - began
-    print(f"{count} entries ({EACH} a term, {MOST} at most): {spent:.1f} s, {1e3 * spent / count:.1f} ms each")
+    print(
+        f"{count} entries ({EACH} a term, {MOST} at most): {spent:.1f} s, {1e3 * spent / count:.1f} ms each"
+    )
     journal = Journal(given.journal, {"robot": robot.hash, "seed": seed, "truth": given.truth})
     journal.begin()
     done = {(x["cause"], x["size_of"], x["number"]) for x in journal.lines()}
