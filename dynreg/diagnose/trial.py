@@ -39,8 +39,8 @@ class Trials:
 
     engine : of the diagnosis; None for the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
     seed : of the robots without an effect that determine the threshold. truth : "own" simulates the hidden robots by
-    the library's effects, "independent" by other code (`dynreg.truths`). ranker : as in `DiagnosisOptions`; guide : what
-    it stands for, which all of them share; None without one (see `guided`).
+    the library's effects, "independent" by other code (`dynreg.truths`). ranker : as in `DiagnosisOptions`;
+    guide : what it stands for, which all of them share; None without one (see `guided`).
     """
 
     robot: Robot

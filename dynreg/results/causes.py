@@ -58,4 +58,5 @@ class Causes(Result):
         if self.outside:
             return f"{self.recording_name}: none of the known causes looks like this."
         where = f" of {', '.join(first.joints)}" if first.joints else ""
-        return f"{self.recording_name} looks like {first.effect + where if first.effect else 'a robot without effects'}."
+        like = first.effect + where if first.effect else "a robot without effects"
+        return f"{self.recording_name} looks like {like}."

@@ -46,7 +46,7 @@ def populate(
     only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
     returns when all entries are done.
 
-    With `effects` the entries carry one effect each, or none, under the commands of the recording `like`, and no models.
+    With `effects` the entries carry one effect each, or none, under the commands of the recording `like`.
 
     Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
     """

@@ -21,7 +21,7 @@ NONE_OF = 5  # one entry in so many carries nothing: these tell the noise, in as
 
 
 def drawn(model: Model, terms: Sequence[Term], numbers: Sequence[int], seed: int) -> list[Point]:
-    """The entries `numbers`, each with a robot of its own: one in `NONE_OF` without any term, the others with each in turn.
+    """The entries `numbers`, each with a robot of its own: one in `NONE_OF` without any term, the others with one.
 
     Sizes are uniform in their logarithm, signs are even, shapes and parameters come from their priors. An entry does
     not depend on the others.

@@ -41,7 +41,7 @@ class EffectPopulation:
     terms : that they may carry; carried : (n,) its number of each, -1 for none. points : (n, P' + K) coordinates, 0
     where an effect has fewer. size : (n,) root mean square of each feature, in spreads of the motion. Those that carry
     something have no noise, the others have nothing else.
-    directions : (F, D) orthonormal, of features. codes : (n, D) unit features in them. classifier : of codes with noise.
+    directions : (F, D) orthonormal, of features. codes : (n, D) unit features in them. classifier : of these and noise.
     """
 
     terms: tuple[str, ...]
