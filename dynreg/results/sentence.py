@@ -72,8 +72,8 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
 
     What calibration alone gains; the sizes of the causes that clearly help, and the names of the others; the held-out
     error with all causes, or with the first where that of all is not known; whether none of the known causes looks like
-    the recording; the residual against its noise floor; and the interval of a cause that the recording does not separate
-    from others.
+    the recording; the residual against its noise floor; and the interval of a cause that the recording does not
+    separate from others.
     """
     error = of.error
     out = [*_calibration_sentences(of)]

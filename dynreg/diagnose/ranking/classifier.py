@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 # With the nearest entry beside it, 64 units put the cause of all 62 robots of the servo bench of medium and strong
-# size first, and that of 84 % of 31 weak ones; the nearest entry alone 98 and 81 %; a linear discriminant ranks 80 %, support
-# vectors 51 % of the small ones (of entries held out).
+# size first, and that of 84 % of 31 weak ones; the nearest entry alone 98 and 81 %. Of entries held out a linear
+# discriminant ranks 80 %, and support vectors 51 % of the small ones.
 UNITS, DECAY, RATE, PASSES = 64, 1e-2, 3e-3, 40
 
 
