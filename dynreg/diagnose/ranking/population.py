@@ -29,7 +29,8 @@ SEEN = 4
 # What a cosine counts for beside the logarithm of a probability: 10 to 60 rank the servo bench alike.
 COSINE = 30.0
 # Resemblance below which no entry looks like a log. Of 93 robots of the servo bench with a known cause one lies below,
-# two below 0.9; of 20 without any none, and one below 0.9.
+# two below 0.9; of 20 without any none, and one below 0.9. Of 28 by other code and the library's physics none lies
+# below, of 15 with causes of other physics 10 (bench_ranker --tune).
 ALIKE = 0.85
 TINY = 1e-12  # no energy is smaller
 
