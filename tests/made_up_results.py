@@ -13,6 +13,7 @@ from dynreg.results import (
     CalibrationStep,
     CarriedBy,
     CarriedEffect,
+    Causes,
     ChannelError,
     CollectedFile,
     Collection,
@@ -25,6 +26,7 @@ from dynreg.results import (
     Gain,
     Import,
     Info,
+    LikelyCause,
     Listing,
     LogContents,
     LogFinding,
@@ -140,6 +142,30 @@ def calibration() -> Calibration:
             CalibrationStep(simulations=20 * i, error=0.064 + 0.05 * math.exp(-i / 8)) for i in range(1, 31)
         ),
         cost=Cost(evaluations=0, rollouts=600, seconds=41.2),
+    )
+
+
+def causes(outside: bool = False) -> Causes:
+    """A log that looks like dry friction that grows with the load, or like nothing known."""
+    likely = (("load_friction", 0.93, 0.8), ("stribeck_load_friction", 0.06, 0.2), ("", 0.01, 0.0))
+    return Causes(
+        robot="servo_pendulum",
+        population="c3" * 32,
+        recording="b7" * 32,
+        recording_name="bench_monday",
+        entries=2000,
+        k=5,
+        causes=tuple(
+            LikelyCause(
+                effect=effect, joints=(), belief=belief, near=near, cosine=0.96 * belief, entry=f"{i}e" * 32
+            )
+            for i, (effect, belief, near) in enumerate(likely)
+        ),
+        resemblance=0.71 if outside else 0.98,
+        outside=outside,
+        size=0.021,
+        noise=0.0031,
+        cost=Cost(evaluations=2000, rollouts=19, seconds=0.3),
     )
 
 
@@ -396,6 +422,7 @@ def every_kind() -> tuple[Result, ...]:
         imported(),
         collection(),
         calibration(),
+        causes(),
         made_up_diagnosis.diagnosis(),
         made_up_diagnosis.effects_list(),
         made_up_diagnosis.trial(),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from dynreg.data.recording import Recording
 from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.doubts import Doubt, doubts
+from dynreg.diagnose.guided import guided
 from dynreg.diagnose.joints import terms_at
 from dynreg.diagnose.judging import Judged, judge, unpenalised
 from dynreg.diagnose.measured import measured_effects
@@ -17,6 +18,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
+from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.settle import revise, unlike
 from dynreg.diagnose.threshold import Cache, Threshold, found_before, threshold
 from dynreg.diagnose.verdict import Evidence, Verdict, verdict_of
@@ -26,6 +28,7 @@ from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.lockstep import Search, counted, together
 from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 from dynreg.progress import Progress
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Term, applicable
@@ -37,7 +40,10 @@ LONGER = "still searching"  # the stage after as many simulations as were expect
 
 @dataclass(frozen=True, eq=False)
 class Diagnosed:
-    """The result of a search for causes. problem : as posed. found : the final state of the search."""
+    """The result of a search for causes. problem : as posed. found : the final state of the search.
+
+    ranking : what the log looks like, where the search had a guide.
+    """
 
     problem: Problem
     found: State
@@ -46,6 +52,7 @@ class Diagnosed:
     judged: Judged
     doubts: tuple[Doubt, ...]
     verdict: Verdict
+    ranking: Ranking | None = None
 
 
 def diagnose(
@@ -66,6 +73,7 @@ def diagnose(
     """
     model, data = pose(robot, recording, options, start)
     problem = yield from planned(model, data, offered(model, data, options))
+    problem = yield from guided(problem, recording, options, cache, progress)
     limit = threshold(problem, recording, options, cache, progress)
     runs = 0 if found_before(problem, recording, options, cache) else options.threshold_runs
     total = problem.plan.expected(len(model.coordinates), len(problem.terms), runs)
@@ -109,12 +117,18 @@ def search(
     found, least = yield from together([calibrating, limit])
     report("calibrate", 1, 1)
     state = State(found.model, found.sample, found.point, found.point)
+    ranking: Ranking | None = None
     report("causes", 0, 1)  # their number is a limit: of how many there are it tells nothing
     for number in range(options.max_causes):
         left = unlike(state.model.robot, problem.terms, state.current.hypothesis.terms)
         if not left:
             break
-        naming, model = yield from plan.name(state.model, state.current, left, state.sample)
+        hints: list[Point] = []
+        if problem.guide is not None:
+            own = yield from looks(problem, state, left)
+            ranking = ranking or own
+            hints = problem.guide.hints(own, state.model, state.current, left)
+        naming, model = yield from plan.name(state.model, state.current, left, state.sample, hints)
         state = replace(state, model=model, rounds=(*state.rounds, naming))
         if number == 0:
             state = replace(state, base=naming.start.point)
@@ -126,9 +140,16 @@ def search(
     evidence = yield from Evidence.of(state, recording, least.ratios)
     loose = yield from unpenalised(state, posed)
     judged = yield from judge(problem.model, state, loose, posed)
-    doubted = doubts(state, judged)
+    doubted = doubts(state, judged, ranking)
     verdict = verdict_of(state.model.robot, evidence, state.rounds, state.accepted, doubted)
-    return Diagnosed(problem, state, least, evidence, judged, doubted, verdict)
+    return Diagnosed(problem, state, least, evidence, judged, doubted, verdict, ranking)
+
+
+def looks(problem: Problem, state: State, left: Sequence[Term]) -> Search[Ranking]:
+    """What the log looks like, among the terms that are left; after the first cause, what the causes so far leave."""
+    if state.accepted:
+        return (yield from problem.guide.left(state.model, state.current, state.data, left))
+    return (yield from problem.guide.ranking(problem.model, state.data, left))
 
 
 def accepted(state: State, posed: Data) -> Search[State]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from dynreg.diagnose.judging import Judged
 from dynreg.diagnose.plans.plan import State
+from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.score import Naming
 from dynreg.evidence.estimate import EDGE
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, worth_naming
@@ -17,7 +18,7 @@ PULLED = (
 )
 INSTEAD = 0.5  # of a cause's evidence, from which on parameters could stand in for it: by definition
 
-Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better"]
+Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better", "unlike"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,9 @@ class Doubt:
         parameter, or the size of a cause, ended at the edge of its range, at `value`. "small": after the last fit a
         cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the
         held-out error; `value` is its gain. "no_better": the extended simulator errs more on the judged windows than a
-        robot that holds still or just follows its commands; `value` is its error over theirs.
+        robot that holds still or just follows its commands; `value` is its error over theirs. "unlike": no simulator
+        with one of the known causes looks like the log; `value` is how much the nearest does, up to 1. A log with
+        several causes looks like none of them.
     of : the parameter or the key of the cause; "" of the whole simulator.
     """
 
@@ -37,17 +40,22 @@ class Doubt:
     value: float
 
 
-def doubts(state: State, judged: Judged) -> tuple[Doubt, ...]:
-    """The doubts about the causes that were accepted; () without a cause."""
+def doubts(state: State, judged: Judged, ranking: Ranking | None = None) -> tuple[Doubt, ...]:
+    """The doubts about the causes that were accepted; () without a cause.
+
+    ranking : what the log looks like; None where that was not asked.
+    """
     if not state.accepted:
         return ()
     c, point = state.model.coordinates, state.current
+    unlike = ranking is not None and ranking.outside and state.accepted == 1
     return (
         *_pulled(c, point),
         *(Doubt("parameter_at_bound", name, value) for name, value in at_bounds(c, point)),
         *_of_sizes(point),
         *_without_gain(state, judged),
         *_no_better(judged),
+        *([Doubt("unlike", "", ranking.resemblance)] if unlike else []),
     )
 
 

@@ -1,6 +1,9 @@
 """The options of a diagnosis, as plain values."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+Ranker = Literal["auto", "make", "off"]
 
 
 @dataclass(frozen=True)
@@ -15,6 +18,9 @@ class DiagnosisOptions:
         rough guesses. joints : only these are diagnosed, and the channels of the others do not count; None for all.
         windows : most rollouts to fit, and most to select by, drawn over all episodes by the seed; None takes all, and
         splits them by episode.
+    ranker : what says which causes to refit first, and whether none of the known ones looks like the log: simulators
+        with one effect each under its commands. "auto" takes those that the cache holds, "make" makes them where it
+        holds none, "off" does without.
     """
 
     hold_out: str | None = None
@@ -29,3 +35,4 @@ class DiagnosisOptions:
     tolerance: float = 1.0
     joints: tuple[str, ...] | None = None
     windows: int | None = None
+    ranker: Ranker = "auto"

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dynreg.diagnose.plans import Plan, plan_for
+from dynreg.diagnose.ranking.guide import Guide
 from dynreg.evidence.accuracy import rough
 from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search
@@ -15,12 +16,16 @@ from dynreg.sim.engine import ENGINES
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A model, the data to explain, the candidate terms, and the plan of the search."""
+    """A model, the data to explain, the candidate terms, and the plan of the search.
+
+    guide : a population that tells which terms are likely; None without one.
+    """
 
     model: Model
     data: Data
     terms: tuple[Term, ...]
     plan: Plan
+    guide: Guide | None = None
 
 
 def planned(model: Model, data: Data, terms: Sequence[Term]) -> Search[Problem]:

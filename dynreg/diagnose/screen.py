@@ -22,9 +22,11 @@ KEPT = 2  # starts of each hypothesis that are refitted by one iteration
 
 
 def screen(
-    model: Model, base: Point, terms: Sequence[Term], sample: Sample
+    model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point] = ()
 ) -> Search[tuple[list[Point], np.ndarray]]:
     """The most promising starts of every term, and the derivatives (D, W, T, C) at `base`.
+
+    hints : `base` with one of the terms each, at a size to try besides.
 
     Several sizes and signs are tried, and the values of a shape that a fit cannot walk to. The nominal coordinates are
     refitted to first order, so only the part of a term's change counts that they cannot explain.
@@ -41,6 +43,9 @@ def screen(
         for term, own in zip(terms, starts, strict=True)
         for effect in own
     ]
+    numbers = {term.key: number for number, term in enumerate(terms)}
+    tried += hints
+    of = np.append(of, [numbers[p.hypothesis.terms[-1].key] for p in hints]).astype(int)
     made = yield from model.residuals(tried, sample)
     gains, moves = _with_moves(base, residual, slope, made, sample)
     out = []

@@ -26,15 +26,23 @@ Costed = list[tuple[float, Point]]
 
 
 def promising(
-    model: Model, base: Point, terms: Sequence[Term], sample: Sample, turned: bool = False
+    model: Model,
+    base: Point,
+    terms: Sequence[Term],
+    sample: Sample,
+    turned: bool = False,
+    hints: Sequence[Point] = (),
 ) -> Search[tuple[list[Point], np.ndarray]]:
     """The most promising terms at their best tried size, the best first; and the derivatives (D, W, T, C) at `base`.
 
-    turned : whether the cost of the probes themselves, with either sign, also ranks the terms.
+    turned : whether the cost of the probes themselves, with either sign, also ranks the terms. hints : `base` with
+    likely terms, which are tried first, and at the sizes of the hints, too.
     """
     residual, (slope,) = yield from sensitivities(model, [base], sample)
     starts = yield from probed(model, base, terms, sample, residual[0], slope, turned)
-    points = [p for own in starts[:PROBED] for p in own]
+    likely = {p.hypothesis.key for p in hints}
+    starts.sort(key=lambda own: own[0].hypothesis.key not in likely)  # keeps the order otherwise
+    points = [*hints, *(p for own in starts[:PROBED] for p in own)]
     cost = objective(points, (yield from model.residuals(points, sample)), sample)
     return best_of_each(zip(cost, points, strict=True)), slope
 

@@ -18,6 +18,7 @@ from dynreg.diagnose.verdict import lefts, most_left
 from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search, together
 from dynreg.evidence.model import Model
+from dynreg.evidence.point import Point
 from dynreg.evidence.truth import Hidden, hide, measured_states
 from dynreg.progress import Progress
 from dynreg.replay.parts import Parts
@@ -166,7 +167,11 @@ def null(problem: Problem, robot: Robot, seed: int) -> Search[tuple[float, float
     terms = unlike(model.robot, problem.terms, model.start.hypothesis.terms)
     if not terms:
         return 0.0, most_left(left)
-    naming, _ = yield from plan.name(found.model, found.point, terms, found.sample)
+    hints: list[Point] = []
+    if problem.guide is not None:
+        ranking = yield from problem.guide.ranking(model, data, terms)
+        hints = problem.guide.hints(ranking, found.model, found.point, terms)
+    naming, _ = yield from plan.name(found.model, found.point, terms, found.sample, hints)
     return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats), most_left(left)
 
 
@@ -229,6 +234,8 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
         "search": SEARCH,
         "arrays": digest.hexdigest(),
     }
+    if problem.guide is not None:
+        says["guide"] = len(problem.guide.population)
     if model.begun:
         effects = zip(model.begun.terms, model.begun.values, strict=True)
         says["begun"] = {term.key: values.tolist() for term, values in effects}
@@ -237,7 +244,11 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
 
 def commands(data: Data) -> np.ndarray:
     """(W, S, A) mean command of every action in each stretch of the windows to fit and to select by."""
-    actions = data.windows.run.actions[data.both]
+    return stretched(data.windows.run.actions[data.both])
+
+
+def stretched(actions: np.ndarray) -> np.ndarray:
+    """(W, S, A) mean of commands (W, T, A) in each stretch of their windows."""
     stretches = np.array_split(actions, min(STRETCHES, actions.shape[1]), axis=1)
     return np.stack([part.mean(axis=1) for part in stretches], axis=1)
 

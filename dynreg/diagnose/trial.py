@@ -8,11 +8,13 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import Diagnosed, search
+from dynreg.diagnose.guided import guided
 from dynreg.diagnose.independent import hide_independent, independent_log
 from dynreg.diagnose.noise import own_noise
-from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.options import DiagnosisOptions, Ranker
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
+from dynreg.diagnose.ranking.guide import Guide
 from dynreg.diagnose.threshold import Cache, Threshold, known, null_seed, nulls_of, threshold
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.fit import fit
@@ -37,7 +39,8 @@ class Trials:
 
     engine : of the diagnosis; None for the robot's first. threshold_runs, threads : as in `DiagnosisOptions`.
     seed : of the robots without an effect that determine the threshold. truth : "own" simulates the hidden robots by
-    the library's effects, "independent" by other code (`dynreg.truths`).
+    the library's effects, "independent" by other code (`dynreg.truths`). ranker : as in `DiagnosisOptions`;
+    guide : what it stands for, which all of them share; None without one (see `guided`).
     """
 
     robot: Robot
@@ -47,6 +50,8 @@ class Trials:
     threads: int = 0
     seed: int = 0
     truth: str = "own"
+    ranker: Ranker = DiagnosisOptions.ranker
+    guide: Guide | None = None
 
     @property
     def truth_engine(self) -> str:
@@ -64,7 +69,18 @@ class Trials:
             engine=self.engine,
             threshold_runs=self.threshold_runs,
             threads=self.threads,
+            ranker=self.ranker,
         )
+
+    def guided(self, cache: Cache | None = None, progress: Progress | None = None) -> "Trials":
+        """The same with their guide, if their plan has one: a population under the protocol's commands."""
+        recording, options = _without_effect(self)
+
+        def made() -> Search[Problem]:
+            problem = yield from posed(self, recording, options)
+            return (yield from guided(problem, recording, options, cache, progress))
+
+        return replace(self, guide=run(made(), threads=self.threads).guide)
 
 
 @dataclass(frozen=True)
@@ -106,7 +122,7 @@ def trial_threshold(
     recording, options = _without_effect(trials)
 
     def found() -> Search[Threshold]:
-        problem = yield from _posed(trials, recording, options)
+        problem = yield from posed(trials, recording, options)
         return (yield from threshold(problem, recording, options, cache, progress))
 
     return run(found(), threads=trials.threads)
@@ -118,7 +134,7 @@ def nulls(trials: Trials, numbers: Iterable[int]) -> list[tuple[float, float]]:
     seeds = [null_seed(options.seed, i) for i in numbers]
 
     def found() -> Search[list[tuple[float, float]]]:
-        problem = yield from _posed(trials, recording, options)
+        problem = yield from posed(trials, recording, options)
         return (yield from nulls_of(problem, own_noise(trials.robot, recording), seeds))
 
     return run(found(), threads=trials.threads)
@@ -131,9 +147,11 @@ def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:
     return log_of(trials.robot, hidden, trials.plan, engine=trials.truth_engine), options
 
 
-def _posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:
+def posed(trials: Trials, recording: Recording, options: DiagnosisOptions) -> Search[Problem]:
+    """A log of the trials as a problem, with their guide."""
     model, data = pose(trials.robot, recording, options)
-    return (yield from planned(model, data, single_terms(trials.robot, (), options.without)))
+    problem = yield from planned(model, data, single_terms(trials.robot, (), options.without))
+    return replace(problem, guide=trials.guide)
 
 
 def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Tried]:
@@ -141,12 +159,12 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Trie
 
     The time that all took is shared out evenly.
     """
-    hidden, logs = zip(*(_hidden(trials, one) for one in todo), strict=True)
+    hidden, logs = zip(*(hidden_log(trials, one) for one in todo), strict=True)
     began, busy = time.perf_counter(), time.process_time()
 
     def diagnosed(one: Trial, recording: Recording) -> Search[Diagnosed]:
         options = trials.options(one.without, one.max_causes)
-        problem = yield from _posed(trials, recording, options)
+        problem = yield from posed(trials, recording, options)
         return (yield from search(problem, recording, known(needed), options))
 
     searches = [diagnosed(*one) for one in zip(todo, logs, strict=True)]
@@ -155,7 +173,7 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Trie
     return [Tried(*one, *spent) for one in zip(hidden, made, strict=True)]
 
 
-def _hidden(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
+def hidden_log(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
     """What a trial hides, and its log."""
     robot = trials.robot
     if trials.truth == "independent":

@@ -12,6 +12,7 @@ from dynreg.results.result import Result
 
 if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.calibration import *
+    from dynreg.results.causes import *
     from dynreg.results.changes import *
     from dynreg.results.comparison import *
     from dynreg.results.diagnosis import *

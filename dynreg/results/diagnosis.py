@@ -88,11 +88,12 @@ class Doubt(Result):
     parameter, or the size of a cause [medium sizes], ended at the edge of its range. "small": after the last fit a
     cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the held-out
     error; `value` is its gain. "no_better": the extended simulator errs more than a robot that holds still or just
-    follows its commands; `value` is its error over theirs.
+    follows its commands; `value` is its error over theirs. "unlike": no simulator with one of the known causes looks
+    like the recording; `value` is how much the nearest does, up to 1.
     of : the parameter or the key of the cause; "" of the whole simulator.
     """
 
-    kind: Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better"]
+    kind: Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better", "unlike"]
     of: str
     value: float
 
@@ -260,6 +261,20 @@ class Rest(Result):
     trajectories: int
 
 
+class Resemblance(Result):
+    """What simulators with one effect each, under the recording's commands, say that it looks like.
+
+    causes : the likeliest first. resemblance : 1 where the nearest of these simulators shows all that the recording has
+    beyond noise, 0 where it shows nothing. outside : none of the known causes looks like this; one cause alone then
+    explains part of the error at most. entries : how many simulators.
+    """
+
+    causes: tuple[str, ...]
+    resemblance: float
+    outside: bool
+    entries: int
+
+
 class DiagnosisTrace(Curves):
     """Measured and simulated values of one channel in one episode; time [s]; null where there is no such simulator."""
 
@@ -285,6 +300,7 @@ class Diagnosis(Result):
     where no error is unexplained, or where the log does not tell the states to predict from.
     looked : how large the first cause may be, whatever else acts. inseparable : the rivals that the recording does
     not separate from it.
+    resembles : what the recording looks like beside simulators with one effect each; null where there were none.
     asked : the options that decide the answer, by name; null in documents that were stored before they were kept.
     recordings : names of several that were asked about at once; stable : what is the same in all of them, and what not.
     inputs : what the log measured and the simulators were driven by. notes : what else a reader must know.
@@ -325,6 +341,7 @@ class Diagnosis(Result):
     notes: tuple[str, ...] = ()
     recordings: tuple[str, ...] = ()
     stable: tuple[Refit, ...] = ()
+    resembles: Resemblance | None = None
     asked: dict[str, Any] | None = None
     calibrated_simulator: str | None = None
     extended_simulator: str | None

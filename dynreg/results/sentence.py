@@ -78,8 +78,9 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     """The main figures under the verdict, one short sentence each.
 
     What calibration alone gains; the sizes of the causes that clearly help, and the names of the others; the held-out
-    error with all causes, or with the first where that of all is not known; the residual against its noise floor; and
-    the interval of a cause that the recording does not separate from others.
+    error with all causes, or with the first where that of all is not known; whether none of the known causes looks like
+    the recording; the residual against its noise floor; and the interval of a cause that the recording does not
+    separate from others.
     """
     error = of.error
     out = [*_calibration_sentences(of)]
@@ -94,6 +95,8 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
         out.append("The recording does not separate these causes.")
     out += [*_gain_sentences(of), _doubtful_sentence(of)]
     out.append(over_start_sentence(of))
+    if of.resembles is not None and of.resembles.outside and of.verdict == "unknown":
+        out.append("None of the known causes looks like this recording.")
     out += [residual_sentence(of.noise), _signal(of.residual) if of.verdict == "unknown" else ""]
     out += stable_sentences(of.stable)
     out += inseparable_sentences(of.looked, of.inseparable)
@@ -122,6 +125,8 @@ def _doubt(one: Doubt) -> str:
             return f"the size of {one.of} ends at {100 * one.value:.0f} % of the weak one"
         case "no_gain":
             return f"with {one.of} the error on held-out data is {change(one.value)}"
+        case "unlike":
+            return f"no known cause looks like it (the nearest by {100 * one.value:.0f} %)"
     return f"it errs {times(one.value)} times as much as joints that hold still or just follow their commands"
 
 

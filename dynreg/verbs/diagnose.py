@@ -85,6 +85,14 @@ def windows(of: str = "") -> int | None:
     )
 
 
+def ranker(of: str = "") -> str:
+    """The setting of what says which causes to try first."""
+    about = (
+        "What says which causes to try first: simulators with one effect each (auto: if they are registered)."
+    )
+    return option(DiagnosisOptions.ranker, _of(of, about), choices=("auto", "make", "off"))
+
+
 @dataclass(frozen=True)
 class DiagnoseSettings(Settings):
     """The settings of a diagnosis.
@@ -126,6 +134,7 @@ class DiagnoseSettings(Settings):
         see="robots",
     )
     windows: int | None = windows()
+    ranker: str = ranker()
     threads: int = threads()
 
     def __post_init__(self) -> None:

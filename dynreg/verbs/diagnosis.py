@@ -25,6 +25,7 @@ from dynreg.results.diagnosis import (
     Noise,
     Pulled,
     Ranked,
+    Resemblance,
     ResidualShare,
     Rest,
     RolloutError,
@@ -41,6 +42,7 @@ from dynreg.verbs.subjects import Recorded
 
 MOVED = 0.5  # a parameter is reported as moved from this many standard deviations of its nameplate on
 PLACES = 12  # reported rows of `where`
+LIKELY = 5  # reported causes that the recording looks like
 CHANNELS = 4  # most channels of the traces
 NAMES = ("nominal", "calibrated", "extended")
 ASKED = (
@@ -107,6 +109,7 @@ def document(
         traces=_traces(asked, made, seen),
         inputs=inputs(made.problem, asked.recording),
         notes=notes(made, seen, asked.recording, of_robot, options),
+        resembles=_resembles(made),
         asked=options_told(options),
         calibrated_simulator=ids["calibrated"],
         extended_simulator=ids.get("extended"),
@@ -124,6 +127,18 @@ def options_told(options: DiagnosisOptions) -> dict[str, Any]:
     """
     told = {name: getattr(options, name) for name in ASKED}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in told.items()}
+
+
+def _resembles(made: Diagnosed) -> Resemblance | None:
+    if made.ranking is None:
+        return None
+    own = made.ranking
+    return Resemblance(
+        causes=own.keys[:LIKELY],
+        resemblance=own.resemblance,
+        outside=own.outside,
+        entries=len(own.cosines),
+    )
 
 
 def _gain(own: Gained | None) -> Gain | None:

@@ -23,6 +23,10 @@ class PopulateSettings(Settings):
     ranges: str | None = option(None, "Named parameter ranges of robot.toml.")
     shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
     link: bool = option(True, "Also build the search graph.")
+    effects: bool = option(
+        False, "Give each simulator one effect, or none, under the commands of a recording."
+    )
+    like: str | None = option(None, "With --effects: the recording.", metavar="RECORDING")
     threads: int = threads()
 
 
@@ -42,7 +46,9 @@ def populate(
     only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
     returns when all entries are done.
 
-    Raises UsageError where n is below 1.
+    With `effects` the entries carry one effect each, or none, under the commands of the recording `like`.
+
+    Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
     """
     from numpy import median
 
@@ -55,6 +61,14 @@ def populate(
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
     registry.check_writable()
+    if settings.effects != (settings.like is not None):
+        raise UsageError(
+            "--effects without --like" if settings.effects else "--like without --effects",
+            expected="both: effects are told apart under the commands of a recording",
+            do="add the other, such as --effects --like RECORDING",
+        )
+    if settings.effects:
+        return with_effects(registry, robot, n, settings, progress)
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
@@ -82,4 +96,38 @@ def populate(
         own_loss_median=float(median(own)) if len(own) else None,
         linked=linked,
         evaluations=evaluations,
+    )
+
+
+def with_effects(
+    registry: "Registry", robot: "Robot", n: int, settings: PopulateSettings, progress: Progress | None
+) -> "PopulationSummary":
+    """Extend a population of simulators that carry one effect or none to n entries; see `populate`."""
+    from dynreg.diagnose.guided import keep
+    from dynreg.neighbours.entries import Stopwatch
+    from dynreg.results.stored import PopulationSummary
+    from dynreg.verbs.effect_populations import begin, fill, held, posed
+    from dynreg.verbs.subjects import recorded
+
+    report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
+    given = posed(
+        recorded(registry, settings.like, robot, None, ingest=True), settings.seed, settings.threads
+    )
+    identity = begin(registry, robot, given, n)
+    advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
+    added = fill(registry, given, settings.threads, watch, advance)
+    report("link", 0, 1)
+    with watch.of("train"):
+        population, _, _ = held(registry, identity)
+        keep(population, given.problem, given.noise, registry)  # for diagnoses under these commands
+    report("link", 1, 1)
+    return PopulationSummary(
+        population=identity,
+        robot=robot.name,
+        entries=len(population),
+        planned=registry.population(identity).size,
+        added=added,
+        seconds=time.perf_counter() - began,
+        simulate_seconds=watch.seconds["simulate"],
+        train_seconds=watch.seconds["train"],
     )

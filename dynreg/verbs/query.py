@@ -11,6 +11,7 @@ from dynreg.verbs.settings import Settings, hold_out, option, threads
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
+    from dynreg.results.causes import Causes
     from dynreg.results.neighbours import Neighbours
     from dynreg.verbs.subjects import Recorded
 
@@ -50,13 +51,16 @@ def query(
     progress: Progress | None = None,
     *,
     population: "Population | None" = None,
-) -> "Neighbours":
+) -> "Neighbours | Causes":
     """Find the simulators nearest to a recording.
 
     The query replays the recording's commands in them and ranks them by the replay error. It synthesises a simulator
     from the best ones. The answer is the simulator with the lowest error.
 
     The recording's own model is registered as an entry of the population, by which later recordings find it.
+
+    On a population of effects (`dynreg populate --effects --like RECORDING`) it shows which causes the recording looks
+    like instead.
 
     Where held-out data do not show that the answer errs less than the nominal simulator, the headline says so.
 
@@ -70,10 +74,14 @@ def query(
     from dynreg.neighbours.query import case_of, choose, distance_query
     from dynreg.neighbours.retrieve import retrieve
     from dynreg.neighbours.spending import Spending, usual_budget
+    from dynreg.verbs.causes import looks_like
     from dynreg.verbs.measured import near_measured, register_measured
     from dynreg.verbs.neighbours import Subject, judged, unjudged
     from dynreg.verbs.populations import load_graph, ready
+    from dynreg.verbs.subjects import named_effects
 
+    if population is None and (effects := named_effects(asked, settings.population)) is not None:
+        return looks_like(asked, effects, settings, progress)
     began, k, recording = time.perf_counter(), settings.k, asked.recording
     if population is None:
         population = ready(asked, settings.population, states=settings.states)

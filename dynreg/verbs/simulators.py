@@ -14,7 +14,7 @@ from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import today
 
 if TYPE_CHECKING:
-    from dynreg.registry import Registry, ResultRecord
+    from dynreg.registry import EntryRecord, PopulationRecord, Registry, ResultRecord
     from dynreg.sim.config import SimConfig
     from dynreg.sim.robot import Robot
 
@@ -241,7 +241,7 @@ def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None"
     if kind == "entry":
         entry = registry.load_entry(identity)
         record = registry.population(entry.population_id)
-        config = SimConfig(record.robot_hash, record.name, entry.values)
+        config = SimConfig(record.robot_hash, record.name, entry.values, _effects(record, entry))
         name, lineage = f"{record.name}-{entry.number}", {"kind": "entry"}
     else:
         document = registry.simulator(identity)
@@ -253,6 +253,18 @@ def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None"
         version = registry.robot_info(config.robot).version
         name += f" (version {version})" if owner.name == robot.name else f" ({owner.name})"
     return Simulator(identity, name, lineage, config, owner)
+
+
+def _effects(record: "PopulationRecord", entry: "EntryRecord") -> dict[str, dict[str, float]]:
+    """{key: values} of the effect that an entry carries; {} for none, and in populations of models."""
+    from dynreg.sim.effects import term
+    from dynreg.verbs.subjects import of_effects
+
+    if not of_effects(record) or int(entry.weights["carried"]) < 0:
+        return {}
+    found = term(record.spec["terms"][int(entry.weights["carried"])])
+    values = entry.weights["effects"].tolist()
+    return {found.key: {p.name: v for p, v in zip(found.effect.parameters, values, strict=False)}}
 
 
 def _fitted(document: Document) -> frozenset[str] | None:

@@ -102,6 +102,7 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
         raise first from None
 
 
+EFFECTS = "effects"  # the kind of a population whose entries carry one effect each
 _SAME_RATE = 0.01  # how far the rate of a recording may be from that of a robot
 
 
@@ -287,8 +288,27 @@ def version_called(registry: Registry, info: RecordingInfo, robot: str | None) -
     return next((h for h in (info.robot_hash, *info.robots) if names[h] == robot), info.robot_hash)
 
 
+def of_effects(record: PopulationRecord) -> bool:
+    """Whether the entries of a population carry one effect each, under the commands of one recording."""
+    return record.spec.get("kind") == EFFECTS
+
+
+def named_effects(asked: Recorded, ref: str | None) -> PopulationRecord | None:
+    """The population of effects that is meant: `ref`, or the only one under this recording where no other is there.
+
+    None where a population of models is meant.
+    """
+    registry = asked.registry
+    if ref is not None:
+        record = registry.population(registry.resolve(ref, ("population",))[1])
+        return record if of_effects(record) else None
+    own = [r for r in registry.populations() if r.robot_hash == asked.robot.hash]
+    like = [r for r in own if of_effects(r) and r.spec.get("like") == asked.recording.id]
+    return like[0] if like and all(map(of_effects, own)) else None
+
+
 def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:
-    """Id and size of the population to ask about a recording: `ref`, or the only one of the robot.
+    """Id and size of the population to ask about a recording: `ref`, or the only one of the robot that has models.
 
     One of another robot, or of another version of it, may be named where the recording has that robot's channels: its
     own robot simulates then. Raises UsageError where it has not or where there are several, NoMatchError where there is
@@ -299,6 +319,12 @@ def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:
         record = _only_population(asked)
     else:
         record = registry.population(registry.resolve(ref, ("population",))[1])
+        if of_effects(record):
+            raise UsageError(
+                f"population {record.id[:12]} has effects under the commands of one recording, and no models",
+                expected="a population whose simulators have models",
+                do="name another, or ask `dynreg query` what the recording looks like",
+            )
         if record.robot_hash != asked.robot.hash:
             _tell_other(asked, record)
     count = registry.count(record.id)
@@ -322,7 +348,7 @@ def _tell_other(asked: Recorded, record: PopulationRecord) -> None:
 
 def _only_population(asked: Recorded) -> PopulationRecord:
     """The only population of the robot that a recording is asked with."""
-    robot, records = asked.robot, asked.registry.populations()
+    robot, records = asked.robot, [r for r in asked.registry.populations() if not of_effects(r)]
     fitting = [r for r in records if r.robot_hash == robot.hash]
     if len(fitting) > 1:
         raise UsageError(

@@ -10,6 +10,7 @@ from test_verdict import evidence, named
 from dynreg.diagnose.doubts import PULLED, Doubt, at_bounds, doubts, replaced
 from dynreg.diagnose.judging import Judged
 from dynreg.diagnose.plans.plan import State
+from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.score import Naming, Scored
 from dynreg.diagnose.verdict import verdict_of
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
@@ -114,6 +115,17 @@ def test_a_cause_that_parameters_stood_in_for_need_not_lower_the_error():
 
 def test_a_simulator_that_errs_more_than_one_that_holds_still_is_a_doubt():
     assert kinds(state(), judged(9.0, 5.0, 5.0, 3.0)) == [("no_better", "")]
+
+
+def test_a_log_that_looks_like_no_known_cause_is_a_doubt_about_a_cause_alone():
+    near, far = (Ranking((), np.zeros(0), 1.0, 0.1, resemblance) for resemblance in (0.99, 0.5))
+    assert doubts(state(), FINE, near) == ()
+    assert doubts(state(), FINE, far) == (Doubt("unlike", "", 0.5),)
+    two = judged(0.9, 0.5, 0.5, 0.3, 0.2)
+    many = replace(state(), rounds=2 * state().rounds, accepted=2)
+    assert not [d for d in doubts(many, two, far) if d.kind == "unlike"], (
+        "several causes look like none of them"
+    )
 
 
 def test_with_a_doubt_no_cause_is_named():

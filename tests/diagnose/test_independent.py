@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose.independent import hide_independent, independent_log
+from dynreg.diagnose.threshold import USUAL, Threshold
 from dynreg.diagnose.trial import Trial, Trials, joint_right, right_names
 from dynreg.errors import UsageError
 from dynreg.evidence.truth import protocol
@@ -73,7 +74,7 @@ def test_robots_that_hide_something_nothing_and_what_has_no_name_are_told_apart(
         Trial((), None, 12),
         Trial((), "strong", 13, cause="eccentric_wheel"),
     ]
-    named, nothing, outside = results_of(trials, todo, 20.0)
+    named, nothing, outside = results_of(trials, todo, Threshold(USUAL, ()))
     assert named.right and named.named == "wheel_gain" and named.parameter_error < 0.1
     assert named.share_of_attainable_gain == pytest.approx(1.0, abs=0.1)
     assert (

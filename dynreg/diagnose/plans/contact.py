@@ -41,7 +41,12 @@ class Contact(Plan):
     last: int = 2
 
     def name(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self,
+        model: Model,
+        base: Point,
+        terms: Sequence[Term],
+        sample: Sample,
+        hints: Sequence[Point] = (),
     ) -> Search[tuple[Naming, Model]]:
         if base.hypothesis.keys not in model.corrections:
             model = yield from model.corrected([base], sample.data)

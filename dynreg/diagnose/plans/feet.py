@@ -50,7 +50,12 @@ class Feet(Plan):
     rival: int = 2
 
     def name(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self,
+        model: Model,
+        base: Point,
+        terms: Sequence[Term],
+        sample: Sample,
+        hints: Sequence[Point] = (),
     ) -> Search[tuple[Naming, Model]]:
         if base.hypothesis.keys not in model.corrections:
             model = yield from model.corrected([base], sample.data)

@@ -35,9 +35,9 @@ class Long(Smooth):
     ends: int = 2
 
     def refitted(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
     ) -> Search[tuple[Model, list[Point]]]:
-        points, slope = yield from promising(model, base, terms, sample)
+        points, slope = yield from promising(model, base, terms, sample, hints=hints)
         done: Costed = []
         for iterations in self.halved:
             points, cost = yield from fit(model, points, sample, iterations=iterations, leading=slope)

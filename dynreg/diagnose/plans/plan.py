@@ -80,9 +80,17 @@ class Plan(ABC):
 
     @abstractmethod
     def name(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self,
+        model: Model,
+        base: Point,
+        terms: Sequence[Term],
+        sample: Sample,
+        hints: Sequence[Point] = (),
     ) -> Search[tuple[Naming, Model]]:
-        """One round: the term that, added to `base`, explains most of what `base` leaves; and the corrected model."""
+        """One round: the term that, added to `base`, explains most of what `base` leaves; and the corrected model.
+
+        hints : `base` with terms and sizes that are likely, the likeliest term first: these are refitted in any case.
+        """
 
     @abstractmethod
     def settle(self, state: State, posed: Data, seed: int) -> Search[State]:

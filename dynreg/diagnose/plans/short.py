@@ -31,15 +31,16 @@ class Short(Smooth):
         return self.finalists
 
     def refitted(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
     ) -> Search[tuple[Model, list[Point]]]:
-        starts, slope = yield from screen(model, base, terms, sample)
+        starts, slope = yield from screen(model, base, terms, sample, hints)
         begun, cost = yield from fit(model, starts, sample, iterations=1, leading=slope)
         ordered, first = best_of(begun, cost), {}
         for point in ordered:
             first.setdefault(point.hypothesis.key, point)
-        # the best start of each hypothesis, best first; then the others
-        best = list(first.values())
+        # the best start of each hypothesis, likely ones first, then by cost; then the others
+        likely = dict.fromkeys(point.hypothesis.key for point in hints)
+        best = [first[key] for key in dict.fromkeys([*likely, *first])]
         best += [point for point in ordered if first[point.hypothesis.key] is not point]
         last = {"iterations": self.iterations, "hopeless": self.hopeless}
         fitted, _ = yield from fit(model, best[: self.finalists], sample, **last)

@@ -40,10 +40,15 @@ class Smooth(Plan):
     checks: int = 2
 
     def name(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self,
+        model: Model,
+        base: Point,
+        terms: Sequence[Term],
+        sample: Sample,
+        hints: Sequence[Point] = (),
     ) -> Search[tuple[Naming, Model]]:
         for _ in range(self.rounds):
-            model, fitted = yield from self.refitted(model, base, terms, sample)
+            model, fitted = yield from self.refitted(model, base, terms, sample, hints)
             others = [base, *stripped(base, fitted[: self.rivals])]
             again, price = yield from fit(model, others, sample, iterations=self.again)
             base = best_of(again, price)[0]
@@ -81,7 +86,7 @@ class Smooth(Plan):
 
     @abstractmethod
     def refitted(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
     ) -> Search[tuple[Model, list[Point]]]:
         """`base` with one of the terms, fitted to the end, the best first; and the model, corrected there."""
 

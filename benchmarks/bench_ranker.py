@@ -1,0 +1,174 @@
+"""Simulators with one effect each rank the causes of hidden robots: beside screening, and in a diagnosis.
+
+Tuning (`--tune`) and reporting seeds are apart. The population is made once for the protocol; robots are hidden by the
+library's own effects ("own") or by other code ("independent"). For each robot: where its right name stands in the
+ranking and in the order of screening, the flag "none of the known causes looks like this", and with --diagnose the
+verdicts and seconds with the ranking and without.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+from journal import Journal
+from naming import RESULTS, TUNE, seeds
+from scipy.stats import beta
+
+from dynreg.diagnose.calibrate import calibrate
+from dynreg.diagnose.diagnose import search
+from dynreg.diagnose.guided import EACH, MOST
+from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.screen import screen
+from dynreg.diagnose.threshold import known
+from dynreg.diagnose.trial import Trial, Trials, hidden_log, posed, right_names
+from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.hypothesis import single_terms
+from dynreg.evidence.lockstep import Search, run
+from dynreg.evidence.truth import protocol
+from dynreg.sim.effects import SIZES, term
+from dynreg.sim.robot import load_robot
+from dynreg.truths.table import causes_of
+
+REPORT = 20261124
+NEEDED = 8.1  # nats: the threshold of the servo bench (bench_naming)
+OUTSIDE = 99  # place of what is not in an order
+
+
+def wanted(given: argparse.Namespace, trials: Trials, seed: int) -> list[tuple[str, str, int, Trial]]:
+    """(cause, size, number, trial) of the robots: every cause at every size, then robots with nothing hidden."""
+    if given.truth == "own":
+        causes = [t.key for t in single_terms(trials.robot) if not t.joints]
+    else:
+        name = trials.robot.name
+        causes = [c for physics in ("other", "same") for c in causes_of(name, physics)]
+    out = []
+    for i in range(given.robots):
+        for size in given.sizes:
+            for cause in causes:
+                own = seeds(seed, given.truth, cause, size, n=i + 1)[i]
+                terms = (term(cause),) if given.truth == "own" else ()
+                out.append((cause, size, i, Trial(terms, size, own, cause=None if terms else cause)))
+    for i, own in enumerate(seeds(seed, given.truth, "nothing", n=given.none)):
+        out.append(("", "none", i, Trial((), None, own)))
+    return out
+
+
+def screened(problem: Problem) -> Search[list[str]]:
+    """Keys of the terms in the order of screening: one iteration of the best starts, as `Short` orders them."""
+    found = yield from calibrate(problem.model, problem.data, draws=problem.plan.draws)
+    starts, slope = yield from screen(found.model, found.point, problem.terms, found.sample)
+    begun, cost = yield from fit(found.model, starts, found.sample, iterations=1, leading=slope)
+    return list(dict.fromkeys(p.hypothesis.key for p in best_of(begun, cost)))
+
+
+def told(trials: Trials, trial: Trial, diagnose: bool) -> dict:
+    """What is found of one robot."""
+    hidden, recording = hidden_log(trials, trial)
+    options = trials.options()
+    problem = run(posed(trials, recording, options), threads=1)
+    right = set().union(*right_names(trials.robot, hidden))
+    began = time.process_time()
+    ranking = run(problem.guide.ranking(problem.model, problem.data, problem.terms), threads=1)
+    out = {
+        "seconds": time.process_time() - began,
+        "inside": bool(right),
+        "rank": _place(ranking.keys, right),
+        "first": ranking.keys[0],
+        "screen": _place(run(screened(problem), threads=1), right),
+        "resemblance": ranking.resemblance,
+        "outside": ranking.outside,
+        "size": ranking.size / ranking.noise,
+    }
+    for how, guide in (("with", problem.guide), ("without", None)) if diagnose else ():
+        began = time.process_time()
+        own = Problem(problem.model, problem.data, problem.terms, problem.plan, guide)
+        made = run(search(own, recording, known(NEEDED), options), threads=1)
+        first = made.found.rounds[0].chosen.point.hypothesis.terms[-1].key if made.found.accepted else ""
+        out[how] = {
+            "name": first,
+            "right": first in right if first else not hidden.key and not hidden.cause,
+            "verdict": made.verdict,
+            "seconds": time.process_time() - began,
+        }
+    return out
+
+
+def _place(keys: list[str], right: set[str]) -> int:
+    return min((keys.index(key) for key in right if key in keys), default=OUTSIDE)
+
+
+def share(hits: int, of: int) -> str:
+    """A share with its 95 % interval (Clopper and Pearson 1934)."""
+    low = beta.ppf(0.025, hits, of - hits + 1) if hits else 0.0
+    high = beta.ppf(0.975, hits + 1, of - hits) if hits < of else 1.0
+    return f"{hits} of {of} ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def report(lines: list[dict]) -> None:
+    """Print the tables."""
+    for size in (*SIZES, "none"):
+        own = [x for x in lines if x["size_of"] == size and x["found"]["inside"]]
+        for what in ("rank", "screen") if own else ():
+            tops = [share(sum(x["found"][what] < k for x in own), len(own)) for k in (1, 3, 5)]
+            print(f"{size:7} {what:7} first {tops[0]}; three {tops[1]}; five {tops[2]}")
+        for inside, name in ((True, "in the library"), (False, "outside or none")):
+            some = [x for x in lines if x["size_of"] == size and x["found"]["inside"] == inside]
+            if some:
+                print(
+                    f"{size:7} flagged, {name}: {share(sum(x['found']['outside'] for x in some), len(some))}"
+                )
+    print(f"a ranking: {np.median([x['found']['seconds'] for x in lines]):.2f} s, median")
+    both = [x["found"] for x in lines if "with" in x["found"]]
+    if not both:
+        return
+    for how in ("without", "with"):
+        own = [x[how] for x in both]
+        sure = [x for x in own if x["verdict"] in ("named", "ambiguous")]
+        print(
+            f"{how}: right {share(sum(x['right'] for x in own), len(own))}, confident and wrong "
+            f"{share(sum(not x['right'] for x in sure), len(own))}, {np.mean([x['seconds'] for x in own]):.2f} s each"
+        )
+    turned = [(x["without"]["right"], x["with"]["right"]) for x in both]
+    print(
+        f"wrong turned right: {turned.count((False, True))}; right turned wrong: {turned.count((True, False))}"
+    )
+
+
+def main() -> None:
+    """Print the tables; those of the reporting seeds are kept in benchmarks/results/."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robot", default="servo_pendulum")
+    parser.add_argument("--truth", choices=("own", "independent"), default="own")
+    parser.add_argument("--sizes", nargs="*", default=list(SIZES), choices=SIZES)
+    parser.add_argument("--robots", type=int, default=1, help="for each cause and size")
+    parser.add_argument("--none", type=int, default=20, help="robots with nothing hidden")
+    parser.add_argument("--diagnose", action="store_true", help="also diagnose, with the ranking and without")
+    parser.add_argument("--tune", action="store_true", help="the seeds of the development; writes nothing")
+    parser.add_argument("--journal", type=Path, required=True, help="of the robots: a second start goes on")
+    given = parser.parse_args()
+    robot, seed = load_robot(given.robot), TUNE if given.tune else REPORT
+    trials = Trials(robot, protocol(robot, seed=TUNE), threads=1, seed=TUNE, ranker="make", truth=given.truth)
+    began = time.process_time()
+    trials = trials.guided()
+    count, spent = len(trials.guide.population), time.process_time() - began
+    print(
+        f"{count} entries ({EACH} a term, {MOST} at most): {spent:.1f} s, {1e3 * spent / count:.1f} ms each"
+    )
+    journal = Journal(given.journal, {"robot": robot.hash, "seed": seed, "truth": given.truth})
+    journal.begin()
+    done = {(x["cause"], x["size_of"], x["number"]) for x in journal.lines()}
+    for cause, size, number, trial in wanted(given, trials, seed):
+        if (cause, size, number) not in done:
+            found = told(trials, trial, given.diagnose)
+            print(cause or "nothing", size, json.dumps(found), flush=True)
+            journal.add({"cause": cause, "size_of": size, "number": number, "found": found})
+    report(journal.lines())
+    if not given.tune:
+        path = RESULTS / f"ranker_{given.truth}.json"
+        path.write_text(json.dumps(journal.lines(), indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Populations of effects in a registry: grown, asked, used by diagnoses; and nobody takes them for models."""
+
+import pytest
+
+from dynreg.diagnose.guided import kept
+from dynreg.errors import NoMatchError, UsageError
+from dynreg.evidence.truth import hide, log_of, protocol
+from dynreg.session import Session, open
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
+from dynreg.verbs.effect_populations import posed
+from dynreg.verbs.simulators import stored
+from dynreg.verbs.subjects import population_for, recorded
+
+ROBOT = "servo_pendulum"
+FEW, MORE = 260, 400
+
+
+def recording_of(seed: int, cause: str | None):
+    robot = load_robot(ROBOT)
+    plan = protocol(robot, seed=seed, seconds=20.0)
+    hidden = hide(robot, (term(cause),) if cause else (), "strong", 77)
+    return log_of(robot, hidden, plan, engine="joint")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    opened = open(tmp_path_factory.mktemp("effects") / "registry")
+    opened.ingest(recording_of(5, "torque_limit"), ROBOT, name="monday")
+    opened.ingest(recording_of(6, None), ROBOT, name="tuesday")
+    return opened
+
+
+@pytest.fixture(scope="module")
+def grown(session: Session) -> tuple[str, tuple[str, ...]]:
+    """Id of the population like monday's log, and the ids of its first entries before it grew."""
+    few = session.populate(ROBOT, FEW, effects=True, like="monday")
+    assert few.entries == few.added == FEW
+    before = session.registry.load(few.population, ()).ids
+    more = session.populate(ROBOT, MORE, effects=True, like="monday")
+    assert more.population == few.population and more.added == MORE - FEW
+    return few.population, before
+
+
+def test_a_population_grows_and_its_first_entries_stay(session, grown) -> None:
+    identity, before = grown
+    after = session.registry.load(identity, ()).ids
+    assert len(after) == MORE and after[:FEW] == before
+    assert session.verify().clean
+
+
+def test_a_query_shows_what_the_recording_looks_like(session, grown) -> None:
+    found = session.query("monday", k=5)
+    assert found.schema_name() == "causes" and found.population == grown[0]
+    assert found.causes[0].effect == "torque_limit" and not found.outside
+    assert found.causes[0].near >= 0.6 and found.causes[0].cosine > 0.95
+    assert sum(one.belief for one in found.causes) == pytest.approx(1.0)
+
+
+def test_the_nearest_entry_is_a_simulator_with_its_effect(session, grown) -> None:
+    entry = session.query("monday").causes[0].entry
+    simulator = stored(session.registry, "entry", entry)
+    assert list(simulator.config.effects) == ["torque_limit"]
+    (loss,) = simulator.config.effects["torque_limit"].values()
+    assert loss == pytest.approx(0.40, abs=0.1)  # strong was hidden
+
+
+def test_entries_do_not_carry_over_to_other_commands(session, grown) -> None:
+    with pytest.raises(UsageError, match="other commands than 'tuesday'"):
+        session.query("tuesday", population=grown[0])
+
+
+def test_it_is_no_population_of_models(session, grown) -> None:
+    asked = recorded(session.registry, "monday", None, None, ingest=False)
+    with pytest.raises(UsageError, match="no models"):
+        population_for(asked, grown[0])
+    with pytest.raises(NoMatchError):
+        population_for(asked, None)
+
+
+def test_a_diagnosis_finds_it_under_the_same_commands_alone(session, grown) -> None:
+    for name, there in (("monday", True), ("tuesday", False)):
+        given = posed(recorded(session.registry, name, None, None, ingest=False), 0, 1)
+        assert (kept(given.problem, given.noise, session.registry) is not None) == there
+
+
+def test_a_diagnosis_tells_what_the_recording_looks_like(session, grown) -> None:
+    how = {"threshold_runs": 0, "max_causes": 1}
+    made = session.diagnose("monday", **how)
+    assert made.resembles.causes[0] == "torque_limit" and made.resembles.entries == MORE
+    assert made.causes[0].effect == "torque_limit" and not made.resembles.outside
+    assert session.diagnose("monday", ranker="off", **how).resembles is None
+
+
+@pytest.mark.parametrize("how", [{"effects": True}, {"like": "monday"}])
+def test_effects_and_like_belong_together(session, how) -> None:
+    with pytest.raises(UsageError, match="without --"):
+        session.populate(ROBOT, 300, **how)
+
+
+def test_too_few_entries_leave_effects_out(session) -> None:
+    with pytest.raises(UsageError, match="20 simulators for"):
+        session.populate(ROBOT, 20, effects=True, like="monday")
