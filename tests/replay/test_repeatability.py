@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.repeatability import ALIKE, repeatability, repeated, whiteness
 from dynreg.diagnose.verdict import WHITE
+from dynreg.replay.repeatability import ALIKE, repeatability, repeated, whiteness
 from dynreg.sim.robot import Robot, load_robot
 
 NAMES = (("arm/position", "rad"), ("arm/velocity", "rad/s"), ("arm/target", "rad"), ("arm/enabled", "1"))
