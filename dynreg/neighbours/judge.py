@@ -29,9 +29,10 @@ class Judgement:
     """The error of a query's answer beside the errors that robots of the family would leave.
 
     error : of the answer; usual : median of those of robots of the family; limit : what one more of these would stay
-    below, infinite where they are too few to tell. unsteady : how many
-    times larger both are as the robot repeats its runs less well than twins do, 1 where it does not. repeats : pairs of runs by which this is known. sharpened : robots of the family are twins of the
-    answer; else of the best simulators that were replayed. rollouts : simulators that were run for it.
+    below, infinite where they are too few to tell. unsteady : how many times larger both are as the robot repeats its
+    runs less well than twins do, 1 where it does not. repeats : pairs of runs by which this is known. sharpened :
+    whether robots of the family are twins of the answer; else they are twins of the best simulators that were replayed.
+    rollouts : simulators that were run for it.
     """
 
     error: float
