@@ -13,7 +13,7 @@ from dynreg.neighbours.intervals import Evidence, Interval, estimates
 from dynreg.neighbours.judge import TWINS, Judgement, judge
 from dynreg.neighbours.make import Replaying, make
 from dynreg.neighbours.retrieve import Retrieved
-from dynreg.neighbours.sharpen import Made
+from dynreg.neighbours.sharpen import Made, promised
 from dynreg.neighbours.spending import HALVED, Spending, Unknown
 from dynreg.neighbours.synthesise import Replays, linearise, replays_of
 from dynreg.progress import Progress
@@ -132,7 +132,8 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     judged = test if len(test) else case.data.parts.chosen
     states = case.replayer.states(values[[0, answer]], judged)
     sloped = synthesis is not None and synthesis.local is not None
-    judgement = _judgement(case, replays, answer, sharpened=sloped)
+    ended = promised(synthesis.local, replays.free) if sloped else None
+    judgement = _judgement(case, replays, answer, ended)
     return Choice(
         candidates=candidates,
         replays=replays,
@@ -153,13 +154,13 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     )
 
 
-def _judgement(case: Case, replays: Replays, answer: int, *, sharpened: bool) -> Judgement:
+def _judgement(case: Case, replays: Replays, answer: int, ended: float | None) -> Judgement:
     """Of the answer beside its twins, over all windows; of one that was not sharpened, beside the best others."""
     others = [i for i in np.argsort(replays.score, kind="stable") if i != answer][:TWINS]
-    judged = [answer] if sharpened else [answer, *others]
+    judged = [answer, *others] if ended is None else [answer]
     values = case.data.values_of(replays.unit[judged])
     every = np.arange(len(case.data.windows))
-    return judge(case.replayer, values, every, case.population.shared.seed, sharpened=sharpened)
+    return judge(case.replayer, values, every, case.population.shared.seed, promised=ended)
 
 
 def _estimates(

@@ -94,10 +94,10 @@ class Neighbours(Result):
     measured : the nearest other recordings in the same population, at most k, where the distance compares models.
     misfit : error of the answer over the median of the errors that robots of the family would leave, under the same
     commands: simulated ones with noise, disturbed drives and finer time steps, and as unsteady as the recording's runs
-    of the same commands. It is about 1 for a robot of the family. misfit_limit : above it the alarm is raised: 99 % of
-    the robots of the family stay below, and it is never under 1.5. Both are null where nothing was replayed, the limit
-    also where too few simulators were. (Documents stored before misfit_limit was held misfit against the spread of the
-    neighbours.)
+    of the same commands. It is about 1 for a robot of the family. misfit_limit : 99 % of the robots of the family stay
+    below, and it is never under 1.5; above it the alarm is raised, unless the search had not ended. Both are null where
+    nothing was replayed, the limit also where too few simulators were. In documents without a limit, misfit is the
+    error over the spread of the neighbours.
     """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")

@@ -252,6 +252,9 @@ def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
         usual = "the best other simulator does where one of those replayed is the robot"
     size, limit = f"the answer errs {judgement.misfit:.2g} times as much as {usual}", judgement.misfit_limit
     unsteady = ()
+    ended = (
+        ("the search had not ended, so the alarm is silent: raise --budget",) if not judgement.ended else ()
+    )
     if judgement.unsteady > 1.0:
         runs = (
             f"{judgement.repeats} pair{'' if judgement.repeats == 1 else 's'} of runs with the same commands"
@@ -261,7 +264,7 @@ def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
             f"{judgement.unsteady:.2g} times as large for it",
         )
     if judgement.fits:
-        return None, (size if limit is None else f"{size} (limit {limit:.2g})", *unsteady)
+        return None, (size if limit is None else f"{size} (limit {limit:.2g})", *ended, *unsteady)
     alarm = (
         f"{size}, above the limit of {limit:.2g}. The model lacks an effect, or its parameter ranges are too narrow. "
         "The table of channels shows the largest errors"
