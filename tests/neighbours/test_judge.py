@@ -10,7 +10,7 @@ import secret_servo
 import dynreg.evidence.truth as truth
 from dynreg.data.recording import Recording
 from dynreg.evidence.truth import hide, log_of, protocol
-from dynreg.neighbours.judge import LEAST, SURE, _limit
+from dynreg.neighbours.judge import LEAST, SURE, Judgement, _limit
 from dynreg.replay.judged import gain
 from dynreg.report.neighbours import next_steps, refusal
 from dynreg.rng import stream
@@ -84,6 +84,16 @@ def test_one_more_robot_stays_below_the_limit_as_often_as_it_says(many):
     draws = np.exp(0.3 * stream(0, "limit").standard_normal((4000, many + 1)))
     below = np.mean([one[-1] <= _limit(one[:-1]) for one in draws])
     assert below == pytest.approx(SURE, abs=0.006)
+
+
+@pytest.mark.parametrize(
+    ("promised", "fits", "ended"), [(1.0, False, True), (0.98, False, True), (0.6, True, False)]
+)
+def test_an_error_that_the_search_left_raises_no_alarm(promised, fits, ended):
+    about = {"usual": 0.01, "limit": 0.015, "unsteady": 1.0, "repeats": 0, "sharpened": True, "rollouts": 9}
+    judged = Judgement(error=0.03, promised=promised, **about)
+    assert (judged.fits, judged.ended) == (fits, ended)
+    assert judged.misfit == pytest.approx(3.0) and judged.misfit_limit == pytest.approx(1.5)
 
 
 def test_one_robot_tells_no_limit():
