@@ -6,9 +6,9 @@ size). The truth runs with a finer time step and another integrator, is disturbe
 sensors. A query of a population of 200 simulators with its usual settings answers both logs.
 
 What a cause does to the held-out error of the best in the family: the best for the robot with the cause is the better
-of the answer and, where it is not clear, of a search with twice the budget and twice the neighbours; for the one without it, the better of the
-answer and the true parameters. Both errors are in the same units. Parameters of the family make up for many causes;
-those are no ground for an alarm.
+of the answer and, where it is not clear, of a search with twice the budget and twice the neighbours; for the one
+without it, the better of the answer and the true parameters. Both errors are in the same units. Parameters of the
+family make up for many causes; those are no ground for an alarm.
 
 Robots for reporting have seeds of their own (`REPORT`), apart from those by which the alarm's limits were chosen.
 """
