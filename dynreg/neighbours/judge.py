@@ -39,7 +39,6 @@ class Judgement:
     runs less well than twins do, 1 where it does not. repeats : pairs of runs by which this is known. sharpened :
     whether robots of the family are twins of the answer; else they are twins of the best simulators that were replayed.
     promised : share of the error that the linear model about the answer would leave; 1 where its search has ended.
-    rollouts : simulators that were run for it.
     """
 
     error: float
@@ -49,7 +48,6 @@ class Judgement:
     repeats: int
     sharpened: bool
     promised: float
-    rollouts: int
 
     @property
     def misfit(self) -> float:
@@ -102,7 +100,6 @@ def judge(
         repeats=len(pairs),
         sharpened=sharpened,
         promised=promised if sharpened else 1.0,
-        rollouts=len(values) + len(robots),
     )
 
 

@@ -84,8 +84,8 @@ class Choice:
     posterior : of the free ones, None without it. tests : (W_test,) errors by simulator. judged : (W',) windows that
     judge, the test part where there is one, in which nominal and answer have states (2, W', T+1, S) and errors by
     channel (2, S).
-    judgement : whether the answer errs as those of robots of the family would. rollouts : those, and all that was run
-    for the retrieval, the intervals, the motor noise and the judgement.
+    judgement : whether the answer errs as those of robots of the family would. rollouts : those of
+    the choice, and all that was run for the retrieval, the intervals and the motor noise; not twins of the judgement.
     """
 
     candidates: tuple[Candidate, ...]
@@ -150,7 +150,7 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         states=states,
         channels=channel_errors(case.data.windows, states, judged),
         judgement=judgement,
-        rollouts=found.ranked.replays + spent + CANDIDATES * noisy + HALVED * sloped + judgement.rollouts,
+        rollouts=found.ranked.replays + spent + CANDIDATES * noisy + HALVED * sloped,
     )
 
 

@@ -97,7 +97,7 @@ class Neighbours(Result):
     of the same commands. It is about 1 for a robot of the family. misfit_limit : 99 % of the robots of the family stay
     below, and it is never under 1.5; above it the alarm is raised, unless the search had not ended. Both are null where
     nothing was replayed, the limit also where too few simulators were. In documents without a limit, misfit is the
-    error over the spread of the neighbours.
+    error over the spread of the neighbours. cost : without these simulated robots.
     """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")

@@ -90,7 +90,7 @@ def test_one_more_robot_stays_below_the_limit_as_often_as_it_says(many):
     ("promised", "fits", "ended"), [(1.0, False, True), (0.98, False, True), (0.6, True, False)]
 )
 def test_an_error_that_the_search_left_raises_no_alarm(promised, fits, ended):
-    about = {"usual": 0.01, "limit": 0.015, "unsteady": 1.0, "repeats": 0, "sharpened": True, "rollouts": 9}
+    about = {"usual": 0.01, "limit": 0.015, "unsteady": 1.0, "repeats": 0, "sharpened": True}
     judged = Judgement(error=0.03, promised=promised, **about)
     assert (judged.fits, judged.ended) == (fits, ended)
     assert judged.misfit == pytest.approx(3.0) and judged.misfit_limit == pytest.approx(1.5)
