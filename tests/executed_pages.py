@@ -62,6 +62,7 @@ SESSION = (
     *(f"docs/verbs/{name}.md" for name in VERBS),
 )
 LANGUAGES = {"console", "python", "text", "sh", "toml", "json"}
+NO_MATCH = 4  # the exit status of a query whose answer is far from the robot: the page tells it
 WITHIN = 0.1
 LAST = 2
 _BLOCK = re.compile(
@@ -140,7 +141,8 @@ def _answer(line: str) -> str:
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         status = main(words[1:])
-    assert status == 0, f"{line}: exit status {status}: {err.getvalue()}"
+    allowed = (0, NO_MATCH) if words[1] == "query" else (0,)
+    assert status in allowed, f"{line}: exit status {status}: {err.getvalue()}"
     return out.getvalue()
 
 

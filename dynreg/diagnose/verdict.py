@@ -10,13 +10,13 @@ from dynreg.data.recording import Recording
 from dynreg.diagnose.doubts import Doubt
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import placed
-from dynreg.diagnose.repeatability import Repeatability, repeatability, whiteness
 from dynreg.diagnose.score import Naming
 from dynreg.diagnose.tail import exceeded
 from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
+from dynreg.replay.repeatability import Repeatability, repeatability, whiteness
 from dynreg.replay.residual import scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing

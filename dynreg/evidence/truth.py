@@ -208,10 +208,13 @@ def recorded(robot: Robot, plan: Protocol, states: np.ndarray) -> Recording:
 
 
 def measured_states(
-    robot: Robot, hidden: Hidden, run: Run, *, engine: str | None = None
+    robot: Robot, hidden: Hidden, run: Run, *, engine: str | None = None, truth: Robot | None = None
 ) -> Search[np.ndarray]:
-    """(E, T+1, S) what the hidden robot's sensors say in the episodes of `run`: noise and quantisation included."""
-    truth = _finer(robot)
+    """(E, T+1, S) what the hidden robot's sensors say in the episodes of `run`: noise and quantisation included.
+
+    truth : the robot with the time step in which it moves; by default that of `finer`.
+    """
+    truth = truth or _finer(robot)
     active = Terms(
         (*hidden.terms, disturbance(truth)),
         (

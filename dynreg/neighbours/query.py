@@ -10,10 +10,10 @@ from dynreg.distance.query import DistanceQuery
 from dynreg.evidence.gaussian import Gaussian
 from dynreg.index import Graph
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
-from dynreg.neighbours.judge import misfit
+from dynreg.neighbours.judge import TWINS, Judgement, judge
 from dynreg.neighbours.make import Replaying, make
 from dynreg.neighbours.retrieve import Retrieved
-from dynreg.neighbours.sharpen import Made
+from dynreg.neighbours.sharpen import Made, promised
 from dynreg.neighbours.spending import HALVED, Spending, Unknown
 from dynreg.neighbours.synthesise import Replays, linearise, replays_of
 from dynreg.progress import Progress
@@ -84,8 +84,8 @@ class Choice:
     posterior : of the free ones, None without it. tests : (W_test,) errors by simulator. judged : (W',) windows that
     judge, the test part where there is one, in which nominal and answer have states (2, W', T+1, S) and errors by
     channel (2, S).
-    misfit : see `judge.misfit`. rollouts : those, and all that was run for the retrieval, the intervals and the motor
-    noise.
+    judgement : whether the answer errs as those of robots of the family would. rollouts : those of
+    the choice, and all that was run for the retrieval, the intervals and the motor noise; not twins of the judgement.
     """
 
     candidates: tuple[Candidate, ...]
@@ -102,7 +102,7 @@ class Choice:
     judged: np.ndarray
     states: np.ndarray
     channels: np.ndarray
-    misfit: float
+    judgement: Judgement
     rollouts: int
 
 
@@ -132,6 +132,8 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     judged = test if len(test) else case.data.parts.chosen
     states = case.replayer.states(values[[0, answer]], judged)
     sloped = synthesis is not None and synthesis.local is not None
+    ended = promised(synthesis.local, replays.free) if sloped else None
+    judgement = _judgement(case, replays, answer, ended)
     return Choice(
         candidates=candidates,
         replays=replays,
@@ -147,9 +149,18 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         judged=judged,
         states=states,
         channels=channel_errors(case.data.windows, states, judged),
-        misfit=misfit(replays.residuals[:begun], float(replays.fit[answer])),
+        judgement=judgement,
         rollouts=found.ranked.replays + spent + CANDIDATES * noisy + HALVED * sloped,
     )
+
+
+def _judgement(case: Case, replays: Replays, answer: int, ended: float | None) -> Judgement:
+    """Of the answer beside its twins, over all windows; of one that was not sharpened, beside the best others."""
+    others = [i for i in np.argsort(replays.score, kind="stable") if i != answer][:TWINS]
+    judged = [answer, *others] if ended is None else [answer]
+    values = case.data.values_of(replays.unit[judged])
+    every = np.arange(len(case.data.windows))
+    return judge(case.replayer, values, every, case.population.shared.seed, promised=ended)
 
 
 def _estimates(

@@ -99,6 +99,16 @@ def _round(before: Made, replay: Residuals, slopes: StartSlopes, reach: np.ndarr
     return Made(replays, raw[best], _moved(replays, _measured(replays)), start)
 
 
+def promised(local: Local, free: np.ndarray) -> float:
+    """The error that the linear model promises for a bold step within the ranges, over the one about which it stands.
+
+    About 1 where the search has ended; less where it gave up on a way that bends. free : (P,) which parameters are.
+    """
+    step = _steps(local, np.flatnonzero(free))[0] - local.centre
+    left = local.residual + local.jacobian @ step[free]
+    return min(float(np.abs(left).mean() / np.abs(local.residual).mean()), 1.0)
+
+
 def _reach(local: Local) -> np.ndarray:
     """(P_free,) how far each parameter moves to change the residuals by as much as they are: slopes hold so far."""
     change = np.sqrt(local.weight @ local.jacobian**2)

@@ -125,7 +125,7 @@ class Replayer:
 
         Channels without weight are left out; see `residual.scaled`. initial : as in `states`.
         """
-        return self._residuals(self.states(values, chosen, initial), chosen)
+        return self.against(self.states(values, chosen, initial), self.windows.measured[chosen])
 
     def residuals_from(self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray) -> np.ndarray:
         """(n, W, T, S') the same of one simulator (P,), from other start states (n, W, S) of the chosen windows."""
@@ -135,7 +135,14 @@ class Replayer:
         )
         self.rollouts += many
         states = rollout(self.robot, values[None], run, threads=self.threads).states[0]
-        return self._residuals(states.reshape(many, windows, *states.shape[1:]), chosen)
+        states = states.reshape(many, windows, *states.shape[1:])
+        return self.against(states, self.windows.measured[chosen])
+
+    def against(self, states: np.ndarray, measured: np.ndarray) -> np.ndarray:
+        """(n, W, T, S') residuals, as `residuals`, of states (n, W, T+1, S) held against rows (W, T+1, S)."""
+        use, scale = self._scored
+        spread = self.windows.spread[use]
+        return scaled(states[..., 1:, use], measured[:, 1:, use], spread) * scale
 
     @property
     def residual_noise(self) -> np.ndarray:
@@ -148,11 +155,6 @@ class Replayer:
         """The channels (S',) that have a weight, and these, 1 on average."""
         use = np.flatnonzero(self.windows.weight > 0)
         return use, self.windows.weight[use] * len(use)
-
-    def _residuals(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        use, scale = self._scored
-        states, measured = states[..., 1:, use], self.windows.measured[chosen][:, 1:, use]
-        return scaled(states, measured, self.windows.spread[use]) * scale
 
 
 def errors(residuals: np.ndarray) -> np.ndarray:

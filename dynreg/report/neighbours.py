@@ -55,16 +55,17 @@ def comparison(result: Neighbours) -> str:
 def next_steps(result: Neighbours) -> tuple[str, ...]:
     """What to do next, the most important step first."""
     steps = []
+    diagnose = command("diagnose", result.recording_name)
     if not result.fits:
+        steps.append(f"Ask what the model lacks: {diagnose}")
         steps.append(f"Check the log: dynreg doctor LOG --robot {result.robot}")
         steps.append(
-            "Widen the parameter ranges in robot.toml, or add the missing effect to the model. Then populate again."
+            "Where a parameter is at the edge of its range, widen the range in robot.toml and populate again."
         )
     if not result.parts.get("test"):
         steps.append(
             "No episode was held out. Record more episodes, or choose held-out episodes with --hold-out."
         )
-    diagnose = command("diagnose", result.recording_name)
     if result.unclear:
         steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.fits:
@@ -78,10 +79,11 @@ def refusal(result: Neighbours) -> NoMatchError | None:
     """The error of a query that no simulator fits; None otherwise."""
     if result.fits:
         return None
+    diagnose = command("diagnose", result.recording_name)
     return NoMatchError(
         f"no simulator fits {result.recording_name!r}: {result.alarm or 'the recording is out of distribution'}",
         expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
-        do="check the log with `dynreg doctor`, or populate with wider ranges",
+        do=f"ask what the model lacks (`{diagnose}`), or check the log with `dynreg doctor`",
     )
 
 

@@ -92,8 +92,12 @@ class Neighbours(Result):
     gain : of the answer over the nominal simulator, on the test part. Like every replay error it counts the scored
     channels alone, each in units of its motion and by its weight.
     measured : the nearest other recordings in the same population, at most k, where the distance compares models.
-    misfit : error of the answer over the nearest neighbours' own spread under the same commands. It is about 1 for a
-    robot of the population; the alarm is raised above 3; null where nothing was replayed.
+    misfit : error of the answer over the median of the errors that robots of the family would leave, under the same
+    commands: simulated ones with noise, disturbed drives and finer time steps, and as unsteady as the recording's runs
+    of the same commands. It is about 1 for a robot of the family. misfit_limit : 99 % of the robots of the family stay
+    below, and it is never under 1.5; above it the alarm is raised, unless the search had not ended. Both are null where
+    nothing was replayed, the limit also where too few simulators were. In documents without a limit, misfit is the
+    error over the spread of the neighbours. cost : without these simulated robots.
     """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")
@@ -117,6 +121,7 @@ class Neighbours(Result):
     traces: tuple[Trace, ...]
     fits: bool
     misfit: float | None = None
+    misfit_limit: float | None = None
     alarm: str | None
     notes: tuple[str, ...] = ()
     cost: Cost

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynreg.neighbours.judge import TOO_FAR
+from dynreg.neighbours.judge import Judgement
 from dynreg.neighbours.query import Case, Choice
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.spending import Spending
@@ -107,6 +107,7 @@ def unjudged(subject: Subject) -> Neighbours:
         traces=(),
         fits=True,
         misfit=None,
+        misfit_limit=None,
         alarm=None,
         notes=("the nearest simulator was not compared with the nominal one: its fit is not known",),
         cost=subject.cost(ranked.replays),
@@ -122,7 +123,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
     nearest = [i for i, c in enumerate(chosen.candidates) if c.kind == "neighbour"]
     ranks = sorted(nearest, key=lambda i: score[i]) if subject.spending.replay else nearest
     synthesised = None if chosen.made is None else _synthesised(case, chosen, simulators[chosen.made])
-    alarm, notes = _alarm(chosen.misfit)
+    alarm, notes = _alarm(chosen.judgement)
     return subject.document(
         neighbours=tuple(
             subject.neighbour(chosen.candidates[i].entry, float(score[i]))
@@ -137,8 +138,9 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
         gain=gain(chosen.tests[0], chosen.tests[answer]) if case.data.parts.test.any() else None,
         channels=_channels(case, chosen),
         traces=_traces(case, chosen),
-        fits=alarm is None,
-        misfit=chosen.misfit,
+        fits=chosen.judgement.fits,
+        misfit=chosen.judgement.misfit,
+        misfit_limit=chosen.judgement.misfit_limit,
         alarm=alarm,
         notes=(
             *notes,
@@ -242,17 +244,32 @@ def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
     )
 
 
-def _alarm(misfit: float) -> tuple[str | None, tuple[str, ...]]:
-    """The text of the alarm (None where some simulator is close enough), and the notes."""
-    size = f"{misfit:.2g} times the nearest neighbours' own spread"
-    note = f"the error of the answer is {size} under these commands"
-    if misfit <= TOO_FAR:
-        return None, (note,)
-    alarm = (
-        f"the error of the best simulator is {size}, above the limit of {TOO_FAR:g}. The model lacks an effect, or "
-        "its parameter ranges are too narrow. The table of channels shows the largest errors"
+def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
+    """The text of the alarm (None where the answer errs as those of the family's robots would), and the notes."""
+    if judgement.sharpened:
+        usual = "a simulator that is right would, with the noise of sensors, disturbed drives and finer time steps"
+    else:
+        usual = "the best other simulator does where one of those replayed is the robot"
+    size, limit = f"the answer errs {judgement.misfit:.2g} times as much as {usual}", judgement.misfit_limit
+    unsteady = ()
+    ended = (
+        ("the search had not ended, so the alarm is silent: raise --budget",) if not judgement.ended else ()
     )
-    return alarm, (note,)
+    if judgement.unsteady > 1.0:
+        runs = (
+            f"{judgement.repeats} pair{'' if judgement.repeats == 1 else 's'} of runs with the same commands"
+        )
+        unsteady = (
+            f"{runs} differ by more than those of such a simulator: the error that counts as usual is "
+            f"{judgement.unsteady:.2g} times as large for it",
+        )
+    if judgement.fits:
+        return None, (size if limit is None else f"{size} (limit {limit:.2g})", *ended, *unsteady)
+    alarm = (
+        f"{size}, above the limit of {limit:.2g}. The model lacks an effect, or its parameter ranges are too narrow. "
+        "The table of channels shows the largest errors"
+    )
+    return alarm, unsteady
 
 
 def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:

@@ -64,7 +64,8 @@ def query(
 
     Where held-out data do not show that the answer errs less than the nominal simulator, the headline says so.
 
-    Exit status 4: no simulator of the population fits the recording. The result is printed nevertheless.
+    Exit status 4: no simulator of the population fits the recording. The answer errs more than a right one would, by
+    simulated robots with noise. The result is printed nevertheless.
 
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
 

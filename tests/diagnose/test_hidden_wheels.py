@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynreg.diagnose.repeatability import repeatability
 from dynreg.diagnose.signals import joint_signals, joints_of_actions
 from dynreg.diagnose.threshold import USUAL, Threshold
 from dynreg.diagnose.trial import Trial, Trials
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.replay.cut import windows
+from dynreg.replay.repeatability import repeatability
 from dynreg.replay.windows import STILL, standing, starts
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot

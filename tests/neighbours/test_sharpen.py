@@ -5,7 +5,7 @@ import pytest
 from planted_map import NAMES, ROWS, TRUTH, WINDOWS, Plant, space, started
 
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
-from dynreg.neighbours.sharpen import ROUNDS, Made, cost, sharpen
+from dynreg.neighbours.sharpen import ROUNDS, Made, cost, promised, sharpen
 from dynreg.neighbours.synthesise import Replays, linearise, refine
 from dynreg.replay.start_error import StartSlopes, believed
 from dynreg.rng import stream
@@ -40,6 +40,17 @@ def test_it_ends_at_the_optimum(curvature):
     np.testing.assert_array_equal(made.local.centre, made.replays.unit[made.best])
     own = plant.residuals(made.replays.unit[[made.best]])[0]
     np.testing.assert_allclose(made.residual, own, atol=1e-12)
+
+
+def test_a_search_that_ended_promises_nothing_and_one_on_its_way_much():
+    plant = Plant(0.0, noise=0.02)
+    begun = started(SPACE, plant)
+    ended = sharpened(plant, begun, ROUNDS * cost(4))
+    assert promised(ended.local, begun.free) > 0.98
+    best = begun.unit[[int(begun.score.argmin())]]
+    begins = linearise(begun)
+    ratio = np.abs(plant.residuals(best)).mean() / np.abs(ended.residual).mean()
+    assert promised(begins, begun.free) < 0.5 and ratio > 2
 
 
 @pytest.mark.parametrize("budget", [0, cost(4) - 1, cost(4), 2 * cost(4) + 5, 100])

@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.data.names import quantity_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.replay.samples import correlation_time
-from dynreg.replay.windows import standing
+from dynreg.replay.windows import Windows, standing
 from dynreg.sim.robot import Robot
 
 # What counts as a run of the same commands. On the real XL330 such runs differ by up to 0.0065 in their commands, by
@@ -21,6 +21,7 @@ RATES = 0.01  # by which the rates of two runs may differ: more, and rows do not
 GLANCE, ROUGHLY = 64, 5  # rows at which shifts are sorted out first, where they miss `ALIKE` by so many times
 LAGS, LEAST = 20, 8  # of a test for whiteness, at most a fifth of the rows: as is usual; samples it takes
 WORLD = ("x", "y", "z", "yaw")  # of a base: where it happens to stand
+MANY = 2000  # pairs of windows: enough to know what repeats, few enough that a log at rest costs nothing
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,31 @@ def repeated(robot: Robot, recording: Recording) -> list[tuple[np.ndarray, np.nd
                 if np.all(~np.isfinite(apart) | (apart <= allowed)):
                     out.append(cut)
     return out
+
+
+def repeated_windows(robot: Robot, windows: Windows) -> np.ndarray:
+    """(R, 2) pairs of windows that are runs of the same commands, as in `repeatability`, but at no other shift.
+
+    At most `MANY`, the first.
+    """
+    run, noise = windows.run, robot.sensor_noise
+    enables = run.inputs[..., len(robot.file.inputs) :] if run.inputs is not None else run.actions[..., :0]
+    commands = np.concatenate([run.actions, enables], axis=2)
+    if not commands.shape[2] or len(commands) < 2:
+        return np.zeros((0, 2), dtype=int)
+    spread = _spread(commands.reshape(-1, commands.shape[2]))
+    # means that lie apart are enough to tell two runs apart; most pairs are sorted out by them
+    first, second = np.triu_indices(len(commands), 1)
+    means = commands.mean(axis=1)
+    alike = _apart(means[first][:, None], means[second][:, None], spread) <= ALIKE
+    alike &= np.isclose(run.settings[first], run.settings[second]).all(axis=1)
+    starts = [c for c, name in enumerate(robot.channels) if quantity_of(name) not in WORLD]
+    allowed = np.maximum(START * windows.spread[starts], SIGMA * noise[starts])
+    apart = np.abs(run.initial[first][:, starts] - run.initial[second][:, starts])
+    alike &= np.all(~np.isfinite(apart) | (apart <= allowed), axis=1)
+    near = np.flatnonzero(alike)[:MANY]
+    same = _apart(commands[first[near]], commands[second[near]], spread) <= ALIKE
+    return np.stack([first[near], second[near]], axis=1)[same]
 
 
 def whiteness(series: np.ndarray) -> float | None:

@@ -1,12 +1,16 @@
 """Planted run-to-run spread comes back; white noise is white and AR(1) has the correlation time of its theory."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.repeatability import ALIKE, repeatability, repeated, whiteness
 from dynreg.diagnose.verdict import WHITE
+from dynreg.evidence.truth import hide, log_of, protocol
+from dynreg.replay.cut import windows
+from dynreg.replay.repeatability import ALIKE, repeatability, repeated, repeated_windows, whiteness
 from dynreg.sim.robot import Robot, load_robot
 
 NAMES = (("arm/position", "rad"), ("arm/velocity", "rad/s"), ("arm/target", "rad"), ("arm/enabled", "1"))
@@ -168,3 +172,22 @@ def test_gaps_do_not_make_a_series_correlated():
 )
 def test_a_series_that_is_too_short_or_constant_cannot_be_told(series):
     assert whiteness(series) is None
+
+
+def test_windows_that_repeat_are_found_and_no_others():
+    robot = load_robot("servo_pendulum")
+    plan = protocol(robot, seed=3, seconds=20.0)
+    recording = log_of(robot, hide(robot, (), None, 3), plan)
+    cut = windows(robot, recording)
+    names = [recording.episodes[e].name for e in cut.episode]
+    found = [(names[a], names[b]) for a, b in repeated_windows(robot, cut)]
+    fits = sorted(name for name in plan.names if name.startswith("fit"))
+    assert sorted(found) == [(name, name.replace("fit", "select")) for name in fits]
+
+
+def test_windows_of_one_run_or_of_other_settings_repeat_nothing():
+    robot = load_robot("servo_pendulum")
+    cut = windows(robot, log_of(robot, hide(robot, (), None, 3), protocol(robot, seed=3, seconds=20.0)))
+    assert len(repeated_windows(robot, cut.take(np.array([0])))) == 0
+    other = np.arange(len(cut))[:, None] + cut.run.settings
+    assert len(repeated_windows(robot, replace(cut, run=replace(cut.run, settings=other)))) == 0
