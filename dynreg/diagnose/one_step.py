@@ -1,5 +1,7 @@
 """One-step predictions from every measured row, and the residual acceleration of each joint."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dynreg.data.names import joint_of
@@ -7,6 +9,7 @@ from dynreg.diagnose.residual_fit import Residuals
 from dynreg.diagnose.signals import JointSignals, joint_signals, position_column, velocity_column
 from dynreg.errors import UsageError
 from dynreg.replay.windows import Windows
+from dynreg.sim.effects.body import neighbours
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -74,7 +77,9 @@ def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) ->
         )
     out = []
     looked = windows.run.joints
-    for joint, signals in joint_signals(robot, windows).items():
+    every = joint_signals(robot, windows)
+    beside = beside_each(robot)
+    for joint, signals in every.items():
         if looked is not None and joint_of(joint) not in looked:
             continue
         found = _accelerations(robot, windows, predicted, joint, signals.velocity)
@@ -84,7 +89,9 @@ def one_step_residuals(robot: Robot, windows: Windows, predicted: np.ndarray) ->
         shape = values.shape
         flat = {
             name: np.broadcast_to(s, shape).reshape(-1)
-            for name, s in _signals(robot, windows, signals).items()
+            for name, s in _signals(
+                robot, windows, signals, [every[k] for k in beside.get(joint, ())]
+            ).items()
         }
         trajectory = np.repeat(windows.episode, shape[1])
         out.append(Residuals(joint, unit, values.reshape(-1), flat, trajectory))
@@ -126,22 +133,44 @@ def _accelerations(
     return difference, f"{robot.file.channels[v].unit}/s".replace("/s/s", "/s^2")
 
 
-def _signals(robot: Robot, windows: Windows, own: JointSignals) -> dict[str, np.ndarray]:
-    """{name: array that broadcasts to (W, T)} of the signals that may predict a joint's residual."""
-    still = STILL * own.velocity_noise
+def beside_each(robot: Robot) -> dict[str, tuple[str, ...]]:
+    """{joint: the joints before and after it}: a cable or a gear that passes through one moves the other."""
+    out: dict[str, tuple[str, ...]] = {}
+    for first, second in () if robot.planar else neighbours(robot):
+        out[first] = (*out.get(first, ()), second)
+        out[second] = (*out.get(second, ()), first)
+    return out
+
+
+def _way(of: JointSignals) -> np.ndarray:
+    """(W, T) sign of a joint's velocity, 0 where it is no more than noise."""
     with np.errstate(invalid="ignore"):
-        sign = np.where(np.abs(own.velocity) > still, np.sign(own.velocity), 0.0)
+        sign = np.where(np.abs(of.velocity) > STILL * of.velocity_noise, np.sign(of.velocity), 0.0)
+    return np.where(np.isfinite(of.velocity), sign, np.nan)
+
+
+def _signals(
+    robot: Robot, windows: Windows, own: JointSignals, beside: Sequence[JointSignals] = ()
+) -> dict[str, np.ndarray]:
+    """{name: array that broadcasts to (W, T)} of the signals that may predict a joint's residual.
+
+    Those of the joints `beside` it have their names: "joint_5/velocity".
+    """
     steps = np.arange(windows.run.steps) * windows.period
     begin = windows.run.begin
     out = {
         "position": own.position,
         "velocity": own.velocity,
-        "sign_of_velocity": np.where(np.isfinite(own.velocity), sign, np.nan),
+        "sign_of_velocity": _way(own),
         "load": own.torque,
         "command": own.command,
         "command_error": own.command_error,
         "time": steps[None] + (0.0 if begin is None else begin[:, None]),
     }
+    for other in beside:
+        own_name = f"{other.joint}/"
+        out |= {f"{own_name}position": other.position, f"{own_name}velocity": other.velocity}
+        out |= {f"{own_name}sign_of_velocity": _way(other)}
     run = windows.run
     if run.inputs is not None:
         out |= {name: run.inputs[..., i] for i, name in enumerate(robot.inputs)}

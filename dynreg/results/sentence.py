@@ -289,8 +289,10 @@ def _signal(residual: Sequence[ResidualShare] | None) -> str:
     most = max(residual or (), key=lambda r: r.share, default=None)
     if most is None or most.share <= 0:
         return ""
-    signal = most.signal.replace("_", " ")
-    return f"The {signal} of {most.joint} predicts {100 * most.share:.0f} % of its residual."
+    joint, _, signal = most.signal.rpartition("/")
+    of = f"{joint} predicts {100 * most.share:.0f} % of {most.joint}'s residual"
+    own = f"{most.joint} predicts {100 * most.share:.0f} % of its residual"
+    return f"The {signal.replace('_', ' ')} of {of if joint else own}."
 
 
 def times(ratio: float) -> str:

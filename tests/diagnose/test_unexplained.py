@@ -7,6 +7,7 @@ import pytest
 
 import dynreg
 from dynreg.data.recording import Recording
+from dynreg.diagnose.one_step import beside_each
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
@@ -85,3 +86,18 @@ def test_a_state_that_was_never_measured_is_no_start():
     episodes = tuple(replace(e, values=blank(e)) for e in recording.episodes)
     recording = Recording(recording.channels, episodes, measured=False)
     assert run(unexplained(posed(robot, recording, None), "unknown")) is None
+
+
+def test_what_two_neighbours_share_is_pointed_at_by_the_other_ones_signal():
+    """A motor that turns with two joints brakes one by the speed of the other, which no signal of its own tells."""
+    arm = load_robot("two_joint_arm")
+    first, second = arm.driven
+    assert beside_each(arm) == {first: (second,), second: (first,)}
+    coupled = term(f"cable_coupling[{first},{second}]")
+    hidden = replace(hide(arm, (coupled,), "strong", 4), parameters=arm.space.nominal)
+    log = log_of(arm, hidden, protocol(arm, seed=1, seconds=25.0))
+    model, data = pose(arm, log, DiagnosisOptions(hold_out="test_0,test_1", threads=1))
+    state = State(model, data.sample(data.fit), model.start, model.start)
+    left = {one.joint: one for one in run(unexplained(state, "unknown"))}
+    rows = {row.signal: row.share for row in left[first].rows}
+    assert sum(share for name, share in rows.items() if name.startswith(f"{second}/")) > 0.1

@@ -145,7 +145,17 @@ def residual_words(result: Diagnosis) -> tuple[str, ...]:
 def told_by(result: Diagnosis, joint: str) -> list[tuple[str, float]]:
     """(signal, share [%]) of a joint's residual, for the signals that predict some of it, the largest first."""
     told = [r for r in result.residual or () if r.joint == joint and r.share > 0]
-    return [(r.signal.replace("_", " "), 100 * r.share) for r in sorted(told, key=lambda r: -r.share)]
+    return [(signal_words(r.signal), 100 * r.share) for r in sorted(told, key=lambda r: -r.share)]
+
+
+def signal_words(signal: str) -> str:
+    """A signal in words, with the joint that it belongs to where that is another.
+
+    >>> signal_words("sign_of_velocity"), signal_words("joint_5/velocity")
+    ('sign of velocity', 'velocity of joint_5')
+    """
+    joint, _, own = signal.rpartition("/")
+    return own.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def unsaid(result: Diagnosis) -> tuple[str, ...]:
