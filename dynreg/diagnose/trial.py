@@ -139,7 +139,7 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: float) -> list[Tried]:
 
     The time that all took is shared out evenly.
     """
-    hidden, logs = zip(*(_hidden(trials, one) for one in todo), strict=True)
+    hidden, logs = zip(*(hidden_log(trials, one) for one in todo), strict=True)
     began, busy = time.perf_counter(), time.process_time()
 
     def diagnosed(one: Trial, recording: Recording) -> Search[Diagnosed]:
@@ -153,7 +153,7 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: float) -> list[Tried]:
     return [Tried(*one, *spent) for one in zip(hidden, made, strict=True)]
 
 
-def _hidden(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
+def hidden_log(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
     """What a trial hides, and its log."""
     robot = trials.robot
     if trials.truth == "independent":
