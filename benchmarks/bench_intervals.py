@@ -39,7 +39,7 @@ from dynreg.evidence.interval import Posterior, posterior
 from dynreg.evidence.lockstep import run
 from dynreg.evidence.truth import Hidden, protocol
 from dynreg.sim.effects import SIZES, term
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.robot import load_robot
 from dynreg.truths.table import causes_of
 
 FILE = Path(__file__).parent / "results" / "intervals.json"
@@ -107,9 +107,7 @@ def draws(found: State) -> Posterior:
     return run(posterior(found.model, found.current, sample))
 
 
-def told(
-    job: Job, hidden: Hidden, found: State, seconds: float, drawn: Callable[[State], Posterior]
-) -> dict:
+def told(job: Job, hidden: Hidden, found: State, seconds: float, drawn: Callable[[State], Posterior]) -> dict:
     """Of each parameter of the effect its truth, estimate, interval and rank; of the nameplate's their ranks."""
     out = {**vars(job), "seconds": seconds, "right": False}
     if not found.accepted or found.current.hypothesis.terms[0].key != hidden.terms[0].key:
@@ -174,7 +172,9 @@ def table(title: str, found: Sequence[dict]) -> dict:
     """Print and return the table of some rows: by effect, and of all."""
     named = [one for one in found if one["right"] and one["sizes"]]
     print(f"\n{title}: {len(found)} robots, {len(named)} of them with the right name")
-    print(f"  {'':24s} {'held':>14s} {'95 %':>14s} {'width':>7s} {'error':>7s} {'mean rank':>9s} {'power':>6s}")
+    print(
+        f"  {'':24s} {'held':>14s} {'95 %':>14s} {'width':>7s} {'error':>7s} {'mean rank':>9s} {'power':>6s}"
+    )
     out = {"robots": len(found), "right": len(named), "effects": {}}
     for key in dict.fromkeys(one["key"] for one in named):
         mine = [one for one in named if one["key"] == key]

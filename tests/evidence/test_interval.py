@@ -124,7 +124,9 @@ def test_ranks_of_true_parameters_are_uniform_or_in_the_middle_where_noise_stays
     found = [power_and_ranks(seed, 0.9) for seed in range(24)]
     ranks = np.array([ranks for _, ranks in found])
     held = ((ranks > 0.05) & (ranks < 0.95)).mean()
-    assert held >= 0.86, "of 120 nominal 90 % intervals; 0.76 where pulls are held against what they were before a fit"
+    assert held >= 0.86, (
+        "of 120 nominal 90 % intervals; 0.76 where pulls are held against what they were before a fit"
+    )
     assert 0.4 < ranks.mean() < 0.6
 
 

@@ -66,7 +66,9 @@ def test_between_narrow_bounds_the_difference_is_to_the_farther_one():
 
 
 def test_others_take_both_sides():
-    model, _ = held_against_zero(NAME, accuracy=Accuracy(8.0, fine=True, slopes=8.0, width=ROUGH, nominal=ROUGH))
+    model, _ = held_against_zero(
+        NAME, accuracy=Accuracy(8.0, fine=True, slopes=8.0, width=ROUGH, nominal=ROUGH)
+    )
     for side in (0, 1):
         assert derivative(model, 1.0, side, scale=0.001) == pytest.approx((2.0**3 - 0.0) / 2.0)
 
