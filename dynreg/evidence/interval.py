@@ -7,10 +7,10 @@ with the weights of the deterministic mixture of all rounds (Cornuet, Marin, Mir
 Sampling, Scand. J. Stat. 39, 2012). Proposals are Student t: their tails must not be shorter than the posterior's.
 Two things widen it where the model is wrong. Samples count by the autocorrelation time of the residual; and where the
 windows pull at the parameters more than their own noise would let them, the likelihood is raised to the power that
-makes the two agree (Pauli, Racugno, Ventura: Bayesian composite marginal likelihoods, Stat. Sinica 21, 2011; Mueller:
-Risk of Bayesian inference in misspecified models, Econometrica 81, 2013). Where so few draws carry the weight that they
-tell no interval, the weights are flattened until enough do (Koblents, Miguez: A population Monte Carlo scheme with
-transformed weights, Stat. Comput. 25, 2015).
+makes the two agree, and lower by what all windows may have in common (Pauli, Racugno, Ventura: Bayesian composite
+marginal likelihoods, Stat. Sinica 21, 2011; Mueller: Risk of Bayesian inference in misspecified models, Econometrica
+81, 2013). Where so few draws carry the weight that they tell no interval, the weights are flattened until enough do
+(Koblents, Miguez: A population Monte Carlo scheme with transformed weights, Stat. Comput. 25, 2015).
 """
 
 from dataclasses import dataclass, replace
@@ -41,15 +41,19 @@ WIDER = 1.1  # than the draws so far
 TRIED = 20  # times the draws: what a proposal may throw beyond the bounds
 ENOUGH = 40.0  # draws, in equivalents of equal weight, that an interval takes,
 PLENTY = 150.0  # and at which no more rounds are needed
-CLOSE = 1e-3  # of a power that weights are raised to: how exactly it is sought; no draw's weight tells less
+# On 122 servos of bench_intervals' development, of both generators, 90 % intervals hold 0.83 of the sizes with 0 of
+# COMMON, 0.885 with 0.5, 0.893 with 1 and 0.918 with 1.5.
+COMMON = 1.0  # times what noise makes pulls vary: what all rollouts have in common, which none of them tells
+LITTLE = 1e-6  # coordinates' worth of what rollouts tell: less is rounding
+CLOSE = 1e-4  # of a power that weights are raised to: how exactly it is sought; no draw's weight tells less
 
 
 @dataclass(frozen=True)
 class Posterior:
     """Weighted draws z (N, D) of a hypothesis' coordinates; weights (N,) sum to 1.
 
-    power : in (0, 1], to which the likelihood was raised; 1 where the windows agree. flat : in (0, 1], to which the
-    weights were raised; 1 where enough draws carry the weight.
+    power : to which the likelihood was raised; 1 / (1 + COMMON) where the windows agree, less where they do not.
+    flat : in (0, 1], to which the weights were raised; 1 where enough draws carry the weight.
     """
 
     hypothesis: Hypothesis
@@ -158,17 +162,25 @@ def prior_widths(point: Point) -> np.ndarray:
 
 
 def _agreement(residual: np.ndarray, slope: np.ndarray, sample: Sample, curvature: np.ndarray) -> float:
-    """At most 1: the pulls that rollouts should have on coordinates, over those that they have; mean over directions.
+    """The power of the likelihood: what the pulls of rollouts on coordinates should vary by, over what they do.
 
-    What one part of a rollout pulls, the others pull with it.
+    A mean over directions. What one part of a rollout pulls, the others pull with it. A fit takes off part of each
+    rollout's pull, the more the more of what is known this rollout tells: by as much less they should vary (leverage:
+    MacKinnon and White, J. Econometrics 29, 1985). curvature : (D, D) of the posterior, its priors included.
     """
     squares = mean_squares(residual[None], sample.data.floor)[0]
     count = np.maximum(np.isfinite(residual).sum(axis=1), 1)
     weight = np.nan_to_num(sample.effective / squares) / count
-    pulls = np.einsum("dwtc,wtc,wc->wd", np.nan_to_num(slope), np.nan_to_num(residual), weight)
-    pulls = pulls.reshape(-1, sample.data.segments, len(curvature)).sum(axis=1)
-    ratio = np.trace(np.linalg.solve(curvature, pulls.T @ pulls)) / len(curvature)
-    return float(1.0 / max(ratio, 1.0))
+    slope, rollouts = np.nan_to_num(slope), len(residual) // sample.data.segments
+    pulls = np.einsum("dwtc,wtc,wc->wd", slope, np.nan_to_num(residual), weight)
+    pulls = pulls.reshape(rollouts, -1, len(curvature)).sum(axis=1)
+    told = np.einsum("dwtc,wc,ewtc->wde", slope, weight, slope, optimize=True)
+    told = told.reshape(rollouts, -1, *curvature.shape).sum(axis=1)
+    share = np.linalg.solve(curvature, told)  # (W, D, D) of what is known that each rollout tells
+    should = np.trace(share - share @ share, axis1=1, axis2=2).sum()
+    found = np.trace(np.linalg.solve(curvature, pulls.T @ pulls))
+    # where next to nothing is told, rollouts cannot disagree
+    return float(1.0 / (max(found / max(should, LITTLE), 1.0) + COMMON))
 
 
 def _weighted(log: np.ndarray) -> tuple[np.ndarray, float]:

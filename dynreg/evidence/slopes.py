@@ -64,7 +64,7 @@ def uneven(model: Model, point: Point, sample: Sample) -> Search[bool]:
     """Whether derivatives over a narrow and over a wide difference have little in common: contacts come and go."""
     found = []
     for width in (STEP, WIDER):
-        at = replace(model, accuracy=replace(model.accuracy, width=width))
+        at = replace(model, accuracy=replace(model.accuracy, width=width, nominal=width))
         (slope,) = yield from slopes(at, [point], sample)
         found.append(np.nan_to_num(slope))
     narrow, wide = found
@@ -76,7 +76,8 @@ def _ends(model: Model, point: Point, side: int) -> tuple[np.ndarray, np.ndarray
 
     To one side: a width to it, or to the other one where a bound leaves too little, and where the point is.
     """
-    limits, width = bounds(model.coordinates, point.hypothesis), model.accuracy.width
+    limits, accuracy = bounds(model.coordinates, point.hypothesis), model.accuracy
+    width = np.repeat([accuracy.nominal, accuracy.width], [len(point.nominal), len(point.effect)])
     up, down = np.minimum(point.z + width, limits[:, 1]), np.maximum(point.z - width, limits[:, 0])
     if model.accuracy.sides == 1:
         return up, down

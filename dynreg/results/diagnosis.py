@@ -407,7 +407,10 @@ class Diagnosis(Result):
             return "These intervals hold only if the model is complete, and part of the error is unexplained."
         if self.verdict == "partly_explained":
             return "These intervals hold only if the model is complete, and what is said above speaks against that."
-        return "These intervals hold if the model is complete."
+        held = "These intervals hold if the model is complete."
+        if self.noise is not None and self.noise.white is False:
+            return f"{held} What is left is no white noise, and they are wider for it."
+        return held
 
     def rows(self) -> list[dict[str, Any]]:
         """The ranking."""

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from by_hand import answered, first_channel, held_against_zero, plain
+from by_hand import answered, first_channel, held_against_zero, plain, sizes_of, with_effect
 from legs import over_its_stop
 
-from dynreg.evidence.accuracy import ROUGH, Accuracy
+from dynreg.evidence.accuracy import NAMEPLATE, ROUGH, STEP, Accuracy
 from dynreg.evidence.lockstep import Ask, run
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import bounds
 from dynreg.evidence.slopes import ROOM, sensitivities, slopes, uneven
 
-STANDING = Accuracy(4.0, fine=True, slopes=2.0, width=ROUGH, sides=2)
+STANDING = Accuracy(4.0, fine=True, slopes=2.0, width=ROUGH, nominal=ROUGH, sides=2)
 NAME = "zero_offset"
 
 
@@ -66,7 +66,9 @@ def test_between_narrow_bounds_the_difference_is_to_the_farther_one():
 
 
 def test_others_take_both_sides():
-    model, _ = held_against_zero(NAME, accuracy=Accuracy(8.0, fine=True, slopes=8.0, width=ROUGH))
+    model, _ = held_against_zero(
+        NAME, accuracy=Accuracy(8.0, fine=True, slopes=8.0, width=ROUGH, nominal=ROUGH)
+    )
     for side in (0, 1):
         assert derivative(model, 1.0, side, scale=0.001) == pytest.approx((2.0**3 - 0.0) / 2.0)
 
@@ -86,6 +88,21 @@ def test_leading_derivatives_are_taken_as_they_are():
     (residual,), (slope,) = answered(sensitivities(model, [plain(0.3, -0.3)], sample), answer)
     assert residual == pytest.approx(np.full_like(residual, -0.03))
     assert slope[:, 0, 0, 0] == pytest.approx([0.1, 0.2])
+
+
+def test_nominal_coordinates_are_moved_by_half_a_standard_deviation_and_sizes_by_little():
+    """What a tenth of that changes of a weak parameter is where dry friction lets go by chance."""
+    model, data = held_against_zero(NAME)
+
+    def answer(one: Ask) -> np.ndarray:
+        z = model.coordinates.from_values(one.case.values)[:, 0]
+        size = sizes_of(model, one, "coulomb_friction") - 1.0
+        return first_channel(one, (0.01 * (z**3 + size**3))[:, None, None])
+
+    point = with_effect("coulomb_friction", 0.0)
+    ((nominal, size),) = answered(slopes(model, [point], data.sample(data.fit)), answer)
+    assert nominal[0, 0, 0] == pytest.approx(0.01 * NAMEPLATE**2) and NAMEPLATE == 0.5
+    assert size[0, 0, 0] == pytest.approx(0.01 * STEP**2)
 
 
 @pytest.mark.parametrize(("height", "rough"), [(0.5, False), (0.2, True)])

@@ -48,6 +48,15 @@ def test_the_document_has_the_keys_that_were_promised() -> None:
     assert set(document["where"][0]) >= {"channel", "regime", "share"}
 
 
+def test_intervals_that_are_wider_for_what_is_left_say_so() -> None:
+    told = made_up_diagnosis.diagnosis("named")
+    for white in (True, None, False):
+        result = told.model_copy(update={"noise": told.noise.model_copy(update={"white": white})})
+        assert result.reliance.startswith("These intervals hold if the model is complete.")
+        assert ("no white noise" in result.reliance) == (white is False)
+    assert "no white noise" not in told.model_copy(update={"noise": None}).reliance
+
+
 def test_keys_of_causes_are_those_of_the_library() -> None:
     from dynreg.sim.effects import term
 
