@@ -22,9 +22,6 @@ SIMPLY = 4  # iterations of the last fit, each time, where one start is enough;
 TURNS = 2  # times that what the time step does is found anew,
 FINELY = 2  # by so many iterations each time, where there were several starts
 SMALLER = (0.2, 1.0)  # times the size that an effect has, where a start begins
-# On servos with an inertia of medium size, rotor_inertia ended 3.0 and 4.6 sigma off its nameplate without these.
-NEARER = 1.0  # sigma of its nameplate, to which a start of a lone cause pulls every parameter back,
-LARGER = (1.0, 1.25, 1.6, 2.0, 3.0)  # times the size that the effect has then
 SHAPES = 0.5  # of the prior's standard deviation, by which shapes are drawn about the usual one
 STARTS = 10  # of the last fit, the point that the search ended with among them
 KEPT = 3  # of them that are fitted to the end,
@@ -95,28 +92,13 @@ def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Sear
     """
     simple = len(point.hypothesis.terms) == 1 and not any(p.shape for p in point.hypothesis.parameters)
     if simple:
-        begun, cost = yield from fit(model, [point, *_pulled_back(model, point)], sample, iterations=ROUGHLY)
-        return (yield from _finely(model, best_of(begun, cost)[0], sample, iterations=SIMPLY))
+        return (yield from _finely(model, point, sample, iterations=SIMPLY))
     starts = [point, *_drawn_anew(model, point, stream(seed, "settle", point.hypothesis.key))]
     rough, cost = yield from fit(model, starts, sample, iterations=ROUGHLY)
     best = best_of(rough, cost, KEPT)
     sample = sample.reweighted((yield from model.residuals(best[:1], sample))[0])
     fitted, cost = yield from fit(model, best, sample, iterations=FULLY, tolerance=ENOUGH)
     return (yield from _finely(model, best_of(fitted, cost)[0], sample, iterations=FINELY))
-
-
-def _pulled_back(model: Model, point: Point) -> list[Point]:
-    """Starts with the parameters nearer to their nameplate, and the effect larger in their place; () where they are.
-
-    A parameter that stood in for the effect keeps a part of it: along the valley between the two, derivatives of
-    rollouts that stick and slip are too rough to follow.
-    """
-    if np.abs(point.nominal).max(initial=0.0) <= NEARER:
-        return []
-    nominal = np.clip(point.nominal, -NEARER, NEARER)
-    return [
-        clipped(model.coordinates, point, np.concatenate([nominal, size * point.effect])) for size in LARGER
-    ]
 
 
 def _finely(model: Model, point: Point, sample: Sample, iterations: int) -> Search[tuple[Model, Point]]:
