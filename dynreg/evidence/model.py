@@ -20,8 +20,6 @@ from dynreg.sim.run import Run
 
 # Half and twice change nothing where nothing is chaotic: bench_constants names and tells the same to the digit.
 MOST = 0.5  # of the spread: a larger difference of the finer time step is chaos, no error of first order
-# Of the stated noise: what the time step changes by less is no part of a score. By definition.
-SMALL = 0.3
 NONE: Mapping[frozenset[str], np.ndarray] = MappingProxyType({})
 
 
@@ -62,19 +60,6 @@ class Model:
         """The model by which what counts in the end is judged: most often this one."""
         accuracy = self.accuracy
         return replace(self, finely=accuracy.finer, corrections=NONE) if accuracy.fine else self
-
-    @property
-    def strict(self) -> "Model":
-        """The model that judges by the finer time step itself, and not by what that changed at a near point."""
-        return replace(self, accuracy=replace(self.accuracy, fine=True))
-
-    def disturbed(self, data: Data) -> bool:
-        """Whether what its time step does to rollouts is no small part of the sensors' noise; see `corrected`."""
-        changes = [one[data.both] for one in self.corrections.values()]
-        if not changes:
-            return False
-        size = np.mean(np.square(changes), axis=(1, 2)).max(axis=0)
-        return bool((size > SMALL**2 * data.floor).any())
 
     @property
     def sloped(self) -> "Model":

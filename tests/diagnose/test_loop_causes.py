@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose import trial as trials_room
-from dynreg.diagnose.threshold import USUAL
+from dynreg.diagnose.threshold import USUAL, Threshold
 from dynreg.diagnose.trial import Trial, Trials
 from dynreg.evidence.truth import hide, protocol
 from dynreg.results.trials import TrialResult
@@ -22,7 +22,7 @@ COUNTS = (7.0, 24.0)  # of cogging, cycles a turn
 def diagnosed(*todo: Trial) -> list[TrialResult]:
     """What is said of servo benches under the same commands, all in lockstep."""
     robot = load_robot("servo_pendulum")
-    return results_of(Trials(robot, protocol(robot, seed=2), threads=1), todo, USUAL)
+    return results_of(Trials(robot, protocol(robot, seed=2), threads=1), todo, Threshold(USUAL, ()))
 
 
 def said(results: list[TrialResult]) -> str:
@@ -48,7 +48,7 @@ def test_cogging_is_found_with_the_count_that_it_has(monkeypatch: pytest.MonkeyP
     robot = load_robot("servo_pendulum")
     trials = Trials(robot, protocol(robot, seed=2), threads=1)
     todo = [Trial((term("cogging"),), "medium", SEED + i) for i in range(len(COUNTS))]
-    for count, one in zip(COUNTS, trials_room.tried(trials, todo, USUAL), strict=True):
+    for count, one in zip(COUNTS, trials_room.tried(trials, todo, Threshold(USUAL, ())), strict=True):
         point = one.made.found.current
         (values,) = one.made.found.model.coordinates.effect_values(point.hypothesis, point.effect[None])
         assert (one.first.key, one.made.verdict) == ("cogging", "named")

@@ -54,8 +54,11 @@ def test_the_measured_supply_is_no_candidate(posed):
     assert measured_effects(model.robot, data.windows) == {"voltage_sag": "supply"}
 
 
-def test_the_scale_of_the_mass_is_left_open(posed, calibrated):
+def test_the_recording_tells_the_mass_about_as_well_as_the_nameplate(posed, calibrated):
     model, point, sample = calibrated.model, calibrated.point, calibrated.sample
     (residual,), (slope,) = run(sensitivities(model, [point], sample))
     curvature, _ = information(point, residual, slope, sample)
-    assert "tip_mass" in unidentified(model.coordinates, np.linalg.inv(curvature)).alone
+    covariance = np.linalg.inv(curvature)
+    mass = [model.robot.space.parameters[i].name for i in model.coordinates.free].index("tip_mass")
+    assert 0.5 < np.sqrt(covariance[mass, mass]) < 0.9, "of the nameplate's standard deviation"
+    assert unidentified(model.coordinates, covariance).alone == ()

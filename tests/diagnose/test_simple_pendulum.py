@@ -27,14 +27,14 @@ def test_payload_and_the_drives_gain_are_reported_as_not_told_apart(found):
 
 
 def test_the_interval_holds_the_payload_only_if_rivals_may_act(found):
-    true = 0.4 / BOB
-    alone, wide = found.looked.alone["share"], found.looked.whatever["share"]
+    true = 0.4  # kg
+    alone, wide = found.looked.alone["mass"], found.looked.whatever["mass"]
     assert not alone.low <= true <= alone.high
     assert wide.low <= true <= wide.high
 
 
 def test_the_sentence_names_the_pair_the_interval_and_the_experiment(found):
-    wide = found.looked.whatever["share"]
+    wide = found.looked.whatever["mass"]
     details = "\n".join(diagnosis_details(found))
     assert "does not separate payload from drive_gain" in details
     assert f"between {wide.low:.3g} and {wide.high:.3g}" in details

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dynreg.diagnose.plans.plan import Plan, State, stripped
-from dynreg.diagnose.plans.polish import polish
-from dynreg.diagnose.score import Naming, chosen, score
+from dynreg.diagnose.score import Naming, score
 from dynreg.evidence.data import Data, Sample
 from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.lockstep import Search
@@ -25,9 +24,6 @@ class Smooth(Plan):
     the same chance. rounds : of naming, where the first found a model without the term that is `better` [nats] on its
     way. last : iterations of the calibrated simulator's last fit. On bench_constants half and twice of `rivals` and
     `rounds`, of `better`, of `again` and of `last` name the same.
-    checked, checks : the best hypotheses that are scored anew by the finer time step itself, where the time step
-    disturbs, and the iterations by which they and the model without them are polished with it. The correction is that
-    of the calibrated simulator: what it lacks elsewhere passes for a cause.
     """
 
     iterations: int = 5
@@ -36,8 +32,6 @@ class Smooth(Plan):
     rounds: int = 2
     better: float = 2.0
     last: int = 4
-    checked: int = 4
-    checks: int = 2
 
     def name(
         self,
@@ -56,19 +50,7 @@ class Smooth(Plan):
             if not naming.ranking or price[0] - price.min() <= self.better:
                 break
             terms = self.remaining(terms, naming)
-        if naming.chosen is not None and model.disturbed(sample.data):
-            naming = yield from self._checked(model, naming, sample)
         return naming, model
-
-    def _checked(self, model: Model, naming: Naming, sample: Sample) -> Search[Naming]:
-        """The best of a ranking scored by the finer time step; no other stands before them."""
-        best, rest = naming.ranking[: self.checked], naming.ranking[self.checked :]
-        points = [naming.start.point, *(one.point for one in best)]
-        (start, *fitted), _ = yield from polish(model.strict, points, sample, iterations=self.checks)
-        again = yield from score(model.strict.fine, sample.data, start, fitted)
-        least = min((one.nats for one in again.ranking), default=0.0)
-        after = (replace(one, nats=min(one.nats, least)) for one in rest)
-        return chosen(again.start, (*again.ranking, *after))
 
     def settle(self, state: State, posed: Data, seed: int) -> Search[State]:
         pooled = state.pooled
