@@ -5,7 +5,6 @@ import pytest
 import dynreg
 from dynreg.results import Diagnosis, diagnosis_details
 
-BOB = 0.62  # kg
 LOADED = "energy_shaping_1kg"  # with about 0.4 kg more
 
 
