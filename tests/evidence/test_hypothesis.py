@@ -63,5 +63,8 @@ def test_sizes_go_by_the_torque_that_a_drive_without_a_limit_can_be_told():
 def test_a_command_range_of_angles_is_no_torque():
     robot = without_limits("leg")
     torque = Coordinates(robot, np.full(len(robot.space), np.nan)).scales["torque"]
-    told = [d.gain * max(abs(a.low), abs(a.high)) for d, a in zip(robot.file.drives * 3, robot.file.actions)]
+    told = [
+        d.gain * max(abs(a.low), abs(a.high))
+        for d, a in zip(robot.file.drives * 3, robot.file.actions, strict=True)
+    ]
     assert (torque < 0.5 * np.array(told)).all()
