@@ -393,7 +393,7 @@ def placed(error: RolloutError) -> bool:
     return error.channel.rsplit("/", 1)[-1] in PLACES
 
 
-def errors_told(errors: Sequence[RolloutError], robot: Robot) -> dict[str, float | None]:
+def errors_told(errors: Sequence[RolloutError]) -> dict[str, float | None]:
     """{model: mean over the position channels}, as a diagnosis tells them; None where a channel has none."""
     rows = [e for e in errors if placed(e)]
     out: dict[str, float | None] = {}
@@ -452,7 +452,7 @@ def told(seen: Seen) -> dict:
         },
         "doubts": [d.to_dict() for d in found.doubts],
         "unit": next(e.unit for e in found.errors if placed(e)),
-        "errors": errors_told(found.errors, seen.robot),
+        "errors": errors_told(found.errors),
         "seconds": found.cost.seconds,
     }
 

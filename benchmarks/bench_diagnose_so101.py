@@ -3,7 +3,7 @@
 Against a plain servo for each joint (stiffness, damping, inertia, torque limit, gravity load, constant load and
 delay) that CMA-ES fitted to the same windows of the same motions. Closed-loop rollouts from commands alone: of 5 s
 from measured states, each joint alone; and of whole motions from their start, each joint alone and all together in
-MuJoCo, whose dry friction creeps where a joint stands under load.
+MuJoCo, whose dry friction the model makes firm: it would creep where a joint stands under load.
 """
 
 import argparse
