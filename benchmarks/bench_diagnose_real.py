@@ -2,8 +2,9 @@
 
 Every bench is a robot that others measured, the diagnosis as docs/data.md asks for it, and what is known of the robot.
 The error is one for all: mean absolute error of the positions of joints (of a planar base: x and y) over the windows
-that the diagnosis holds out. Beside the nominal, the calibrated and the unpenalised simulator stand mujoco.sysid and
-sparse regression ("peer": the better one) and CMA-ES, each told what to free; they see the same windows.
+that the diagnosis holds out. Beside the nominal, the calibrated and the unpenalised simulator stand a robot that holds
+still or just follows its commands ("baseline": the better one), mujoco.sysid and sparse regression ("peer": the better
+one) and CMA-ES, each told what to free; they see the same windows.
 
 Done steps are kept in a journal: a second start goes on. `make bench-diagnose_real ARGS="--only emps go2_stand"`.
 """
@@ -567,19 +568,23 @@ def merged(lines: Sequence[dict]) -> dict[str, dict]:
     return {name: row for name, row in rows.items() if "verdict" in row}
 
 
+def least(*errors: float | None) -> float | None:
+    """The least of those that are there."""
+    return min((e for e in errors if e is not None), default=None)
+
+
 def report(rows: dict[str, dict]) -> None:
     """Print the table and what is known of each robot."""
     columns = ("nominal", "calibrated", "unpenalised", "extended")
-    print(
-        f"{'held-out error':16}{'':5}"
-        + "".join(f"{c:>12}" for c in (*columns, "best peer", "CMA-ES", "seconds"))
-    )
+    heads = ("baseline", *columns, "best peer", "CMA-ES", "seconds")
+    print(f"{'held-out error':16}{'':4}" + "".join(f"{c:>12}" for c in heads))
     for name, row in rows.items():
-        peers = [p["held_out"] for p in row.get("peers", ())]
-        cells = [row["errors"].get(c) for c in columns]
-        cells += [min(peers) if peers else None, row.get("cmaes", {}).get("held_out")]
-        shown = "".join(f"{c:12.5f}" if c is not None else f"{'-':>12}" for c in cells)
-        print(f"{name:16}{row['unit']:5}{shown}{row['seconds']:12.0f}")
+        plain = least(row["errors"].get("held"), row["errors"].get("followed"))
+        peers = least(*(p["held_out"] for p in row.get("peers", ())))
+        fitted = row.get("cmaes", {}).get("held_out")
+        cells = [plain, *(row["errors"].get(c) for c in columns), peers, fitted]
+        shown = "".join(f"{'-':>12}" if c is None else f"{c:12.5f}" for c in cells)
+        print(f"{name:16}{row['unit']:4}{shown}{row['seconds']:12.0f}")
     for name, row in rows.items():
         causes = ", ".join(f"{k} ({c['nats']:.0f} nats)" for k, c in row["causes"].items())
         print(f"\n{name}: {row['verdict']}, {causes or 'no cause'}")
