@@ -208,7 +208,7 @@ def one_joint(
     spent : [s] of its diagnosis.
     """
     (joint,), robot, loaded = options.joints, asked.robot, asked.recording
-    cost = Cost(evaluations=0, rollouts=0, test_rollouts=seen.simulated, seconds=spent)
+    cost = Cost(evaluations=0, rollouts=0, test_rollouts=len(made.judged.states), seconds=spent)
     found = document(asked, NOMINAL, options, made, seen, dict.fromkeys(seen.simulators), cost)
     model, data = made.problem.model, made.problem.data
     began = time.perf_counter()
