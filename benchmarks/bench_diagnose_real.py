@@ -209,6 +209,7 @@ def known_create(seen: Seen) -> list[Known]:
     segments = Segments.cut(seen.robot, seen.recording, [create.HALVES[1]], create.ROLLOUT, create.EVERY)
     measured = create.simple(segments.measured, segments)
     made = create.simple(simulated(seen.robot, seen.best, segments), segments)
+    # how near counts: by contract
     told = (("path", "of the commanded", 0.03), ("slope", "of the commanded yaw rate", 0.05))
     out = [
         Known(
