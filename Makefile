@@ -112,7 +112,7 @@ bench: $(STAMP)
 $(BENCHES): bench-%: $(STAMP)
 	@mkdir -p benchmarks/results
 	@echo "== benchmarks/bench_$*.py"
-	@$(BIN)/python benchmarks/bench_$*.py
+	@$(BIN)/python benchmarks/bench_$*.py $(ARGS)
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .

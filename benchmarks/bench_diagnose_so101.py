@@ -3,7 +3,7 @@
 Against a plain servo for each joint (stiffness, damping, inertia, torque limit, gravity load, constant load and
 delay) that CMA-ES fitted to the same windows of the same motions. Closed-loop rollouts from commands alone: of 5 s
 from measured states, each joint alone; and of whole motions from their start, each joint alone and all together in
-MuJoCo, whose dry friction creeps where a joint stands under load.
+MuJoCo, whose dry friction the model makes firm: it would creep where a joint stands under load.
 """
 
 import argparse
@@ -208,7 +208,7 @@ def one_joint(
     spent : [s] of its diagnosis.
     """
     (joint,), robot, loaded = options.joints, asked.robot, asked.recording
-    cost = Cost(evaluations=0, rollouts=0, test_rollouts=seen.simulated, seconds=spent)
+    cost = Cost(evaluations=0, rollouts=0, test_rollouts=len(made.judged.states), seconds=spent)
     found = document(asked, NOMINAL, options, made, seen, dict.fromkeys(seen.simulators), cost)
     model, data = made.problem.model, made.problem.data
     began = time.perf_counter()

@@ -1,8 +1,8 @@
-"""The tools beside which the servo bench's diagnosis is put: each is told its structure, and names no cause.
+"""The tools beside which a diagnosis is put, on its own windows: each is told its structure, and names no cause.
 
-`ladder`: CMA-ES (library `cma`) on a rung of the published friction ladder in the joint engine, by the very error
-that is reported. `identify`: mujoco.sysid, its parameters and its optimiser, on rollouts of the mujoco engine;
-states are compared themselves, each window counts by its length.
+`searched`: CMA-ES (library `cma`) on the robot's parameters and the effects that it is told, by the very error that is
+reported; `ladder`: the same on a rung of the published friction ladder. `identify`: mujoco.sysid, its parameters and
+its optimiser, on rollouts of the mujoco engine; states are compared themselves, each window counts by its length.
 """
 
 import time
@@ -17,11 +17,15 @@ from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.lockstep import run
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point, bounds
+from dynreg.replay.judged import channel_errors
 from dynreg.sim.effects import term
+from dynreg.sim.robot import Robot
 
 LADDER = {"M1": (), "M3": ("load_friction",), "M4": ("stribeck_load_friction",)}
 POPULATION = 30
 ITERATIONS = 30  # of mujoco.sysid
+PLACES = ("position", "x", "y")
+LOST = 10.0  # rad, m: where a simulator that broke down is said to be
 
 
 @dataclass(frozen=True)
@@ -38,11 +42,26 @@ class Peer:
 def ladder(
     model: Model, data: Data, rung: str, train: np.ndarray, test: np.ndarray, *, seed: int, budget: int
 ) -> Peer:
-    """CMA-ES on one rung: the robot's own parameters and the rung's, all within their bounds, no prior."""
+    """CMA-ES on one rung of the friction ladder; see `searched`."""
+    return searched(model, data, LADDER[rung], train, test, seed=seed, budget=budget, name=f"CMA-ES {rung}")
+
+
+def searched(
+    model: Model,
+    data: Data,
+    effects: tuple[str, ...],
+    train: np.ndarray,
+    test: np.ndarray,
+    *,
+    seed: int,
+    budget: int,
+    name: str = "CMA-ES",
+) -> Peer:
+    """CMA-ES on the robot's own parameters and the terms `effects`, all within their bounds, no prior."""
     import cma
 
     began = time.perf_counter()
-    hypothesis = Hypothesis(tuple(term(key) for key in LADDER[rung]))
+    hypothesis = Hypothesis(tuple(term(key) for key in effects))
     many = len(model.coordinates)
     start = Point(hypothesis, np.zeros(many), np.ones(len(hypothesis.parameters)))
     low, high = bounds(model.coordinates, hypothesis).T
@@ -61,7 +80,7 @@ def ladder(
     best = [point(search.result.xbest)]
     seconds = time.perf_counter() - began
     return Peer(
-        f"CMA-ES {rung}, seed {seed}",
+        f"{name}, seed {seed}",
         float(errors(model, data, best, train)[0]),
         float(errors(model, data, best, test)[0]),
         int(search.result.evaluations),
@@ -116,8 +135,18 @@ def identify(model: Model, data: Data, train: np.ndarray, test: np.ndarray) -> P
     )
 
 
+def positions(robot: Robot, data: Data) -> np.ndarray:
+    """(C,) columns of the channels that say where the robot is: its joints' positions, or its base's x and y."""
+    return np.array([c for c in data.use if robot.channels[c].rsplit("/", 1)[-1] in PLACES])
+
+
 def errors(model: Model, data: Data, points: list[Point], windows: np.ndarray) -> np.ndarray:
-    """(n,) mean absolute error of the first channel over `windows`, in its unit."""
-    states = run(model.states(points, data.windows.run.take(windows)))[:, :, 1:, 0]
-    miss = np.abs(states - data.windows.measured[windows][:, 1:, 0])
-    return np.nanmean(np.where(np.isfinite(miss), miss, 10.0), axis=(1, 2))
+    """(n,) mean absolute error over `windows`, of the mean over `positions`, in their unit."""
+    states = run(model.states(points, data.windows.run.take(windows)))
+    return missed(model.robot, data, states, windows)
+
+
+def missed(robot: Robot, data: Data, states: np.ndarray, windows: np.ndarray) -> np.ndarray:
+    """(n,) the same of states (n, W, T+1, S); what is no number errs by `LOST`."""
+    finite = np.where(np.isfinite(states), states, LOST)
+    return channel_errors(data.windows, finite, windows)[:, positions(robot, data)].mean(axis=1)

@@ -106,7 +106,8 @@ def export(
     DATASETS
 
     --as robot: a simulator as a robot folder: robot.toml with its parameters and effects, and one MJCF file. A result
-    means the simulator that it recommends. A warning lists what robot.toml cannot express.
+    means the simulator that it recommends. A warning lists what robot.toml cannot express, and of a simulator that was
+    fitted joint by joint its held-out error in MuJoCo.
 
     --as ranges: what a log leaves open, for training: the posterior of a query or a diagnosis with its correlations,
     and the fields of a MuJoCo model that each parameter sets. A recording means its newest such result.

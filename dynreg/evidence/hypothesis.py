@@ -140,11 +140,13 @@ class Coordinates:
         inverse = np.eye(model.nv)
         mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
         inertia = (1.0 / np.diag(inverse))[driven]
-        limit = law.limit[0].copy()
+        limit = law.limit[0]
         unlimited = limit > UNLIMITED
-        # a drive that states no limit: what gravity and a lively motion ask for
+        # a drive that states no limit: what it can be told, of one that is told a torque; else what gravity and a
+        # lively motion ask for, next to which friction is large where links are light and gears are not
         moved = np.abs(data.qfrc_bias[driven]) + LIVELY * inertia
-        limit[unlimited] = moved[unlimited]
+        told = law.gain[0] * largest_commands(self.robot)
+        limit = np.where(unlimited, np.where((law.stiffness[0] == 0) & np.isfinite(told), told, moved), limit)
         ones = np.ones(len(limit))
         return {
             "1": ones,
@@ -193,6 +195,12 @@ class Coordinates:
             else:
                 out.append(scale / value if p.inverse else value / scale)
         return np.array(out)
+
+
+def largest_commands(robot: Robot) -> np.ndarray:
+    """(A,) the largest size of each command that the robot states, in its unit; infinite where it states no range."""
+    ends = [(a.low, a.high) for a in robot.file.actions]
+    return np.array([np.inf if None in pair else max(np.abs(pair)) for pair in ends])
 
 
 def shape_coordinate(parameter: EffectParameter, value: float) -> float:

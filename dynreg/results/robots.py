@@ -24,8 +24,8 @@ class RobotFolder(Result):
     """A robot folder made of a stored simulator.
 
     name : the new robot's. mjcf : the file for MuJoCo alone, null where there is none; note : why. model : the
-    uncorrected model, which robot.toml corrects. warning : the effects that robot.toml lacks, and what has them; empty
-    where it lacks none.
+    uncorrected model, which robot.toml corrects. warning : the effects that robot.toml lacks, and what has them; the
+    held-out error in MuJoCo of a simulator that was fitted in the joint engine; empty where there is nothing to say.
     """
 
     schema_: Literal["dynreg/robot_folder/1"] = Field(default="dynreg/robot_folder/1", alias="schema")

@@ -8,6 +8,7 @@ from dynreg.extend.folder_readme import Written, plain_name
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
+from dynreg.verbs.in_mujoco import in_mujoco
 from dynreg.verbs.simulators import NOMINAL, Simulator, named
 from dynreg.verbs.written import new_folder
 
@@ -32,7 +33,9 @@ def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFo
         mjcf=str(plain) if made.problem is None else None,
         note=made.problem or "",
         model=str(model),
-        warning=_warning(found, made.effects, plain.name),
+        warning=" ".join(
+            filter(None, [_warning(found, made.effects, plain.name), in_mujoco(registry, found)])
+        ),
     )
 
 

@@ -160,6 +160,16 @@ def named(registry: "Registry", ref: str) -> Simulator:
     return stored(registry, kind, identity)
 
 
+def fitted_on(registry: "Registry", found: Simulator) -> tuple[Simulator, Document | None]:
+    """The simulator with the parts of the recording that it was made of, and the newest result that tells it.
+
+    None where no such result is stored.
+    """
+    recording = found.lineage.get("recording")
+    document = _told_by(registry, found, recording)
+    return _with_parts(found, document, recording), document
+
+
 def own(found: Simulator, robot: "Robot") -> Simulator:
     """The simulator again; UsageError where it is of another robot, or of another version of it."""
     if found.config.robot != robot.hash:

@@ -40,15 +40,21 @@ def seen(asked: "Recorded", one: "Simulator") -> Seen:
     return known
 
 
-def _spans(asked: "Recorded", one: "Simulator") -> list[tuple[str, float, float]]:
-    """(episode, begin, end) [s] of the windows that the simulator's result held out; windows in a row are one."""
+def held_out(asked: "Recorded", one: "Simulator") -> "Windows | None":
+    """The windows that the simulator's result held out, cut again as that cut them; None where that cannot be."""
     told = {name for part in (one.parts or {}).values() for name in part}
     for cut in _cuts(asked, one.asked.get("horizon")):
         every = names(asked.recording, cut, np.ones(len(cut), dtype=bool))
         # a diagnosis of at most so many windows names those alone; that it is this cut, its horizon says
         if told == {*every} or (one.asked.get("windows") and told < {*every}):
-            return _joined(asked, cut.take(np.array([n in one.parts["test"] for n in every], dtype=bool)))
-    return []
+            return cut.take(np.array([n in one.parts["test"] for n in every], dtype=bool))
+    return None
+
+
+def _spans(asked: "Recorded", one: "Simulator") -> list[tuple[str, float, float]]:
+    """(episode, begin, end) [s] of the windows that the simulator's result held out; windows in a row are one."""
+    cut = held_out(asked, one)
+    return [] if cut is None else _joined(asked, cut)
 
 
 def _cuts(asked: "Recorded", horizon: float | None) -> "list[Windows]":

@@ -1,11 +1,14 @@
 """Which sizes of effects are worth a name, and which effects no commands tell apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dynreg.evidence.hypothesis import Hypothesis, single_terms, worth_naming
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis, single_terms, worth_naming
 from dynreg.sim.effects import one_group, term
-from dynreg.sim.robot import load_robot
+from dynreg.sim.ports import UNLIMITED
+from dynreg.sim.robot import Robot, load_robot
 
 
 @pytest.mark.parametrize(
@@ -42,3 +45,26 @@ def test_a_tilt_is_about_the_first_hinge_where_no_other_turns_it(name, about):
     assert tilt.effect.about(robot, ()) == about
     alike = [t.key for t in single_terms(robot) if t.key != tilt.key and one_group(robot, tilt, t)]
     assert alike == [f"encoder_offset[{joint}]" for joint in about or ()]
+
+
+def without_limits(name: str) -> Robot:
+    """A packaged robot whose drives state no torque limit."""
+    robot = load_robot(name)
+    drives = [d.model_copy(update={"torque_limit": UNLIMITED}) for d in robot.file.drives]
+    return replace(robot, file=robot.file.model_copy(update={"drives": drives}))
+
+
+def test_sizes_go_by_the_torque_that_a_drive_without_a_limit_can_be_told():
+    robot = without_limits("double_pendulum")
+    torque = Coordinates(robot, np.full(len(robot.space), np.nan)).scales["torque"]
+    assert torque.tolist() == [max(abs(a.low), abs(a.high)) for a in robot.file.actions]
+
+
+def test_a_command_range_of_angles_is_no_torque():
+    robot = without_limits("leg")
+    torque = Coordinates(robot, np.full(len(robot.space), np.nan)).scales["torque"]
+    told = [
+        d.gain * max(abs(a.low), abs(a.high))
+        for d, a in zip(robot.file.drives * 3, robot.file.actions, strict=True)
+    ]
+    assert (torque < 0.5 * np.array(told)).all()

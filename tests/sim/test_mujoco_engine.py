@@ -8,6 +8,7 @@ import pytest
 from arm_robot import ARM_XML, parameter
 
 from dynreg.errors import RobotError, UsageError
+from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
@@ -178,6 +179,17 @@ def test_settling_ends_where_the_drives_hold_the_load(so101: Robot):
     droop = states[0, elbow] - 0.5
     assert 0.01 < droop < 0.08  # gravity lowers the forearm; the real arm droops by 0.04 to 0.06
     assert abs(states[-1, elbow] - states[0, elbow]) < 0.005
+
+
+def test_a_joint_of_the_so101_that_sticks_under_load_stays_where_it_is(so101: Robot):
+    """MuJoCo's usual dry friction lets the forearm creep until its drive alone holds it."""
+    friction = Terms((term("coulomb_friction"),), (np.array([[0.0], [0.6]]),))  # N m
+    home, count = so101.model.key("home").qpos, len(so101.actions)
+    run = Run(np.tile(home, (1, 500, 1)), initial=np.concatenate([home, np.zeros(count)])[None])
+    nominal = np.tile(so101.space.nominal, (2, 1))
+    states = rollout(so101, nominal, run, engine="mujoco", terms=friction).states[:, 0, -1, :count]
+    fell, stayed = np.abs(states - home).max(axis=1)
+    assert fell > 0.04 and stayed < 5e-4
 
 
 def test_episodes_with_other_settings_settle_on_their_own(write_robot: Callable[..., Path]):
