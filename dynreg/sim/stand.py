@@ -24,7 +24,7 @@ _HEADER = re.compile(r"^\s*\[\[?\s*([^\]\s.]+)", re.MULTILINE)
 def on_stand(robot: Robot) -> Robot:
     """The robot with its base held so high that no foot reaches the ground: a folder in memory, to be written or used.
 
-    Its model has no free joint; robot.toml has no channel of the base, and neither falls, gaits nor tasks. A robot
+    Its model has no free joint, and nothing on it touches anything; robot.toml has no channel of the base, and neither falls, gaits nor tasks. A robot
     without a floating base is itself. Raises RobotError where the model cannot be changed so.
     """
     if not robot.floating:
@@ -86,7 +86,7 @@ def _common(joints: list[str]) -> str:
 
 
 def _held(robot: Robot, base: int) -> str:
-    """The model as MJCF without its free joint, its base at the keyframe's attitude and above all feet's reach."""
+    """The model as MJCF without its free joint and its contacts, its base at the keyframe's attitude, above all feet."""
     model = robot.model
     body, at = int(model.jnt_bodyid[base]), int(model.jnt_qposadr[base])
     pose = model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe]
@@ -100,6 +100,10 @@ def _held(robot: Robot, base: int) -> str:
     held = next(one for one in spec.bodies if one.name == model.body(body).name)
     for joint in list(held.joints):
         spec.delete(joint)
+    for geom in held.find_all("geom"):
+        geom.contype = geom.conaffinity = 0
+    for pair in list(spec.pairs):
+        spec.delete(pair)
     held.pos = [0.0, 0.0, ABOVE * _reach(model, body)]
     held.quat = pose[at + 3 : at + 7]
     return spec.to_xml()
