@@ -72,7 +72,9 @@ def trial(made: HangingLegs, key: str | None, leg: str, size: str | None, seed: 
         "seconds": time.perf_counter() - began,
         "core_seconds": time.process_time() - busy,
     }
-    said = f"{key or 'nothing'} {size or ''} in {leg} -> {name} ({found.verdict}), {out['nats'] or 0:.1f} nats"
+    said = (
+        f"{key or 'nothing'} {size or ''} in {leg} -> {name} ({found.verdict}), {out['nats'] or 0:.1f} nats"
+    )
     print(f"    {said}, error {error}, {out['core_seconds']:.0f} s {out['doubts']}", flush=True)
     return out
 

@@ -20,7 +20,9 @@ def excite(
     call: Call,
     robot: RobotFolder,
     settings: ExciteSettings,
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap; with --legs, a new folder.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap; with --legs, a new folder.")
+    ],
 ) -> None:
     """Write an experiment that separates two effects, or with which legs hang free.
 
@@ -43,7 +45,11 @@ def excite(
     _check_file(out)
     with call.progress() as progress:
         commands, experiment = Session.excite(
-            robot, settings.between, seconds=settings.seconds, seed=settings.seed, progress=progress
+            robot,
+            between=settings.between,
+            seconds=settings.seconds,
+            seed=settings.seed,
+            progress=progress,
         )
     _write(commands, out)
     written = experiment.model_copy(update={"file": str(out)})

@@ -162,14 +162,17 @@ def _waves(rate: float, duration: float) -> list[tuple[str, Wave, float, list[tu
 
 
 def triangle(period: float) -> Wave:
+    """A triangle of this period [s] that sets out from 0."""
     return lambda t, duration: 4 * np.abs((t / period + 0.25) % 1 - 0.5) - 1
 
 
 def square(period: float) -> Wave:
+    """Steps to and fro, once in this time [s]."""
     return lambda t, duration: np.where((t / period) % 1 < 0.5, 1.0, -1.0)
 
 
 def chirp(low: float, high: float) -> Wave:
+    """A sine whose frequency rises from `low` to `high` [Hz] over the whole duration."""
     return lambda t, duration: np.sin(2 * np.pi * (low * t + (high - low) * t**2 / (2 * duration)))
 
 

@@ -34,7 +34,9 @@ SLOW = 2.0  # s of a slow triangle
 # in sines of 5 Hz, which are 7 commands a period: beyond, the joint no longer follows, below, the spring does not bend.
 FAST, REACHES = (18, 12, 9, 7), (0.3, 0.5, 0.7)
 TESTS = 2  # episodes to test by, one slow and one fast; of the rest one half is to fit and the same again to select
-SECONDS = 40.0  # of a leg: with 22 s a spring of medium size shows by 6 to 14 nats in a joint of the quadruped
+SECONDS = (
+    25.0  # of a leg: with 22 s a spring of medium size shows by 6 to 14 nats in a joint of the quadruped
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +183,9 @@ def _patterns(
         return limits.keep(pose + np.where(offset > 0, free[1], free[0]) * offset, pose, 1.0 / rate)
 
     for reach in (0.5, 0.3):
-        yield f"slow triangle of {SLOW:g} s, reach {reach:g}", kept(
-            triangle(SLOW)(t + SLOW * apart, duration), reach
+        yield (
+            f"slow triangle of {SLOW:g} s, reach {reach:g}",
+            kept(triangle(SLOW)(t + SLOW * apart, duration), reach),
         )
     for reach in REACHES:
         for many in FAST:
@@ -190,8 +193,9 @@ def _patterns(
             sine = np.sin(2 * np.pi * (hertz * t + apart))
             yield f"sine of {hertz:.3g} Hz, reach {reach:g}", kept(sine, reach)
         low, high = rate / FAST[0], rate / FAST[-2]
-        yield f"chirp from {low:.3g} to {high:.3g} Hz, reach {reach:g}", kept(
-            chirp(low, high)(t + apart / low, duration), reach
+        yield (
+            f"chirp from {low:.3g} to {high:.3g} Hz, reach {reach:g}",
+            kept(chirp(low, high)(t + apart / low, duration), reach),
         )
 
 
@@ -220,7 +224,7 @@ def _expected(
 
 
 def _left(change: np.ndarray, slopes: np.ndarray) -> float:
-    """Nats of a change (T, C), in sigma of the noise, that parameters with these slopes (P', T, C) cannot make up for."""
+    """Nats of a change (T, C) [sigma of the noise] for which parameters with these slopes (P', T, C) do not make up."""
     a = np.concatenate([slopes.reshape(len(slopes), -1).T, np.eye(len(slopes))])
     y = np.concatenate([change.ravel(), np.zeros(len(slopes))])
     left = y - a @ np.linalg.lstsq(a, y, rcond=None)[0]

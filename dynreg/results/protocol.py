@@ -36,8 +36,8 @@ class LegCommands(Result):
 class LegProtocol(Result):
     """Commands with which legs hang free in turn and reverse, and what the operator does.
 
-    folder : where the files are. stand : the folder of the robot on its stand, by which the logs are diagnosed. limits :
-    that the commands keep.
+    folder : where the files are. stand : the folder of the robot on its stand, by which the logs are diagnosed.
+    limits : that the commands keep.
     """
 
     schema_: Literal["dynreg/protocol/1"] = Field(default="dynreg/protocol/1", alias="schema")

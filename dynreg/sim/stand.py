@@ -10,22 +10,30 @@ import numpy as np
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.folder import TOML, Folder
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
 from dynreg.sim.mjcf import ROOT, model_files, trust_model
 from dynreg.sim.robot import Robot, robot_of
+from dynreg.sim.space import ParameterSpace
 from dynreg.tomlfile import literal, toml_text
 
 SUFFIX = "_on_stand"
 ABOVE = 1.5  # times the length of a stretched leg at which the base is held: links may be longer than nominal
 # what only a robot says that moves freely: it cannot fall from a stand, nor walk on it
-ONLY_FREE = ("fall", "gait", "tasks")
+ONLY_FREE = ("fall", "gait", "tasks", "populations")
+# s: on the packaged quadruped its usual 4 ms move fast reversals by 11 mrad, five times its encoders' noise and more
+# than a spring shows, 1 ms by 2.8
+TIMESTEP = 0.001
+TRIED, IDLE = 4, 1e-9  # episodes in which a parameter must change something, by so much of a channel's unit
 _HEADER = re.compile(r"^\s*\[\[?\s*([^\]\s.]+)", re.MULTILINE)
 
 
 def on_stand(robot: Robot) -> Robot:
     """The robot with its base held so high that no foot reaches the ground: a folder in memory, to be written or used.
 
-    Its model has no free joint, and nothing on it touches anything; robot.toml has no channel of the base, and neither falls, gaits nor tasks. A robot
-    without a floating base is itself. Raises RobotError where the model cannot be changed so.
+    Its model has no free joint, and nothing on it touches anything; robot.toml has no channel of the base, no falls,
+    gaits, tasks and populations, no parameter that changes nothing there, and a time step of at most `TIMESTEP`. A
+    robot without a floating base is itself. Raises RobotError where the model cannot be changed so.
     """
     if not robot.floating:
         return robot
@@ -33,11 +41,31 @@ def on_stand(robot: Robot) -> Robot:
     name = robot.model.joint(base).name
     files = {path: data for path, data in robot.files.hashed.items() if path != robot.file.robot.model}
     files[robot.file.robot.model] = _held(robot, base).encode()
-    files[TOML] = _told(robot, name).encode()
-    folder = Folder(files)
+    made = _made(robot, files, name, frozenset())
+    return _made(robot, files, name, _idle(made))
+
+
+def _made(robot: Robot, files: dict[str, bytes], base: str, without: frozenset[str]) -> Robot:
+    """The robot of these files; its parameters are the given robot's, which may have been changed since it was read."""
+    folder = Folder({**files, TOML: _told(robot, base, without).encode()})
     made = robot_of(folder, robot.folder)
     trust_model(model_files(folder), made.file.robot.model)
-    return replace(made, space=_as_known(made, robot))
+    known = {p.name: p for p in robot.space.parameters}
+    return replace(made, space=ParameterSpace(tuple(known[name] for name in made.space.names)))
+
+
+def _idle(robot: Robot) -> frozenset[str]:
+    """The parameters that change nothing of a robot on its stand, such as the ground's friction and the base's mass."""
+    shaping = [any(entry.startswith("control.") for entry in p.sets) for p in robot.space.parameters]
+    tried = [i for i, own in enumerate(shaping) if not own]  # motor noise is none of a rollout's own
+    values = np.tile(robot.space.nominal, (1 + 2 * len(tried), 1))
+    for row, i in enumerate(tried):
+        p = robot.space.parameters[i]
+        values[1 + 2 * row, i], values[2 + 2 * row, i] = p.low, p.high
+    run = excitation(robot, seed=0, name="stand", episodes=TRIED, reach=2.0)
+    states = rollout(robot, values, run).states
+    change = np.nanmax(np.abs(states[1:] - states[:1]), axis=(1, 2, 3)).reshape(-1, 2).max(axis=1)
+    return frozenset(robot.space.names[i] for i, most in zip(tried, change, strict=True) if most <= IDLE)
 
 
 def legs_of(robot: Robot) -> dict[str, tuple[str, ...]]:
@@ -48,7 +76,9 @@ def legs_of(robot: Robot) -> dict[str, tuple[str, ...]]:
     """
     if robot.planar or not robot.driven:
         raise UsageError(
-            f"robot {robot.name!r} has no legs", expected="a robot with driven joints", do="name another robot"
+            f"robot {robot.name!r} has no legs",
+            expected="a robot with driven joints",
+            do="name another robot",
         )
     model, branches = robot.model, dict[int, list[str]]()
     for joint in robot.driven:
@@ -86,7 +116,7 @@ def _common(joints: list[str]) -> str:
 
 
 def _held(robot: Robot, base: int) -> str:
-    """The model as MJCF without its free joint and its contacts, its base at the keyframe's attitude, above all feet."""
+    """The model as MJCF without free joint and contacts, its base at the keyframe's attitude and above all feet."""
     model = robot.model
     body, at = int(model.jnt_bodyid[base]), int(model.jnt_qposadr[base])
     pose = model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe]
@@ -129,8 +159,8 @@ def _reach(model: mujoco.MjModel, root: int) -> float:
     return max((far[int(b)] + float(own[g]) for g, b in enumerate(owners) if int(b) in far), default=1.0)
 
 
-def _told(robot: Robot, base: str) -> str:
-    """robot.toml without what only a floating base has, under another name."""
+def _told(robot: Robot, base: str, without: frozenset[str]) -> str:
+    """robot.toml without what only a floating base has and these parameters, under another name."""
     text = toml_text(robot.files.files[TOML], TOML, RobotError)
     kept = []
     for name, block in _tables(text):
@@ -139,7 +169,10 @@ def _told(robot: Robot, base: str) -> str:
         told = tomllib.loads(block)
         if name == "channels" and told["channels"][0]["name"].startswith(f"{base}/"):
             continue
+        if name == "parameters" and told["parameters"][0]["name"] in without:
+            continue
         if name == "robot":
+            block = _put(block, "timestep", min(robot.file.robot.timestep, TIMESTEP))
             block = _put(block, "name", robot.name + SUFFIX)
             if "title" in told["robot"]:
                 block = _put(block, "title", f"{told['robot']['title']}, on a stand")
@@ -158,11 +191,7 @@ def _tables(text: str) -> Iterator[tuple[str, str]]:
         yield head[1], text[begin:end]
 
 
-def _put(block: str, key: str, value: str) -> str:
-    """A table with another text as the value of one key."""
-    return re.sub(rf"^(\s*{key}\s*=\s*).*$", lambda m: m[1] + literal(value), block, count=1, flags=re.MULTILINE)
-
-
-def _as_known(made: Robot, robot: Robot):
-    """The space of the robot itself, whose parameters may have been changed since its file was read."""
-    return robot.space if made.space.names == robot.space.names else made.space
+def _put(block: str, key: str, value: str | float) -> str:
+    """A table with another value of one key."""
+    told = literal(value) if isinstance(value, str) else repr(value)
+    return re.sub(rf"^(\s*{key}\s*=\s*).*$", lambda m: m[1] + told, block, count=1, flags=re.MULTILINE)
