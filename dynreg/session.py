@@ -10,7 +10,7 @@ from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
 from dynreg.verbs.diagnose import DiagnoseSettings, diagnose, faster
 from dynreg.verbs.drift import DriftSettings, drift
-from dynreg.verbs.excite import ExciteSettings, excite
+from dynreg.verbs.excite import ExciteSettings, excite, excite_legs
 from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dynreg.results.effects import EffectsList
     from dynreg.results.experiment import Experiment
     from dynreg.results.gait import Gait
+    from dynreg.results.protocol import LegProtocol
     from dynreg.results.ranges import RangesFile
     from dynreg.results.result import Result
     from dynreg.results.robots import RobotFolder
@@ -198,6 +199,30 @@ class Session:
         from dynreg.verbs.subjects import loaded_robot
 
         return excite(loaded_robot(robot), ExciteSettings(tuple(between), **told), progress=progress)
+
+    @staticmethod
+    def excite_legs(
+        robot: "str | Path | Robot",
+        legs: Sequence[str] = ("all",),
+        *,
+        folder: "str | Path",
+        progress: Progress | None = None,
+        **told: Any,
+    ) -> "LegProtocol":
+        """Commands with which legs hang free in turn and reverse, and what the operator does, as a new folder.
+
+        legs : of the robot, such as "fl", or all. folder : gets a file of commands for each leg, the robot on its stand
+        in `robot/`, and the operator's note. told : `seconds` of each leg, `seed`. Raises UsageError for a leg that the
+        robot has not, and where the folder cannot be written.
+        """
+        from dynreg.verbs.protocol import write_protocol
+        from dynreg.verbs.subjects import loaded_robot
+        from dynreg.verbs.written import require_new
+
+        require_new(Path(folder))
+        settings = ExciteSettings(legs=tuple(legs), **told)
+        made, protocol = excite_legs(loaded_robot(robot), settings, progress=progress)
+        return write_protocol(made, protocol, Path(folder))
 
     def list(self, kind: str | None = None) -> "Listing":
         """What the registry holds: populations, recordings, simulators made by queries, results."""

@@ -14,8 +14,11 @@ from dynreg.results import (
     EffectRow,
     EffectSize,
     EffectsList,
+    ExpectedEvidence,
     Experiment,
     Gain,
+    LegCommands,
+    LegProtocol,
     LimitKept,
     Moved,
     Noise,
@@ -345,6 +348,27 @@ def experiment() -> Experiment:
         usual=14.0,
         limits=(limit,),
         note="ramps and holds at two heights",
+    )
+
+
+def protocol() -> LegProtocol:
+    """Commands for one leg that hangs free."""
+    limit = LimitKept(name="fl_hip/target", unit="rad", low=-0.785, high=0.785, least=-0.5, most=0.6)
+    leg = LegCommands(
+        leg="fl",
+        joints=("fl_hip", "fl_knee"),
+        file="fl.csv",
+        seconds=25.0,
+        episodes=("fit_0", "select_0", "test_0"),
+        held_out=("test_0",),
+        operator="Fix the base on a stand so that leg fl hangs free.",
+        expected=(
+            ExpectedEvidence(effect="backlash", joint="fl_hip", nats=236.0),
+            ExpectedEvidence(effect="backlash", joint="fl_knee", nats=182.0),
+        ),
+    )
+    return LegProtocol(
+        robot="quadruped", folder="hanging", stand="hanging/robot", legs=(leg,), limits=(limit,)
     )
 
 

@@ -428,6 +428,7 @@ def every_kind() -> tuple[Result, ...]:
         made_up_diagnosis.trial(),
         made_up_diagnosis.trials(),
         made_up_diagnosis.experiment(),
+        made_up_diagnosis.protocol(),
         robot_draft(),
         robot_folder(),
         ranges_file(),

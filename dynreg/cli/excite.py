@@ -1,4 +1,4 @@
-"""`dynreg excite`: commands for the experiment that separates two causes."""
+"""`dynreg excite`: commands that separate two causes, or with which legs hang free in turn."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,19 +20,37 @@ def excite(
     call: Call,
     robot: RobotFolder,
     settings: ExciteSettings,
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap; with --legs, a new folder.")
+    ],
 ) -> None:
-    """Write an experiment that separates two effects.
+    """Write an experiment that separates two effects, or with which legs hang free.
 
     The commands keep to the limits of the robot's actions. Play them on the robot, and diagnose the log.
+
+    With --legs, each leg in turn hangs free and reverses, slowly and fast, while the base is held on a stand: backlash
+    and elasticity show there, not where a leg carries the robot. The folder holds a file of commands for each leg, the
+    robot on its stand, by which the logs are diagnosed, and a note for the operator.
 
     Example: dynreg excite servo_pendulum --for payload,coulomb_friction -o next.csv
     """
     from dynreg.session import Session
 
+    if settings.legs:
+        told = {name: value for name, value in vars(settings).items() if name != "between"}
+        with call.progress() as progress:
+            protocol = Session.excite_legs(robot, **told, folder=out, progress=progress)
+        call.emit(protocol, hint=f"read {out}/README.md, and play {protocol.legs[0].file}")
+        return
     _check_file(out)
     with call.progress() as progress:
-        commands, experiment = Session.excite(robot, **vars(settings), progress=progress)
+        commands, experiment = Session.excite(
+            robot,
+            between=settings.between,
+            seconds=settings.seconds,
+            seed=settings.seed,
+            progress=progress,
+        )
     _write(commands, out)
     written = experiment.model_copy(update={"file": str(out)})
     call.emit(written, hint=f"play {out}, then {command('diagnose', 'LOG', '--robot', robot)}")

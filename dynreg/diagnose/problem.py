@@ -11,6 +11,7 @@ from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.slopes import uneven
 from dynreg.sim.effects import Term
+from dynreg.sim.effects.contact import can_touch
 from dynreg.sim.engine import ENGINES
 
 
@@ -30,7 +31,7 @@ class Problem:
 
 def planned(model: Model, data: Data, terms: Sequence[Term]) -> Search[Problem]:
     """The problem with its accuracy and plan; a search depends on nothing else."""
-    sliding = not model.accuracy.fine and ENGINES[model.running].contacts
+    sliding = not model.accuracy.fine and ENGINES[model.running].contacts and can_touch(model.robot)
     if sliding and (yield from uneven(model, model.start, data.sample(data.fit))):
         model = replace(model, accuracy=rough(model.robot, model.engine))
     return Problem(model, data, tuple(terms), plan_for(model, terms))

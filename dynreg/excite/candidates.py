@@ -86,11 +86,11 @@ def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed
     of the usual excitation; a hold that the drives leave, where they can be switched off.
     """
     pose, rate = reset_pose(robot), robot.rate
-    room = _room(limits, pose)
+    free = room(limits, pose)
     moving = np.isin(np.arange(len(robot.joints)), robot.drives_of(joints))
     names, actions = [], []
     for name, offsets in _offsets(robot, steps, rate, moving, seed):
-        wanted = pose + np.where(offsets > 0, room[1], room[0]) * offsets
+        wanted = pose + np.where(offsets > 0, free[1], free[0]) * offsets
         names.append(name)
         actions.append(limits.keep(wanted, pose, 1.0 / rate))
     inputs = np.tile(robot.input_defaults, (len(names), steps, 1))
@@ -150,26 +150,29 @@ def _waves(rate: float, duration: float) -> list[tuple[str, Wave, float, list[tu
     off = [(0.2, -0.5), (0.2, 0.5)]
     small = [(0.05, 0.0), (0.05, 0.5), (0.05, -0.5), (0.2, 0.0), *off]
     return [
-        ("triangle of 4 s", _triangle(4.0), 4.0, [(0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
-        ("triangle of 2 s", _triangle(2.0), 2.0, [(0.05, 0.0), (0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
-        ("reversals of 0.6 s", _square(0.6), 0.6, small),
-        ("reversals of 0.25 s", _square(0.25), 0.25, small),
-        (f"chirp to {fast:.3g} Hz", _chirp(0.3, fast), 1.0, [*small, (0.5, 0.0)]),
-        (f"chirp to {fast / 4:.3g} Hz", _chirp(0.2, fast / 4), 2.0, [*small, (0.5, 0.0), (0.9, 0.0)]),
-        ("steps of 0.6 s", _square(1.2), 1.2, [(0.5, 0.0), (0.9, 0.0)]),
+        ("triangle of 4 s", triangle(4.0), 4.0, [(0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
+        ("triangle of 2 s", triangle(2.0), 2.0, [(0.05, 0.0), (0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
+        ("reversals of 0.6 s", square(0.6), 0.6, small),
+        ("reversals of 0.25 s", square(0.25), 0.25, small),
+        (f"chirp to {fast:.3g} Hz", chirp(0.3, fast), 1.0, [*small, (0.5, 0.0)]),
+        (f"chirp to {fast / 4:.3g} Hz", chirp(0.2, fast / 4), 2.0, [*small, (0.5, 0.0), (0.9, 0.0)]),
+        ("steps of 0.6 s", square(1.2), 1.2, [(0.5, 0.0), (0.9, 0.0)]),
         ("holds", _staircase, 0.5 * duration, [(0.2, 0.0), *off, (0.5, 0.0), (0.9, 0.0)]),
     ]
 
 
-def _triangle(period: float) -> Wave:
+def triangle(period: float) -> Wave:
+    """A triangle of this period [s] that sets out from 0."""
     return lambda t, duration: 4 * np.abs((t / period + 0.25) % 1 - 0.5) - 1
 
 
-def _square(period: float) -> Wave:
+def square(period: float) -> Wave:
+    """Steps to and fro, once in this time [s]."""
     return lambda t, duration: np.where((t / period) % 1 < 0.5, 1.0, -1.0)
 
 
-def _chirp(low: float, high: float) -> Wave:
+def chirp(low: float, high: float) -> Wave:
+    """A sine whose frequency rises from `low` to `high` [Hz] over the whole duration."""
     return lambda t, duration: np.sin(2 * np.pi * (low * t + (high - low) * t**2 / (2 * duration)))
 
 
@@ -178,7 +181,7 @@ def _staircase(t: np.ndarray, duration: float) -> np.ndarray:
     return levels[np.floor(8 * t / duration).astype(int) % 8]
 
 
-def _room(limits: Limits, pose: np.ndarray) -> np.ndarray:
+def room(limits: Limits, pose: np.ndarray) -> np.ndarray:
     """(2, A) distance from the reset pose to the lowest and the highest command; 1 where there is no limit."""
     below = np.where(np.isfinite(limits.low), INSIDE * (pose - limits.low), 1.0)
     above = np.where(np.isfinite(limits.high), INSIDE * (limits.high - pose), 1.0)

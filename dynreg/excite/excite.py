@@ -18,6 +18,7 @@ LONG = 10.0
 EPISODES = 4  # at least: a diagnosis fits, selects and tests by different ones
 FEWEST = 20  # commands of an episode
 ROUNDS = 3
+SECONDS = 10.0  # in all, unless asked for more: four episodes of the short kind
 
 
 @dataclass(frozen=True, eq=False)

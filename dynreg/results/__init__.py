@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.helped import *
     from dynreg.results.neighbours import *
     from dynreg.results.posterior import *
+    from dynreg.results.protocol import *
     from dynreg.results.ranges import *
     from dynreg.results.refit import *
     from dynreg.results.result import *

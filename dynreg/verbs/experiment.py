@@ -24,12 +24,12 @@ def experiment(chosen: Chosen) -> Experiment:
         seconds=pool.run.episodes * pool.run.steps * pool.run.period,
         separation=chosen.nats,
         usual=chosen.usual,
-        limits=(*_commanded(pair.robot, chosen.limits, pool.run), *_moved(pair.robot, chosen.reached)),
+        limits=(*commanded(pair.robot, chosen.limits, pool.run), *_moved(pair.robot, chosen.reached)),
         note=_note(pair.robot, pool, silent),
     )
 
 
-def _commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
+def commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
     """The limits of every command and of its rate, with the values used."""
     out = []
     speed = np.abs(np.diff(run.actions, axis=1)) / run.period

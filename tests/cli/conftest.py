@@ -84,6 +84,7 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         "trial": made_up_diagnosis.trials(),
         "effects": made_up_diagnosis.effects_list(),
         "excite": (made_up_diagnosis.commands(), made_up_diagnosis.experiment()),
+        "excite_legs": made_up_diagnosis.protocol(),
         "list": made_up_results.listing(),
         "show": made_up_results.entry(),
         "result": made_up_results.neighbours(),
@@ -102,7 +103,7 @@ def session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> RecordedSession:
         return made
 
     monkeypatch.setattr(Call, "open", opened)
-    for verb in ("effects", "excite"):  # which need no registry
+    for verb in ("effects", "excite", "excite_legs"):  # which need no registry
         monkeypatch.setattr(Session, verb, staticmethod(getattr(made, verb)))
     monkeypatch.setattr(verify, "verification", made.verify)
     (tmp_path / "dynreg-registry").mkdir()

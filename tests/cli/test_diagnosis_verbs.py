@@ -164,6 +164,14 @@ def test_excite_writes_commands_that_can_be_read_again(out: str, dynreg, session
     assert again.episodes[0].values == pytest.approx(commands.episodes[0].values)
 
 
+def test_excite_lets_legs_hang_free(dynreg, session) -> None:
+    ended = dynreg("excite", "quadruped", "--legs", "fl,rr", "--seconds", "30", "-o", "hanging")
+    ((verb, given, named),) = session.asked
+    assert (verb, given) == ("excite_legs", ("quadruped",))
+    assert (named["legs"], named["seconds"], named["folder"]) == (("fl", "rr"), 30.0, Path("hanging"))
+    assert "read hanging/README.md" in ended.out and "fl.csv" in ended.out and "182" in ended.out
+
+
 def test_effects_of_one_joint_may_be_told_apart(dynreg, session) -> None:
     dynreg("excite", "servo_pendulum", "--for", "backlash[a,b],payload", "-o", "next.csv")
     assert session.asked[0][2]["between"] == ("backlash[a,b]", "payload")
@@ -186,6 +194,8 @@ WRONG = [
     ("excite servo_pendulum --for payload,inertia -o a.txt", ".mcap"),
     ("excite servo_pendulum --for payload,inertia -o none/a.csv", "existing folder"),
     ("excite servo_pendulum --for payload,inertia", "--out"),
+    ("excite servo_pendulum -o a.csv", "--legs"),
+    ("excite quadruped --for payload,inertia --legs fl -o a", "leave one out"),
 ]
 
 

@@ -253,6 +253,12 @@ def test_an_experiment_tells_what_it_separates_and_uses() -> None:
     assert "14 nats" in text and "arm/target -3.14 3.14 -1.9 2.2 rad" in text and "ramps" in text
 
 
+def test_a_protocol_tells_the_operator_and_where_least_shows() -> None:
+    text = flat(made_up_diagnosis.protocol())
+    assert "25 s of commands for one leg of quadruped" in text and "fl fl.csv 25 182" in text
+    assert "on a stand" in text
+
+
 def beside_the_start(value: float, low: float | None, high: float | None, **told) -> Diagnosis:
     """A diagnosis whose simulator was held against that at its start."""
     result = made_up_diagnosis.diagnosis().model_copy(

@@ -77,6 +77,11 @@ def touching_geoms(robot: Robot) -> np.ndarray:
     return np.flatnonzero((model.geom_contype > 0) | (model.geom_conaffinity > 0))
 
 
+def can_touch(robot: Robot) -> bool:
+    """Whether any two geoms can touch: where none can, contacts never come and go."""
+    return len(touching_geoms(robot)) > 1 or robot.model.npair > 0
+
+
 def grounds(robot: Robot) -> np.ndarray:
     """Touching geoms that belong to the world."""
     touching = touching_geoms(robot)

@@ -1,0 +1,95 @@
+"""A robot on a stand: its base is held, nothing touches it, and all else is as it was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from dynreg.errors import UsageError
+from dynreg.folder import Folder
+from dynreg.sim.effects import applicable
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import reset_pose
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
+from dynreg.sim.stand import legs_of, on_stand
+from dynreg.verbs.robots import robot_check
+
+
+@pytest.fixture(scope="module")
+def quadruped() -> Robot:
+    return load_robot("quadruped")
+
+
+@pytest.fixture(scope="module")
+def stand(quadruped: Robot) -> Robot:
+    return on_stand(quadruped)
+
+
+def test_only_the_base_is_gone(quadruped: Robot, stand: Robot) -> None:
+    assert quadruped.floating and not stand.floating
+    assert stand.name == "quadruped_on_stand" and stand.hash != quadruped.hash
+    assert stand.channels == tuple(c for c in quadruped.channels if not c.startswith("base/"))
+    assert stand.actions == quadruped.actions
+    assert {*quadruped.space.names} - {*stand.space.names} == {"friction", "torso_mass"}
+    assert stand.file.robot.timestep == 0.001 < quadruped.file.robot.timestep
+    assert stand.model.nq == quadruped.model.nq - 7 == len(stand.actions)
+    assert (reset_pose(stand) == reset_pose(quadruped)).all()
+    assert stand.file.fall is None and not stand.file.tasks and stand.file.gait is None
+    assert stand.model.body_subtreemass[1] == pytest.approx(quadruped.model.body_subtreemass[1])
+
+
+def test_its_legs_touch_nothing_whatever_they_do(stand: Robot) -> None:
+    assert not {"ground_friction", "contact_compliance"} & {*applicable(stand)}
+    model = stand.model
+    data = mujoco.MjData(model)  # its legs stretched down
+    mujoco.mj_forward(model, data)
+    feet = [g for g in range(model.ngeom) if model.geom(g).name.endswith("_foot")]
+    assert data.geom_xpos[feet, 2].min() > 0.3 and data.ncon == 0
+
+
+def test_a_leg_that_hangs_does_not_move_the_others(stand: Robot) -> None:
+    actions = np.tile(reset_pose(stand), (1, 36, 1))
+    still = rollout(stand, stand.space.nominal[None], Run(actions)).states[0, 0]
+    moved = actions.copy()
+    moved[:, 5:, :3] += 0.3
+    states = rollout(stand, stand.space.nominal[None], Run(moved)).states[0, 0]
+    own = [c.startswith("fl_") for c in stand.channels]
+    assert np.abs(states - still)[:, own].max() > 0.2
+    assert np.abs(states - still)[:, np.logical_not(own)].max() < 1e-9
+
+
+def test_its_folder_is_sound(stand: Robot, tmp_path: Path) -> None:
+    for name, data in stand.files.files.items():
+        (tmp_path / name).write_bytes(data)
+    assert robot_check(str(tmp_path)).sound and load_robot(tmp_path).hash == stand.hash
+
+
+def test_changed_parameters_stay(quadruped: Robot) -> None:
+    space = quadruped.space
+    heavy = replace(space.parameters[0], nominal=40.0)
+    changed = replace(quadruped, space=replace(space, parameters=(heavy, *space.parameters[1:])))
+    assert on_stand(changed).space.parameters[0].nominal == 40.0
+
+
+def test_a_robot_whose_base_is_held_is_itself() -> None:
+    servo = load_robot("servo_pendulum")
+    assert on_stand(servo) is servo
+
+
+def test_other_words_for_the_base_are_left_out(quadruped: Robot) -> None:
+    text = quadruped.files.files["robot.toml"].replace(b"settle = 0.3", b'settle = 0.3\nbase = "measured"')
+    files = Folder({**quadruped.files.files, "robot.toml": text})
+    made = on_stand(replace(quadruped, files=files))
+    assert made.file.reset.base == "keyframe" and made.file.reset.settle == 0.3
+
+
+def test_legs_are_what_hangs_from_the_base(quadruped: Robot, stand: Robot) -> None:
+    legs = legs_of(quadruped)
+    assert legs == legs_of(stand) and list(legs) == ["fl", "fr", "rl", "rr"]
+    assert legs["rl"] == ("rl_hip", "rl_shoulder", "rl_elbow")
+    assert legs_of(load_robot("leg")) == {"hip_roll": ("hip_roll", "hip_pitch", "knee")}
+    with pytest.raises(UsageError, match="has no legs"):
+        legs_of(load_robot("husky"))
