@@ -61,7 +61,7 @@ SESSION = (
     "docs/wheeled.md",
     *(f"docs/verbs/{name}.md" for name in VERBS),
 )
-LANGUAGES = {"console", "python", "text", "sh", "toml", "json"}
+LANGUAGES = {"console", "python", "text", "sh", "toml", "json", "xml"}
 NO_MATCH = 4  # the exit status of a query whose answer is far from the robot: the page tells it
 WITHIN = 0.1
 LAST = 2

@@ -11,7 +11,7 @@ def test_every_step_that_is_drawn_has_a_section_in_the_order_of_the_pipeline():
     drawing = PAGE.split("```")[1]
     drawn = re.findall(r"(\d) ([A-Z]+)\b", drawing)
     told = re.findall(r"^## (\d)\. (\w+)", PAGE, re.MULTILINE)
-    assert len(drawn) == 8 and [(n, name.upper()) for n, name in told] == drawn
+    assert len(drawn) == 9 and [(n, name.upper()) for n, name in told] == drawn
 
 
 def test_files_and_plans_on_the_page_are_there():
@@ -26,4 +26,4 @@ def test_files_and_plans_on_the_page_are_there():
 def test_links_lead_somewhere_and_the_page_stays_short():
     links = re.findall(r"\]\(([\w.]+)\)", PAGE)
     assert "naming.md" in links and all((ROOT / "docs" / link).exists() for link in links)
-    assert len(PAGE.splitlines()) < 149
+    assert len(PAGE.splitlines()) < 180

@@ -7,6 +7,7 @@ from types import ModuleType
 import made_up_diagnosis
 import pytest
 
+from dynreg.diagnose.threshold import Threshold
 from dynreg.errors import UsageError
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -36,7 +37,7 @@ def made_up(naming: ModuleType) -> dict:
         else t
         for t in made_up_diagnosis.trials().trials
     ]
-    return json.loads(json.dumps(naming.document("servo_pendulum", trials, 12.5)))
+    return json.loads(json.dumps(naming.document("servo_pendulum", trials, Threshold(12.5, ()))))
 
 
 def test_the_page_shows_the_figures_that_were_written(tables):
@@ -108,7 +109,7 @@ def test_a_few_trials_are_told_one_by_one_and_many_by_fifties(naming, monkeypatc
     monkeypatch.setattr(
         naming, "run", lambda job: made_up_diagnosis.trial(job.seed, named=named[job.seed % 3])
     )
-    jobs = [naming.Job(None, None, ("load_friction",), "medium", i, 5.0) for i in range(many)]
+    jobs = [naming.Job(None, None, ("load_friction",), "medium", i, Threshold(5.0, ())) for i in range(many)]
     assert [r.seed for r in naming.run_all(jobs, 1)] == list(range(many))
     told = capsys.readouterr().out.splitlines()
     assert len(told) == lines
@@ -128,7 +129,7 @@ def test_trials_in_the_journal_are_not_run_again(naming, monkeypatch, tmp_path):
         return made_up_diagnosis.trial(job.seed, named="load_friction")
 
     monkeypatch.setattr(naming, "run", run)
-    jobs = [naming.Job(None, None, ("load_friction",), "medium", i, 5.0) for i in range(4)]
+    jobs = [naming.Job(None, None, ("load_friction",), "medium", i, Threshold(5.0, ())) for i in range(4)]
     journal = naming.Journal(tmp_path / "trials.jsonl", {"seed": 5})
     journal.begin()
     with pytest.raises(KeyboardInterrupt):
@@ -151,7 +152,9 @@ def test_the_bench_of_independent_robots_gives_every_cause_its_turn(monkeypatch)
     from dynreg.sim.robot import load_robot
 
     robot = load_robot("diffdrive")
-    one = bench.Job(robot, protocol(robot, seconds=12.5), (), None, 0, 20.0, truth="independent")
+    one = bench.Job(
+        robot, protocol(robot, seconds=12.5), (), None, 0, Threshold(20.0, ()), truth="independent"
+    )
     rows = bench.rows_of(robot)
     assert "encoder_scale" not in rows.same and rows.outside == ("eccentric_wheel", "coloured_speed")
     mine = bench.hidden(one, "same", rows.same, 2 * len(rows.same), 1)

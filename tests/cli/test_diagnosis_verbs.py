@@ -40,7 +40,9 @@ def test_text_is_narrow_and_without_colour_codes(line, dynreg, session) -> None:
 def test_diagnose_passes_its_options_on(dynreg, session) -> None:
     line = "diagnose bench --start nearest --hold-out kp=400 --effects payload,inertia --without backlash"
     line += " --max-causes 2 --engine joint --seed 3 --threshold-runs 5 --tolerance 2"
-    line += " --horizon 3 --robot leg --map m.toml --threads 2 --joints knee,hip_roll --windows 4"
+    line += (
+        " --horizon 3 --robot leg --map m.toml --threads 2 --joints knee,hip_roll --windows 4 --ranker off"
+    )
     assert dynreg(*line.split()).status == 0
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("diagnose", ("bench",)) and not session.created
@@ -57,6 +59,7 @@ def test_diagnose_passes_its_options_on(dynreg, session) -> None:
         "horizon": 3.0,
         "joints": ("knee", "hip_roll"),
         "windows": 4,
+        "ranker": "off",
         "robot": "leg",
         "log_map": Path("m.toml"),
         "threads": 2,

@@ -18,9 +18,14 @@ POPULATION = "ef" * 32
 EPISODES, STEPS = 2, 3
 
 
-def fill(registry: Registry, told: Any = lambda robot: {}, periods: Any = lambda robot, values: {}) -> None:
-    """Put them; told and periods : what newer records and shards hold besides."""
-    robot = load_robot("quadruped")
+def fill(
+    registry: Registry,
+    told: Any = lambda robot: {},
+    periods: Any = lambda robot, values: {},
+    quadruped: str | Path = "quadruped",
+) -> None:
+    """Put them; told and periods : what newer records and shards hold besides. quadruped : the robot as it was."""
+    robot = load_robot(quadruped)
     rng = stream(0, "older form")
     bank = {"actions": rng.normal(size=(EPISODES, STEPS, len(robot.actions)))}
     bank |= {"inputs": np.zeros((EPISODES, STEPS, 0)), "settings": np.zeros((EPISODES, 0))}

@@ -12,6 +12,8 @@ from dynreg.verbs.effect_populations import posed
 from dynreg.verbs.simulators import stored
 from dynreg.verbs.subjects import population_for, recorded
 
+SATURATES = {"torque_limit", "duty_limit"}  # one limit by two names, which no log of a duty servo tells apart
+
 ROBOT = "servo_pendulum"
 FEW, MORE = 260, 400
 
@@ -52,7 +54,7 @@ def test_a_population_grows_and_its_first_entries_stay(session, grown) -> None:
 def test_a_query_shows_what_the_recording_looks_like(session, grown) -> None:
     found = session.query("monday", k=5)
     assert found.schema_name() == "causes" and found.population == grown[0]
-    assert found.causes[0].effect == "torque_limit" and not found.outside
+    assert found.causes[0].effect in SATURATES and not found.outside
     assert found.causes[0].near >= 0.6 and found.causes[0].cosine > 0.95
     assert sum(one.belief for one in found.causes) == pytest.approx(1.0)
 
@@ -60,8 +62,8 @@ def test_a_query_shows_what_the_recording_looks_like(session, grown) -> None:
 def test_the_nearest_entry_is_a_simulator_with_its_effect(session, grown) -> None:
     entry = session.query("monday").causes[0].entry
     simulator = stored(session.registry, "entry", entry)
-    assert list(simulator.config.effects) == ["torque_limit"]
-    (loss,) = simulator.config.effects["torque_limit"].values()
+    assert {*simulator.config.effects} <= SATURATES
+    ((loss,),) = (values.values() for values in simulator.config.effects.values())
     assert loss == pytest.approx(0.40, abs=0.1)  # strong was hidden
 
 
@@ -87,8 +89,8 @@ def test_a_diagnosis_finds_it_under_the_same_commands_alone(session, grown) -> N
 def test_a_diagnosis_tells_what_the_recording_looks_like(session, grown) -> None:
     how = {"threshold_runs": 0, "max_causes": 1}
     made = session.diagnose("monday", **how)
-    assert made.resembles.causes[0] == "torque_limit" and made.resembles.entries == MORE
-    assert made.causes[0].effect == "torque_limit" and not made.resembles.outside
+    assert made.resembles.causes[0] in SATURATES and made.resembles.entries == MORE
+    assert made.causes[0].effect in SATURATES and not made.resembles.outside
     assert session.diagnose("monday", ranker="off", **how).resembles is None
 
 
