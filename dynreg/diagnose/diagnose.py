@@ -1,7 +1,7 @@
 """Diagnose: name the physical causes of a simulator's error.
 
 The steps: pose the problem, calibrate, find the threshold, accept one cause after the other while its evidence exceeds
-the threshold (screen, refit, score), fit all parameters together, and judge the residual.
+the threshold (screen, refit, score), settle, hold the residual against its noise floor, and judge on the test part.
 """
 
 from collections.abc import Callable, Sequence
@@ -66,7 +66,7 @@ def diagnose(
 ) -> Search[Diagnosed]:
     """Name the effects that a simulator of `robot` lacks to explain the recording.
 
-    start : the simulator, by default the nominal one. cache : of thresholds.
+    start : the simulator, by default the nominal one. cache : of thresholds, and of simulators with one effect each.
     Fit, select and test parts have no trajectory in common. The search does not read the test part; the verdict does,
     once: causes that raise the error there are not called named.
     Raises the errors of `pose` and `offered`.

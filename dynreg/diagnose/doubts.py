@@ -10,7 +10,7 @@ from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.score import Naming
 from dynreg.evidence.estimate import EDGE
-from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, worth_naming
+from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, weak_coordinate, worth_naming
 from dynreg.evidence.point import Point
 
 PULLED = (
@@ -97,8 +97,8 @@ def _of_sizes(point: Point) -> list[Doubt]:
         if at_edge.any():
             out.append(Doubt("size_at_bound", term.key, float(own[at_edge][0])))
         if not worth_naming(alone, own):
-            weak = [p.medium / p.weak if p.inverse else p.weak / p.medium for p in term.effect.parameters]
-            ratio = max(abs(z) / w for z, w, s in zip(own, weak, sized, strict=True) if s)
+            each = zip(own, term.effect.parameters, strict=True)
+            ratio = max(abs(z) / weak_coordinate(p) for z, p in each if not (p.shape or p.shared))
             out.append(Doubt("small", term.key, float(ratio)))
     return out
 
@@ -116,9 +116,10 @@ def _without_gain(state: State, judged: Judged) -> list[Doubt]:
         gain = judged.gained(after - 1 if number else judged.CALIBRATED, after)
         if gain is None:
             continue
-        if judged.clearly_worse(number) or (gain.value < 0 and not replaced(naming)):
+        worse = judged.clearly_worse(number)
+        if worse or (gain.value < 0 and not replaced(naming)):
             key = point.hypothesis.terms[point.hypothesis.given + number].key
-            out.append(Doubt("no_gain", key, gain.value))
+            out.append(Doubt("no_gain", key, (judged.of_cause(number) if worse else gain).value))
     return out
 
 

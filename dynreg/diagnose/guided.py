@@ -76,6 +76,8 @@ def keep(found: EffectPopulation, problem: Problem, noise: Mapping[str, float], 
         return
     key, told = population_key(problem, noise), commands(problem.data)
     before = (cache.cached(KIND, key) or {"found": []})["found"]
+    if any(one["entries"] > len(found) and same(told, np.array(one["commands"])) for one in before):
+        return
     others = [one for one in before if not same(told, np.array(one["commands"]))]
     row = {"commands": told.tolist(), "entries": len(found), "arrays": _text(found.as_arrays())}
     cache.cache(KIND, key, {"found": [*others, row]})

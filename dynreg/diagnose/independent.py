@@ -35,9 +35,14 @@ def hide_independent(robot: Robot, key: str | None, size: str | None, seed: int)
 
 
 def _answers(robot: Robot, effect: Effect, joints: tuple[str, ...]) -> list[Term]:
-    """The terms of an effect that name a cause right: at its joints; of a body's, wherever along the robot it sits."""
+    """The terms of an effect that name a cause right: at its joints; of a body's, wherever along the robot it sits.
+
+    A cause between two joints acts on the last two.
+    """
     if effect.scope == "body":
         return placed(robot, effect)
+    if () not in effect.places(robot):
+        return [t for t in placed(robot, effect) if t.at == tuple(robot.driven[-2:])]
     return [Term(effect, joints if effect.scope == "joint" else ())]
 
 

@@ -100,7 +100,7 @@ def loosened(model: Model) -> Model:
     """The model with tolerances so wide that its prior hardly pulls; derivatives keep their width."""
     c, accuracy = model.coordinates, model.accuracy
     wide = Coordinates(c.robot, c.known, c.centre, LOOSER * c.tolerance)
-    return replace(model, coordinates=wide, accuracy=replace(accuracy, width=accuracy.width / LOOSER))
+    return replace(model, coordinates=wide, accuracy=replace(accuracy, nominal=accuracy.nominal / LOOSER))
 
 
 def judge(model: Model, state: State, loose: Point, posed: Data) -> Search[Judged]:

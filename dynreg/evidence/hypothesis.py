@@ -221,12 +221,16 @@ def effect_bounds(hypothesis: Hypothesis) -> np.ndarray:
     return np.array(rows).reshape(-1, 2)
 
 
+def weak_coordinate(p: EffectParameter) -> float:
+    """The coordinate of a parameter at its weak size."""
+    return p.medium / p.weak if p.inverse else p.weak / p.medium
+
+
 def worth_naming(hypothesis: Hypothesis, z: np.ndarray) -> bool:
     """Whether every term (coordinates (sum K,)) that is not given has half its weak size in a parameter of its own."""
-    weak = lambda p: p.medium / p.weak if p.inverse else p.weak / p.medium  # noqa: E731
     for number in range(hypothesis.given, len(hypothesis.terms)):
         own = zip(hypothesis.terms[number].effect.parameters, z[hypothesis.columns(number)], strict=True)
-        if not any(abs(size) >= WORTH * weak(p) for p, size in own if not (p.shape or p.shared)):
+        if not any(abs(size) >= WORTH * weak_coordinate(p) for p, size in own if not (p.shape or p.shared)):
             return False
     return True
 

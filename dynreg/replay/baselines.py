@@ -18,8 +18,8 @@ LAGS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 def held(robot: Robot, windows: Windows) -> np.ndarray:
-    """(W, T+1, S) the first measured row of each window for as long as it lasts, and no speeds."""
-    out = np.repeat(windows.measured[:, :1], windows.measured.shape[1], axis=1)
+    """(W, T+1, S) what is measured first in each window for as long as it lasts, and no speeds."""
+    out = np.repeat(_first(windows), windows.measured.shape[1], axis=1)
     speeds = [c for c, channel in enumerate(robot.file.channels) if channel.unit.endswith("/s")]
     out[..., speeds] = 0.0
     return out
@@ -41,10 +41,20 @@ def followed(robot: Robot, windows: Windows, chosen: Sequence[int]) -> np.ndarra
         if column is None or not told[action]:
             continue
         measured = windows.measured[..., column]
-        made = [_lagged(measured[:, 0], commands[..., action], lag, windows.period) for lag in LAGS]
+        if not np.isfinite(measured[chosen]).any():
+            continue
+        made = [
+            _lagged(_first(windows)[:, 0, column], commands[..., action], lag, windows.period) for lag in LAGS
+        ]
         missed = [np.nanmean(np.abs(one[chosen] - measured[chosen])) for one in made]
         out[..., column] = made[int(np.argmin(missed))]
     return out
+
+
+def _first(windows: Windows) -> np.ndarray:
+    """(W, 1, S) the first value of each channel that was measured in each window: not all may be at its start."""
+    at = np.isfinite(windows.measured).argmax(axis=1)[:, None]
+    return np.take_along_axis(windows.measured, at, axis=1)
 
 
 def _lagged(start: np.ndarray, commands: np.ndarray, lag: float, period: float) -> np.ndarray:

@@ -16,14 +16,14 @@ def tables(result: Causes) -> Group:
     rows = [
         (
             one.effect or "none",
-            ", ".join(one.joints) or "-",
+            ", ".join(one.places) or "-",
             f"{100 * one.belief:.0f} %",
             f"{100 * one.near:.0f} %",
             f"{one.cosine:.3f}",
         )
         for one in result.causes[:SHOWN]
     ]
-    columns = ("effect", "joints", "belief", f"share of the {result.k} nearest", "cosine")
+    columns = ("effect", "place", "belief", f"share of the {result.k} nearest", "cosine")
     beyond = (
         f"What calibration leaves is {number(result.size / max(result.noise, 1e-12))} times what noise leaves. "
         f"The nearest of {result.entries} entries resembles it by {result.resemblance:.3f}."

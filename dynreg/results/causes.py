@@ -4,18 +4,17 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from dynreg.results.diagnosis import EffectOn
 from dynreg.results.result import Cost, Result
 
 
-class LikelyCause(Result):
+class LikelyCause(EffectOn):
     """A cause that the recording may have; effect : its id, "" for none at all.
 
     belief : by the classifier and the nearest entry together; they add up to 1. near : its share of the k nearest
     entries. cosine : of its nearest entry with the recording, and entry : the id of that one.
     """
 
-    effect: str
-    joints: tuple[str, ...]
     belief: float
     near: float
     cosine: float
@@ -57,6 +56,6 @@ class Causes(Result):
         first = self.causes[0]
         if self.outside:
             return f"{self.recording_name}: none of the known causes looks like this."
-        where = f" of {', '.join(first.joints)}" if first.joints else ""
+        where = f" of {', '.join(first.places)}" if first.places else ""
         like = first.effect + where if first.effect else "a robot without effects"
         return f"{self.recording_name} looks like {like}."

@@ -222,7 +222,8 @@ class Noise(Result):
     over the windows. basis : the source of the floor. The stated noise of a planar base includes that of its first
     pose, which the whole path carries along. limit : the ratio up to which it counts as explained, with the sampling
     error of both. white : whether the residual looks like white noise; null where unknown. usual : whether simulated
-    robots without an effect leave as much; null where none were simulated.
+    robots without an effect leave as much; null where none were simulated. explained : whether any of these explains
+    it; null in documents that were stored before that was told.
     """
 
     channel: str
@@ -234,6 +235,7 @@ class Noise(Result):
     limit: float | None = None
     white: bool | None = None
     usual: bool | None = None
+    explained: bool | None = None
 
 
 class ResidualShare(Result):
@@ -384,11 +386,10 @@ class Diagnosis(Result):
 
     @property
     def leaves(self) -> bool:
-        """Whether an error is left that is more than noise; of documents without its limit the verdict says so."""
-        if self.noise is None or self.noise.limit is None or self.noise.ratio is None:
+        """Whether an error is left that is more than noise; of documents that do not tell, the verdict says so."""
+        if self.noise is None or self.noise.explained is None:
             return self.verdict in ("partly_explained", "unknown")
-        white = self.noise.basis == "stated_noise" and bool(self.noise.white)
-        return not (self.noise.ratio <= self.noise.limit or white or bool(self.noise.usual))
+        return not self.noise.explained
 
     @property
     def unexplained(self) -> bool:

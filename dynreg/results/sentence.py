@@ -126,8 +126,11 @@ def _doubt(one: Doubt) -> str:
         case "no_gain":
             return f"with {one.of} the error on held-out data is {change(one.value)}"
         case "unlike":
-            return f"no known cause looks like it (the nearest by {100 * one.value:.0f} %)"
-    return f"it errs {times(one.value)} times as much as joints that hold still or just follow their commands"
+            return (
+                f"no known cause looks like the recording (the nearest shows {100 * one.value:.0f} % of it)"
+            )
+    than = "joints that hold still or just follow their commands"
+    return f"the extended simulator errs {times(one.value)} times as much as {than}"
 
 
 def _listed(parts: Sequence[str]) -> str:

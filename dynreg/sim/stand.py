@@ -25,7 +25,7 @@ ONLY_FREE = ("fall", "gait", "tasks", "populations")
 # than a spring shows, 1 ms by 2.8
 TIMESTEP = 0.001
 TRIED, IDLE = 4, 1e-9  # episodes in which a parameter must change something, by so much of a channel's unit
-_HEADER = re.compile(r"^\s*\[\[?\s*([^\]\s.]+)", re.MULTILINE)
+_HEADER = re.compile(r"^\s*\[\[?\s*([A-Za-z0-9_-]+)[\w.\s-]*\]\]?\s*(?:#.*)?$", re.MULTILINE)
 
 
 def on_stand(robot: Robot) -> Robot:

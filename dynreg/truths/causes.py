@@ -157,9 +157,11 @@ _OTHER: Mapping[str, Cause] = {
         ("stribeck_friction", "coulomb_friction"),
     ),
     # the encoder sits on the motor: neither the drive nor the log sees the play
-    "motor_backlash": Cause({"gap": _angle(0.3, 1.0, 3.0)}, False, ("backlash",)),
+    "motor_backlash": Cause({"gap": _angle(0.3, 1.0, 3.0)}, False, ("motor_backlash", "backlash")),
     "motor_elasticity": Cause(
-        {"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")}, False, ("joint_elasticity",)
+        {"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")},
+        False,
+        ("motor_elasticity", "joint_elasticity"),
     ),
     # the encoder sits on the joint, but the motor's back-EMF brakes the motor, which is free within the play
     "braked_backlash": Cause({"gap": _angle(0.3, 1.0, 3.0)}, False, ("backlash",)),

@@ -48,6 +48,7 @@ def looks_like(
             LikelyCause(
                 effect=cause.effect.id if cause else "",
                 joints=cause.joints if cause else (),
+                bodies=cause.bodies if cause else (),
                 belief=one.share,
                 near=float(np.mean(names[nearest] == one.key)),
                 cosine=one.cosine,

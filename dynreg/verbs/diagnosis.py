@@ -102,7 +102,9 @@ def document(
         finding=finding(seen.where),
         looked=looked(made, seen),
         inseparable=inseparable(made, seen),
-        noise=Noise(**vars(made.evidence.noise), usual=made.evidence.usual),
+        noise=Noise(
+            **vars(made.evidence.noise), usual=made.evidence.usual, explained=made.evidence.explained
+        ),
         **_left(seen),
         experiments=experiments(made),
         parts=_parts(asked, made),

@@ -29,7 +29,7 @@ class ExciteSettings(Settings):
     legs: tuple[str, ...] = option(
         (), "In place of effects: legs that hang free in turn and reverse, or all.", metavar="LEG,...|all"
     )
-    seconds: float | None = option(None, "Length [s].", usual="10, or 40 of each leg", above=0.0)
+    seconds: float | None = option(None, "Length [s].", usual="10, or 25 of each leg", above=0.0)
     seed: int = seed()
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ import pytest
 from test_verdict import evidence, named
 
 from dynreg.diagnose.doubts import PULLED, Doubt, at_bounds, doubts, replaced
-from dynreg.diagnose.judging import Judged
+from dynreg.diagnose.judging import Judged, loosened
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.score import Naming, Scored
@@ -153,7 +153,7 @@ def test_with_a_doubt_no_cause_is_named():
         (Told(kind="small", of="load_friction[arm]", value=0.4), "ends at 40 % of the weak one"),
         (
             Told(kind="no_better", of="", value=1.3),
-            "it errs 1.3 times as much as joints that hold still or just",
+            "the extended simulator errs 1.3 times as much as joints that hold still or just",
         ),
     ],
 )
@@ -166,7 +166,7 @@ def test_a_doubt_is_in_the_sentence(doubt, said):
         and sentence.startswith("load_friction of arm explains part of the error of")
         and ", but " in sentence
     )
-    explained = told.noise.model_copy(update={"ratio": 1.1, "limit": 1.7})
+    explained = told.noise.model_copy(update={"ratio": 1.1, "limit": 1.7, "explained": True})
     sentence = diagnosis_sentence(told.model_copy(update={"noise": explained}))
     assert sentence.startswith("bench_monday points to load_friction of arm, but ") and said in sentence
 
@@ -180,3 +180,17 @@ def test_a_cause_that_raises_the_error_is_told_in_a_line_of_its_own():
     told = told.model_copy(update={"causes": (told.causes[0], worse), "doubts": (doubt,)})
     assert "command_delay" not in diagnosis_sentence(told)
     assert any("command_delay" in line and "do not rely on it" in line for line in diagnosis_details(told))
+
+
+def test_the_unpenalised_rival_is_fitted_with_derivatives_as_wide_as_the_others():
+    """Ten times the tolerance: in these coordinates a tenth of the width is the same change of a parameter."""
+    model = Model(ROBOT, C)
+    wide = loosened(model)
+    steps = [
+        m.coordinates.values(m.accuracy.nominal * np.eye(len(C)))[np.arange(len(C)), C.free]
+        - C.centre[C.free]
+        for m in (model, wide)
+    ]
+    stated = np.isfinite([ROBOT.space.parameters[i].tolerance for i in C.free])
+    assert steps[1][stated] == pytest.approx(steps[0][stated], rel=0.1)
+    assert wide.accuracy.width == model.accuracy.width, "sizes of effects keep their coordinates"

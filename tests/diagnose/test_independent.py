@@ -112,3 +112,16 @@ def test_seeds_of_values_and_of_robots_are_apart(servo):
     """The same robot can hide any cause: its parameters depend on the seed alone."""
     first, other = (hide_independent(servo, c, "medium", 9)[0] for c in ("backlash", None))
     assert np.array_equal(first.parameters, other.parameters)
+
+
+def test_a_cause_between_two_joints_is_named_right_by_their_pair():
+    """The truth couples the last two joints; the library's effect has pairs of neighbours as its only places."""
+    arm = load_robot("two_joint_arm")
+    hidden, _ = hide_independent(arm, "cable_coupling", "medium", 3)
+    assert right_names(arm, hidden) == [{f"cable_coupling[{','.join(arm.driven)}]"}] and not hidden.outside
+
+
+def test_an_encoder_on_the_motor_is_a_right_name_where_it_sits_there():
+    servo = load_robot("servo_pendulum")
+    hidden, _ = hide_independent(servo, "motor_elasticity", "medium", 3)
+    assert right_names(servo, hidden) == [{"motor_elasticity", "joint_elasticity"}]

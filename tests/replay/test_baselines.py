@@ -1,5 +1,7 @@
 """What needs no simulator: a robot that holds still, and joints that follow their commands with a lag."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,3 +40,12 @@ def test_drives_that_are_told_no_positions_follow_nothing():
     cut = windows(robot, log_of(robot, hide(robot, (), None, 5), protocol(robot, seconds=12.5)))
     assert np.isnan(followed(robot, cut, np.arange(len(cut)))).all()
     assert np.isfinite(held(robot, cut)).any()
+
+
+def test_what_is_not_measured_at_a_windows_start_holds_its_first_value(servo):
+    robot, cut = servo
+    late = replace(cut, measured=cut.measured.copy())
+    late.measured[:, 0, 0] = np.nan
+    assert np.array_equal(held(robot, late)[:, -1, 0], cut.measured[:, 1, 0])
+    late.measured[..., 0] = np.nan
+    assert np.isnan(followed(robot, late, np.arange(len(cut)))[..., 0]).all()

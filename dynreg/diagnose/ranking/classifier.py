@@ -39,7 +39,8 @@ class Classifier:
         if len(offset) == 1:  # two classes share one output
             outer, offset = np.concatenate([0 * outer, outer], axis=1), np.append(0.0, offset)
         assert (net.classes_ == every).all()
-        return cls(inner, bias, outer, offset)
+        # as they are kept, so that a kept one ranks as a fresh one
+        return cls(*(np.asarray(a, dtype=np.float32) for a in (inner, bias, outer, offset)))
 
     def logarithms(self, rows: np.ndarray) -> np.ndarray:
         """(n, K) log-probabilities of the classes."""
@@ -49,7 +50,7 @@ class Classifier:
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """Its arrays by name."""
-        return {name: np.asarray(a, dtype=np.float32) for name, a in vars(self).items()}
+        return dict(vars(self))
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Classifier":

@@ -49,7 +49,7 @@ class StandCompliance(Effect):
         return "an engine of the robot moves each joint alone" if "joint" in robot.engines else None
 
     def remodel(self, robot: Robot) -> Robot:
-        return on_stand(robot)
+        return with_stand_hinge(robot)
 
     def configure(self, site: Site, p: Values) -> None:
         joint, dof = _addresses(site.robot)[:2]
@@ -77,7 +77,7 @@ class StandCompliance(Effect):
 
 
 @lru_cache(maxsize=64)  # as the models of `engines.mujoco_model.compiled`
-def on_stand(robot: Robot) -> Robot:
+def with_stand_hinge(robot: Robot) -> Robot:
     """The robot with a model in which a hinge named `STAND` lies between the ground and its base.
 
     Raises SimulationError where the model cannot be taken apart.

@@ -1,7 +1,8 @@
-"""Effects between motor and joint: the motor is a body of its own, or moves two joints.
+"""Effects between motor and joint.
 
-Of backlash and elasticity: the encoder sits on the output, and neither it nor the log sees the motor; or, of
-`motor_backlash` and `motor_elasticity`, on the motor, and neither it nor the log sees the joint. The motor is a part of
+With `backlash` and `joint_elasticity` the encoder sits on the joint, and says nothing of the motor. With
+`motor_backlash` and `motor_elasticity` it sits on the motor, and says nothing of the joint. With `cable_coupling` one
+motor turns with two joints. The motor is a part of
 the joint's reflected inertia (`armature`) and taken off it: the torque that reaches the joint is the drive's, plus what
 the loose transmission passes, minus what a rigid one passes. So a transmission without play and compliance is the plain
 model, to the bit.
