@@ -24,7 +24,7 @@ def excite(
         Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap; with --legs, a new folder.")
     ],
 ) -> None:
-    """Write an experiment that separates two effects, or with which legs hang free.
+    """Write commands that separate effects, or let legs hang free.
 
     The commands keep to the limits of the robot's actions. Play them on the robot, and diagnose the log.
 

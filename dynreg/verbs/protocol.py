@@ -8,7 +8,7 @@ from dynreg.errors import command
 from dynreg.excite.legs import Hanging, HangingLegs
 from dynreg.results.protocol import ExpectedEvidence, LegCommands, LegProtocol
 from dynreg.verbs.experiment import commanded
-from dynreg.verbs.written import new_folder
+from dynreg.verbs.written import new_folder, write_out
 
 ROBOT, README = "robot", "README.md"  # in the folder: the robot on its stand, and the operator's note
 
@@ -81,4 +81,4 @@ def _readme(told: LegProtocol) -> str:
 def _put(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
+        write_out(folder / name, data)

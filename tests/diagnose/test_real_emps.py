@@ -31,7 +31,8 @@ def test_it_names_dry_friction_and_how_viscous_friction_differs_between_directio
     )
     assert [c.effect for c in found.causes] == ["coulomb_friction", "asymmetric_viscous"]
     torque = found.causes[0].parameters["torque"]
-    assert torque.value == pytest.approx(PUBLISHED["coulomb_friction"], rel=0.05) and torque.unit == "N"
+    published = PUBLISHED["coulomb_friction"]  # the interval holds it, and is a tenth of it wide
+    assert torque.low < published < torque.high < torque.low + 0.1 * published and torque.unit == "N"
     assert found.causes[1].parameters["difference"].value < -20.0
     assert found.error.extended < 0.3 * found.error.calibrated < 0.3 * found.error.nominal
     assert not any("PULSES" in name for name in found.parts["fit"] + found.parts["select"])
