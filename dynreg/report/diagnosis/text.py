@@ -32,8 +32,8 @@ ERRORS = {  # columns of the table of errors, and those of them that older resul
     "no prior": "unpenalised",
     "extended": "extended",
     "repeatability": "repeatability",
-    "holds still": "held",
-    "just follows": "followed",
+    "still": "held",
+    "follows": "followed",
 }
 LATER = ("unpenalised", "held", "followed")
 
