@@ -43,14 +43,12 @@ class Cause:
 
     sizes : {parameter: Size}, named as the library's effect names them where `same`. same : the physics is that of
     the library's effect of this id. names : effects that are right names for it; () where it lies outside the library.
-    wheels, arms, joints : whether a robot on wheels, an arm or servo, only one of several joints can have it.
+    joints : how many a robot must have for it.
     """
 
     sizes: Mapping[str, Size]
     same: bool
     names: tuple[str, ...] = ()
-    wheels: bool = False
-    arms: bool = True
     joints: int = 1
 
 
@@ -185,7 +183,7 @@ _OTHER: Mapping[str, Cause] = {
     "cable_coupling": Cause({"stiffness": _torque(0.01, 0.03, 0.08)}, False, ("cable_coupling",), joints=2),
     # the encoder's disc or the gear's last wheel runs out of true: once a turn, in the log and the drive
     "eccentricity": Cause({"error": _angle(0.3, 1.0, 2.5)}, False),
-    "coloured_disturbance": Cause({"torque": _torque(0.015, 0.04, 0.10)}, False, wheels=False),
+    "coloured_disturbance": Cause({"torque": _torque(0.015, 0.04, 0.10)}, False),
 }
 _OTHER_ON_WHEELS: Mapping[str, Cause] = {
     # tyres creep in proportion to what they push, and never hold (Pacejka's linear range)
@@ -199,15 +197,8 @@ _OTHER_ON_WHEELS: Mapping[str, Cause] = {
 
 
 def _table() -> dict[str, Cause]:
-    same = {name: Cause(sizes, True, (name,)) for name, sizes in _SAME.items()}
-    both = {name: Cause(sizes, True, (name,), wheels=True) for name, sizes in _SAME_ON_BOTH.items()}
-    own = {
-        name: Cause(sizes, True, (name,), wheels=True, arms=False) for name, sizes in _SAME_ON_WHEELS.items()
-    }
-    others = {
-        name: Cause(c.sizes, c.same, c.names, wheels=True, arms=False) for name, c in _OTHER_ON_WHEELS.items()
-    }
-    return same | both | own | dict(_OTHER) | others
+    sizes = _SAME | _SAME_ON_BOTH | _SAME_ON_WHEELS
+    return {name: Cause(own, True, (name,)) for name, own in sizes.items()} | _OTHER | _OTHER_ON_WHEELS
 
 
 CAUSES: Mapping[str, Cause] = MappingProxyType(_table())

@@ -55,10 +55,6 @@ class Commands:
         """(E, T) of an input; `usual` where the commands have none."""
         return self.inputs.get(name, np.full(self.actions.shape[:2], usual))
 
-    def setting(self, name: str, usual: float) -> np.ndarray:
-        """(E,) of a setting; `usual` where the commands have none."""
-        return self.settings.get(name, np.full(len(self.actions), usual))
-
 
 @dataclass(frozen=True)
 class Sensor:
