@@ -15,12 +15,12 @@ Robots for reporting have seeds of their own (`REPORT`), apart from those by whi
 
 import argparse
 import json
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from hidden import rows_of
 from journal import Journal
 from scipy.stats import binomtest
 
@@ -31,9 +31,9 @@ from dynreg.neighbours.spending import usual_budget
 from dynreg.replay.data import data
 from dynreg.replay.windows import Replayer, Windows, errors
 from dynreg.results import Neighbours
-from dynreg.rng import stream, stream_seed
+from dynreg.rng import stream
 from dynreg.sim.effects import applicable, placed
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.robot import Robot
 
 FILE = Path(__file__).parent / "results" / "alarm.json"
 TUNE, REPORT = 71, 20261125
@@ -110,20 +110,6 @@ def _values(robot: Robot, answer: Neighbours) -> np.ndarray:
     return robot.space.from_dict(answer.answer_parameters)
 
 
-def rows(name: str, seed: int, many: int, journal: Journal) -> list[dict]:
-    """A row for each hidden robot, those in the journal left as they are."""
-    robot = load_robot(name)
-    seeds = [stream_seed(seed, name, number) % 2**31 for number in range(many)]
-    done = {one["seed"]: one for one in journal.lines()}
-    if set(seeds) - set(done):
-        with tempfile.TemporaryDirectory() as place, dynreg.open(place) as session:
-            population = session.populate(name, SIMULATORS, seed=seed, threads=1).population
-            for one in (one for one in seeds if one not in done):
-                done[one] = journal.add(row(session, robot, one, population))
-                print(json.dumps(done[one]), flush=True)
-    return [done[one] for one in seeds if one in done]
-
-
 def told(name: str, found: list[dict]) -> dict:
     """Print and return the table of a robot: how often the alarm rings, by what the cause does."""
     times = np.array([one["error_with"] / one["error_without"] for one in found])
@@ -169,7 +155,7 @@ def main() -> None:
         head = {"robot": name, "seed": seed, "version": 1}
         journal = Journal(Path(given.journal).with_suffix(f".{name}.{seed}.jsonl"), head)
         journal.begin()
-        found = told(name, rows(name, seed, given.robots or ROBOTS[name], journal))
+        found = told(name, rows_of(name, seed, given.robots or ROBOTS[name], SIMULATORS, journal, row))
         if not given.tune:
             results = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
             FILE.write_text(json.dumps(results | {name: found}, indent=1) + "\n", encoding="utf-8")

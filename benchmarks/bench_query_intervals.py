@@ -10,19 +10,19 @@ Robots for reporting have seeds of their own (`REPORT`), apart from those by whi
 
 import argparse
 import json
-import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from hidden import rows_of
 from journal import Journal
 from scipy.stats import binomtest
 
 import dynreg
 from dynreg.evidence.truth import Hidden, log_of, protocol
 from dynreg.results import Neighbours
-from dynreg.rng import stream, stream_seed
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.rng import stream
+from dynreg.sim.robot import Robot
 
 FILE = Path(__file__).parent / "results" / "query_intervals.json"
 TUNE, REPORT = 71, 20261123
@@ -73,20 +73,11 @@ def row(robot: Robot, truth: Hidden, answer: Neighbours, seconds: float) -> dict
     }
 
 
-def rows(name: str, seed: int, many: int, journal: Journal) -> list[dict]:
-    """A row for each hidden robot, those in the journal left as they are."""
-    robot = load_robot(name)
-    seeds = [stream_seed(seed, name, number) % 2**31 for number in range(many)]
-    done = {one["seed"]: one for one in journal.lines()}
-    if set(seeds) - set(done):
-        with tempfile.TemporaryDirectory() as place, dynreg.open(place) as session:
-            population = session.populate(name, SIMULATORS, seed=seed, threads=1).population
-            for one in (one for one in seeds if one not in done):
-                truth, began = hidden(robot, one), time.perf_counter()
-                answer = asked(session, robot, truth, population)
-                done[one] = journal.add(row(robot, truth, answer, time.perf_counter() - began))
-                print(json.dumps(done[one]), flush=True)
-    return [done[one] for one in seeds]
+def timed_row(session: "dynreg.Session", robot: Robot, seed: int, population: str) -> dict:
+    """The row of the robot of a seed, with the seconds that its query took."""
+    truth, began = hidden(robot, seed), time.perf_counter()
+    answer = asked(session, robot, truth, population)
+    return row(robot, truth, answer, time.perf_counter() - began)
 
 
 def told(name: str, found: list[dict]) -> dict:
@@ -128,7 +119,7 @@ def main() -> None:
         head = {"robot": name, "seed": seed, "version": 1}
         journal = Journal(Path(given.journal).with_suffix(f".{name}.{seed}.jsonl"), head)
         journal.begin()
-        results[name] = told(name, rows(name, seed, given.robots, journal))
+        results[name] = told(name, rows_of(name, seed, given.robots, SIMULATORS, journal, timed_row))
     if not given.tune:
         FILE.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 

@@ -1,14 +1,19 @@
 """Hidden robots for the benchmarks: secret parameters, their logs with sensor noise, unseen test commands."""
 
+import json
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from journal import Journal
 
+import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run, motor_noise
 from dynreg.sim.space import Parameter, ParameterSpace
 
@@ -22,6 +27,25 @@ OUTSIDE = (
         "contact_time", "s", 0.02, 0.012, 0.04, "linear", np.inf, ("mj.geom_solref[*_foot,ground][0] =",)
     ),
 )
+
+
+def rows_of(
+    name: str, seed: int, many: int, simulators: int, journal: Journal, row: Callable[..., dict]
+) -> list[dict]:
+    """`row(session, robot, seed, population)` of each hidden robot, those in the journal left as they are.
+
+    They are asked about in a population of so many `simulators`, made where a row is missing.
+    """
+    robot = load_robot(name)
+    seeds = [stream_seed(seed, name, number) % 2**31 for number in range(many)]
+    done = {one["seed"]: one for one in journal.lines()}
+    if set(seeds) - set(done):
+        with tempfile.TemporaryDirectory() as place, dynreg.open(place) as session:
+            population = session.populate(name, simulators, seed=seed, threads=1).population
+            for one in (one for one in seeds if one not in done):
+                done[one] = journal.add(row(session, robot, one, population))
+                print(json.dumps(done[one]), flush=True)
+    return [done[one] for one in seeds if one in done]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from wired import wired
 
 from dynreg.errors import UsageError
 from dynreg.sim.effects import Terms, effects, placed, term
@@ -32,13 +33,7 @@ def model_text(tendon: str = "") -> str:
 def made(path: Path, engines: str = '["mujoco"]') -> Robot:
     (path / "model.xml").write_text(model_text(), encoding="utf-8")
     toml = f'[robot]\nname = "wrist"\nengines = {engines}\ncontrol_rate = {RATE}\ntimestep = {STEP}\n'
-    toml += '[[parameters]]\nname = "friction"\nunit = "N*m"\nnominal = 0.0\nlow = -1.0\nhigh = 1.0\n'
-    toml += 'sets = ["port.friction.coulomb[*] +="]\n'
-    for name in JOINTS:
-        toml += f'[[drives]]\njoint = "{name}"\ntype = "position"\ngain = {GAIN}\nrate_gain = {RATE_GAIN}\n'
-        toml += f'[[actions]]\nname = "{name}/target"\nunit = "rad"\n'
-        toml += f'[[channels]]\nname = "{name}/position"\nunit = "rad"\n'
-    (path / "robot.toml").write_text(toml, encoding="utf-8")
+    (path / "robot.toml").write_text(toml + wired(JOINTS, GAIN, RATE_GAIN), encoding="utf-8")
     return load_robot(path)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from wired import wired
 
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Terms, effects, term
@@ -39,13 +40,8 @@ def model_text(stand: str = "", close: str = "", where: tuple = AT, key: str = "
 def made(path: Path, engines: str = '["mujoco"]') -> Robot:
     (path / "model.xml").write_text(model_text(), encoding="utf-8")
     toml = f'[robot]\nname = "arm"\nengines = {engines}\ncontrol_rate = {RATE}\ntimestep = {STEP}\n'
-    toml += '[reset]\nkeyframe = "start"\n[[parameters]]\nname = "friction"\nunit = "N*m"\nnominal = 0.0\nlow = -1.0\n'
-    toml += 'high = 1.0\nsets = ["port.friction.coulomb[*] +="]\n'
-    for name in JOINTS:
-        toml += f'[[drives]]\njoint = "{name}"\ntype = "position"\ngain = {GAIN}\nrate_gain = {RATE_GAIN}\n'
-        toml += f'[[actions]]\nname = "{name}/target"\nunit = "rad"\n'
-        toml += f'[[channels]]\nname = "{name}/position"\nunit = "rad"\n'
-    (path / "robot.toml").write_text(toml, encoding="utf-8")
+    toml += '[reset]\nkeyframe = "start"\n'
+    (path / "robot.toml").write_text(toml + wired(JOINTS, GAIN, RATE_GAIN), encoding="utf-8")
     return load_robot(path)
 
 
