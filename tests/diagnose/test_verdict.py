@@ -4,9 +4,20 @@ import numpy as np
 import pytest
 
 from dynreg.diagnose.score import Naming, Scored
-from dynreg.diagnose.verdict import EXPLAINED, Evidence, Noise, remaining, rivals, verdict_of
+from dynreg.diagnose.verdict import (
+    EXPLAINED,
+    Evidence,
+    Left,
+    Noise,
+    most_left,
+    noise_of,
+    remaining,
+    rivals,
+    verdict_of,
+)
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.point import Point
+from dynreg.replay.repeatability import Repeatability
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -67,3 +78,34 @@ def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():
     assert remaining(10.0 * slipped, rough=True) == pytest.approx(10.0 * remaining(slipped, rough=True))
     slipped[2] = np.nan
     assert remaining(slipped, rough=True) < 1.6 * 0.01
+
+
+def repeats(spread: float | None, independent: float = 0.0) -> Repeatability:
+    return Repeatability("arm/position", "rad", spread, 0.001, 2, 500, independent)
+
+
+def left(size: float, samples: float) -> Left:
+    return Left(column=0, size=size, stated=0.001, samples=samples, white=False)
+
+
+def test_the_limit_allows_for_the_sampling_error_of_residual_and_floor():
+    """A ratio of 1.7 by five samples on either side is chance; by five hundred it is an error."""
+    servo = load_robot("servo_pendulum")
+    few, many = (noise_of(servo, left(0.0017, n), repeats(0.001, n), 1) for n in (5.0, 500.0))
+    assert few.ratio == many.ratio == pytest.approx(1.7)
+    assert Evidence(few, {}).explained and not Evidence(many, {}).explained
+    assert many.limit == pytest.approx(EXPLAINED, rel=0.1) and few.limit > 2.0 * EXPLAINED
+    by_noise = noise_of(servo, left(0.0017, 5.0), repeats(None), 1)
+    assert by_noise.basis == "stated_noise" and EXPLAINED < by_noise.limit < few.limit, (
+        "stated, it has no error"
+    )
+    assert noise_of(servo, left(0.0017, 5.0), repeats(0.001, 5.0), 6).limit > few.limit, (
+        "of six, one may be large"
+    )
+
+
+def test_what_robots_without_an_effect_leave_as_well_is_explained():
+    noise = evidence(3.0 * EXPLAINED).noise
+    for usual, explained in ((True, True), (False, False), (None, False)):
+        assert Evidence(noise, {}, usual).explained is explained
+    assert most_left([left(0.002, 9.0), left(0.003, 9.0)]) == pytest.approx(3.0)

@@ -1,6 +1,6 @@
 """Nouns of a diagnosis: frozen; and what a model's own time step does to its rollouts is taken off, in a new model."""
 
-from dataclasses import FrozenInstanceError, fields, is_dataclass
+from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -139,3 +139,17 @@ def test_a_robot_on_its_feet_is_fine_and_cut_from_the_start():
     assert legged.fine and legged.sides == 2 and legged.segment and legged.finer / legged.slopes == 2.0
     assert not hanging.fine and hanging.sides == 1 and hanging.segment is None and hanging.finer > 1.0
     assert rough(load_robot("leg")).fine and rough(load_robot("leg")).segment is None
+
+
+def test_what_the_finer_step_itself_still_lacks_is_extrapolated():
+    """By the order of the error: what is left lies nearer to a step that is eight times finer still."""
+    model, data, hidden = in_the_air()
+    truth, sample = true_point(model, hidden), data.sample(data.fit)
+    refined = run(model.corrected([truth], data))
+    (extrapolated,) = run(refined.residuals([truth], sample))
+    fine, finest = (
+        run(replace(model, finely=model.accuracy.finer * more).residuals([truth], sample))[0]
+        for more in (1, 8)
+    )
+    size = lambda apart: float(np.sqrt(np.nanmean(apart**2)))  # noqa: E731
+    assert size(extrapolated - finest) < 0.5 * size(fine - finest)
