@@ -194,3 +194,19 @@ def test_the_unpenalised_rival_is_fitted_with_derivatives_as_wide_as_the_others(
     stated = np.isfinite([ROBOT.space.parameters[i].tolerance for i in C.free])
     assert steps[1][stated] == pytest.approx(steps[0][stated], rel=0.1)
     assert wide.accuracy.width == model.accuracy.width, "sizes of effects keep their coordinates"
+
+
+def test_a_cause_that_does_worse_than_the_better_calibration_is_told_by_that_gain():
+    """It errs less than the calibrated simulator by 40 %, and by half more than the unpenalised one."""
+    (one,) = doubts(state(), judged(0.9, 0.5, 0.2, 0.3))
+    assert one.kind == "no_gain" and one.value == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_size_that_a_simpler_effect_has_too_makes_no_cause_large():
+    """Asymmetric friction without a difference is dry friction, however much of it there is."""
+    lopsided = Hypothesis((term("asymmetric_friction"),))
+    sizes = np.array([3.0 if p.shared else 1e-3 for p in lopsided.parameters])
+    point = Point(lopsided, np.zeros(len(FREE)), sizes)
+    naming = Naming(Scored(state().base, 0.0), (), Scored(point, 60.0), ())
+    (one,) = doubts(replace(state(), current=point, rounds=(naming,)), FINE)
+    assert one.kind == "small" and one.value < 0.01

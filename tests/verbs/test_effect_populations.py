@@ -1,8 +1,10 @@
 """Populations of effects in a registry: grown, asked, used by diagnoses; and nobody takes them for models."""
 
+from dataclasses import replace
+
 import pytest
 
-from dynreg.diagnose.guided import kept
+from dynreg.diagnose.guided import keep, kept
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.session import Session, open
@@ -84,6 +86,14 @@ def test_a_diagnosis_finds_it_under_the_same_commands_alone(session, grown) -> N
     for name, there in (("monday", True), ("tuesday", False)):
         given = posed(recorded(session.registry, name, None, None, ingest=False), 0, 1)
         assert (kept(given.problem, given.noise, session.registry) is not None) == there
+
+
+def test_a_smaller_population_takes_no_larger_ones_place(session, grown) -> None:
+    given = posed(recorded(session.registry, "monday", None, None, ingest=False), 0, 1)
+    whole = kept(given.problem, given.noise, session.registry)
+    fewer = replace(whole, carried=whole.carried[:50])
+    keep(fewer, given.problem, given.noise, session.registry)
+    assert len(fewer) == 50 and len(kept(given.problem, given.noise, session.registry)) == len(whole) == MORE
 
 
 def test_a_diagnosis_tells_what_the_recording_looks_like(session, grown) -> None:
