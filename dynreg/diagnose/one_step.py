@@ -136,7 +136,7 @@ def _accelerations(
 def beside_each(robot: Robot) -> dict[str, tuple[str, ...]]:
     """{joint: the joints before and after it}: a cable or a gear that passes through one moves the other."""
     out: dict[str, tuple[str, ...]] = {}
-    for first, second in () if robot.planar else neighbours(robot):
+    for first, second in neighbours(robot):
         out[first] = (*out.get(first, ()), second)
         out[second] = (*out.get(second, ()), first)
     return out
@@ -168,9 +168,8 @@ def _signals(
         "time": steps[None] + (0.0 if begin is None else begin[:, None]),
     }
     for other in beside:
-        own_name = f"{other.joint}/"
-        out |= {f"{own_name}position": other.position, f"{own_name}velocity": other.velocity}
-        out |= {f"{own_name}sign_of_velocity": _way(other)}
+        theirs = {"position": other.position, "velocity": other.velocity, "sign_of_velocity": _way(other)}
+        out |= {f"{other.joint}/{name}": signal for name, signal in theirs.items()}
     run = windows.run
     if run.inputs is not None:
         out |= {name: run.inputs[..., i] for i, name in enumerate(robot.inputs)}

@@ -50,14 +50,6 @@ def populate(
 
     Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
     """
-    from numpy import median
-
-    from dynreg.distance.population import Training
-    from dynreg.neighbours.entries import Stopwatch
-    from dynreg.results.stored import PopulationSummary
-    from dynreg.sim.robot import with_population
-    from dynreg.verbs.populations import Plan, begin, fill, link
-
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
     registry.check_writable()
@@ -69,6 +61,26 @@ def populate(
         )
     if settings.effects:
         return with_effects(registry, robot, n, settings, progress)
+    return with_models(registry, robot, n, settings, training, progress)
+
+
+def with_models(
+    registry: "Registry",
+    robot: "Robot",
+    n: int,
+    settings: PopulateSettings,
+    training: "Training | None",
+    progress: Progress | None,
+) -> "PopulationSummary":
+    """Extend a population of simulators with a dynamics model each to n entries; see `populate`."""
+    from numpy import median
+
+    from dynreg.distance.population import Training
+    from dynreg.neighbours.entries import Stopwatch
+    from dynreg.results.stored import PopulationSummary
+    from dynreg.sim.robot import with_population
+    from dynreg.verbs.populations import Plan, begin, fill, link
+
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
