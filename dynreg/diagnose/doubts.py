@@ -8,7 +8,7 @@ import numpy as np
 from dynreg.diagnose.judging import Judged
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.ranking.population import Ranking
-from dynreg.diagnose.score import Naming
+from dynreg.diagnose.score import INSTEAD, Naming
 from dynreg.evidence.estimate import EDGE
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, weak_coordinate, worth_naming
 from dynreg.evidence.point import Point
@@ -16,7 +16,6 @@ from dynreg.evidence.point import Point
 PULLED = (
     3.0  # sigma of its nameplate, beyond which a parameter more likely makes up for something: by contract
 )
-INSTEAD = 0.5  # of a cause's evidence, from which on parameters could stand in for it: by definition
 
 Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better", "unlike"]
 

@@ -1,7 +1,7 @@
 """Score: the evidence of each hypothesis over the model without its last term, and the equivalents of the best."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ PER_PARAMETER = 2.0  # nats: the price of a parameter of an effect
 NEAR = 0.05  # share of the best score (but at least FEW nats) within which fewer parameters are preferred
 FEW = 3.0
 BEYOND = 5.0  # nats that fit may gain beyond twice the gain on select: more is fitted noise
+INSTEAD = 0.5  # of a cause's evidence, from which on parameters could stand in for it: by definition
 NATS = 15.0  # nats (or the share NEAR) within which hypotheses count as equal
 
 
@@ -109,3 +110,11 @@ def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
     within = max(NEAR * top, NATS)
     equal = tuple(s for s in ranking if s.nats >= top - within and s is not best)
     return Naming(start, ranking, best, equal)
+
+
+def lowered(naming: Naming, nats: float) -> Naming:
+    """The naming with `nats` less of evidence for every hypothesis."""
+    less = {s.key: replace(s, nats=s.nats - nats) for s in naming.ranking}
+    chosen = None if naming.chosen is None else less[naming.chosen.key]
+    equivalent = tuple(less[s.key] for s in naming.equivalent)
+    return replace(naming, ranking=tuple(less.values()), chosen=chosen, equivalent=equivalent)

@@ -9,15 +9,22 @@ import numpy as np
 TAIL, TENTH = 5, 10  # number of scores, and at least one in so many of all
 
 
-def exceeded(scores: Sequence[float], share: float) -> float:
-    """The score that a share of robots exceeds, from an exponential tail fitted to the largest scores.
+def exceeded(scores: Sequence[float], share: float, confidence: float = 0.5) -> float:
+    """The score that at most a share of robots exceeds, from an exponential tail fitted to the largest scores.
 
     The excess over a high threshold is nearly exponential (J. Pickands, Statistical Inference Using Extreme Order
     Statistics, Ann. Stat. 3, 1975). The largest score alone would make the threshold depend on one robot.
+
+    confidence : that no more do. Twice the sum of k excesses over their mean is chi-squared with 2 k degrees of
+    freedom; 0.5 takes the mean as it is.
     """
+    from scipy.stats import chi2
+
     largest = np.sort(scores)[::-1]
     tail = min(max(TAIL, len(largest) // TENTH), len(largest) - 1)
     if tail == 0:
         return float(largest[0])
     excess = float(np.mean(largest[:tail] - largest[tail]))
+    if confidence != 0.5:
+        excess *= 2 * tail / chi2.ppf(1.0 - confidence, 2 * tail)
     return float(largest[tail]) + excess * np.log(tail / len(largest) / share)

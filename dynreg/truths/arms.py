@@ -36,6 +36,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     },
     "asymmetric_friction": {"mean": "coulomb", "difference": "asymmetric"},
     "friction_drift": {"rate": "drift"},
+    "friction_patch": {"torque": "patch", "angle": "patch_at", "width": "patch_wide"},
     "quadratic_drag": {"coefficient": "drag"},
     "speed_limit": {"no_load_speed": "no_load_speed"},
     "voltage_sag": {"sag": "sag"},
@@ -53,7 +54,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "braked_elasticity": {"compliance": "compliance"},
     "inertia": {"armature": "armature"},
     "encoder_offset": {"offset": "offset"},
-    "eccentricity": {"error": "eccentric"},
+    "encoder_eccentricity": {"sine": "eccentric", "cosine": "eccentric_cosine"},
     "command_delay": {"delay": "command_delay"},
     "command_gain": {"gain": "command_gain"},
     "command_lag": {"time": "command_lag"},
@@ -63,7 +64,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "feedback_delay": {"delay": "feedback_delay"},
     "torque_lag": {"time": "torque_lag"},
 }
-_SET = ("fades", "bend", "no_load_speed", "rate_limit", "profile_speed", "profile_acceleration")  # not added
+_SET = ("fades", "bend", "no_load_speed", "rate_limit", "profile_speed", "profile_acceleration", "patch_wide")
 _COUNTS = {"cogging_7": 7.0, "cogging_24": 24.0}  # a turn
 # causes of the whole robot, which `Arm` and `_episode_of` read
 _WHOLE = (
@@ -145,23 +146,21 @@ class Arm:
         late = values["delay"] if cause == "sensor_delay" else 0.0
         at = np.maximum(np.arange(steps + 1) * count - round(late / period * count), 0)
         angle, speed = told[at, 0], told[at, 1]
-        reading = x[row["scale"]] * (angle + x[row["offset"]]) + x[row["eccentric"]] * np.sin(angle)
-        rate = speed * (x[row["scale"]] + x[row["eccentric"]] * np.cos(angle))
+        off, more = _wobble(x, angle)
+        reading = x[row["scale"]] * (angle + x[row["offset"]]) + off
+        rate = speed * (x[row["scale"]] + more)
         return np.concatenate([reading, rate], axis=1)
 
     def _start(self, commands: Commands, e: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n,), (n,) angles and speeds that the readings of the start tell."""
-        n, scale, offset, eccentric = (
-            len(self.joints),
-            *(x[ROWS.index(r)] for r in ("scale", "offset", "eccentric")),
-        )
+        n, scale, offset = len(self.joints), x[ROWS.index("scale")], x[ROWS.index("offset")]
         home = scale * (self.home + offset)
         first = np.concatenate([home, np.zeros(n)]) if commands.initial is None else commands.initial[e]
         first = np.where(np.isnan(first), np.concatenate([home, np.zeros(n)]), first)
         angle = first[:n] / scale - offset
         for _ in range(20):  # a disc that runs out of true by a few degrees: each turn gains a digit
-            angle = (first[:n] - eccentric * np.sin(angle)) / scale - offset
-        return angle, first[n:] / (scale + eccentric * np.cos(angle))
+            angle = (first[:n] - _wobble(x, angle)[0]) / scale - offset
+        return angle, first[n:] / (scale + _wobble(x, angle)[1])
 
     def _links(self, truth: Truth, settings: Mapping[str, float]) -> Chain:
         """The links with the cause in them."""
@@ -206,6 +205,12 @@ class Arm:
             at = [self.joints.index(j) for j in truth.joints] or list(range(len(self.joints)))
             push[..., at] += truth.values["torque"] * coloured(rng, shape, commands.period)[..., at]
         return push
+
+
+def _wobble(x: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(..., n), (..., n) [rad] what encoders that run out of true read too much at an angle, and its slope."""
+    sine, cosine = x[ROWS.index("eccentric")], x[ROWS.index("eccentric_cosine")]
+    return sine * np.sin(angle) + cosine * np.cos(angle), sine * np.cos(angle) - cosine * np.sin(angle)
 
 
 def coloured(rng: np.random.Generator, shape: tuple[int, int, int], period: float) -> np.ndarray:

@@ -118,6 +118,10 @@ _SAME: Mapping[str, Cause] = {
     "com_offset": {"shift": Size(0.0175, 0.0524, 0.14, "length", signed=True)},
     "inertia": {"armature": Size(0.10, 0.30, 0.70, "inertia")},
     "gravity_tilt": {"angle": _angle(1.0, 3.0, 8.0, signed=True)},
+    "encoder_eccentricity": {
+        "sine": _angle(0.2, 0.7, 1.8, signed=True),
+        "cosine": _angle(0.2, 0.7, 1.8, signed=True),
+    },
     "encoder_offset": {"offset": _angle(1.0, 3.0, 8.0, signed=True)},
     "clock_error": {"error": Size(0.01, 0.03, 0.08, signed=True)},
 }
@@ -181,8 +185,15 @@ _OTHER: Mapping[str, Cause] = {
         {"compliance": Size(0.0125, 0.0375, 0.1125, "stiffness")}, False, ("stand_compliance",)
     ),
     "cable_coupling": Cause({"stiffness": _torque(0.01, 0.03, 0.08)}, False, ("cable_coupling",), joints=2),
-    # the encoder's disc or the gear's last wheel runs out of true: once a turn, in the log and the drive
-    "eccentricity": Cause({"error": _angle(0.3, 1.0, 2.5)}, False),
+    # a worn tooth, a dry spot of a bearing: dry friction that is larger about one angle
+    "friction_patch": Cause(
+        {
+            "torque": _torque(0.03, 0.08, 0.2),
+            "angle": Size(0.5, 0.5, 0.5, shape=True, signed=True),
+            "width": Size(0.15, 0.15, 0.15, shape=True),
+        },
+        False,
+    ),
     "coloured_disturbance": Cause({"torque": _torque(0.015, 0.04, 0.10)}, False),
 }
 _OTHER_ON_WHEELS: Mapping[str, Cause] = {
@@ -221,7 +232,7 @@ def drawn(name: str, size: str, units: Units, seed: int) -> dict[str, float]:
         value = getattr(s, size) * units.of(s.per)
         if s.shape:
             value *= SPREAD ** rng.uniform(-0.5, 0.5)
-        elif s.signed:
+        if s.signed:
             value *= rng.choice([-1.0, 1.0])
         values[key] = float(value)
     return values

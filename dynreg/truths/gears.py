@@ -22,6 +22,9 @@ from dynreg.truths.rows import (
     LOAD_GROWTH,
     MOTOR_SIDE,
     OMEGA,
+    PATCH,
+    PATCH_AT,
+    PATCH_WIDE,
     THETA,
 )
 
@@ -31,10 +34,11 @@ CONTACT = 0.2  # of a flank's natural frequency times the time step: as hard as 
 RING = 0.5  # damping ratio of gears and bristles
 
 
-def dry(x, i, v, given, net, bias, limit, time):
-    """[N m] bound of dry friction at a speed v, where a motor gives `net` and the load takes `bias`."""
+def dry(x, i, q, v, given, net, bias, limit, time):
+    """[N m] bound of dry friction at an angle q and a speed v, where a motor gives `net` and the load takes `bias`."""
     carried = 0.5 * abs(net + bias)
     bound = x[COULOMB, i] + x[EXTRA, i] * np.exp(-((v / x[FADES, i]) ** 2)) + x[DRIFT, i] * time
+    bound += x[PATCH, i] * np.exp(-(((q - x[PATCH_AT, i]) / x[PATCH_WIDE, i]) ** 2))
     share = x[LOAD, i] + x[LOAD_EXTRA, i] * np.exp(-abs(v) / x[FADES, i])
     bound += (share + x[LOAD_GROWTH, i] * min(carried / limit, 1.0)) * carried
     if x[ASYMMETRIC, i] != 0.0:

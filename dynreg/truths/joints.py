@@ -19,6 +19,7 @@ from dynreg.truths.rows import (
     COMMAND_GAIN,
     COMPLIANCE,
     ECCENTRIC,
+    ECCENTRIC_COSINE,
     EMF_OUTSIDE,
     FEEDBACK_DELAY,
     GAP,
@@ -115,7 +116,8 @@ def _loose(x, i):
 
 
 def _reading(x, i, angle):
-    return x[SCALE, i] * (angle + x[OFFSET, i]) + x[ECCENTRIC, i] * np.sin(angle)
+    wobble = x[ECCENTRIC, i] * np.sin(angle) + x[ECCENTRIC_COSINE, i] * np.cos(angle)
+    return x[SCALE, i] * (angle + x[OFFSET, i]) + wobble
 
 
 def _begun(x, q, v, commands):
@@ -149,7 +151,7 @@ def _act(x, y, i, s, given, emf, limit, time, k, h, Q, V, M, bias, right, dampin
     """Write what motor i, its gear and its friction do to joint i + s: torque, damping, dry friction, inertia."""
     j, loose = i + s, _loose(x, i)
     turns = y[OMEGA, i] if loose and x[EMF_OUTSIDE, i] < 0.5 else V[j]
-    most = dry(x, i, V[j], given, given - emf * turns, bias[j], limit, time)
+    most = dry(x, i, Q[j], V[j], given, given - emf * turns, bias[j], limit, time)
     damping[j] += x[VISCOUS, i]
     if x[BEND, i] > 0.0:
         torque, fine = bristles(x, y, i, V[j], most, M[j, j], h)

@@ -12,9 +12,10 @@ ROWS = (
     "viscous",  # N m s/rad
     "lopsided",  # N m s/rad, against one way and for the other
     "coulomb",  # N m
-    "scale",  # of the encoder: reading = scale (q + offset) + eccentric sin(q)
+    "scale",  # of the encoder: reading = scale (q + offset) + eccentric sin(q) + eccentric_cosine cos(q)
     "offset",
     "eccentric",
+    "eccentric_cosine",
     "command_delay",  # s
     "command_gain",
     "command_lag",  # s
@@ -40,6 +41,9 @@ ROWS = (
     "fades",  # rad/s
     "asymmetric",  # N m
     "drift",  # N m/s
+    "patch",  # N m, dry, at its worst place
+    "patch_at",  # rad
+    "patch_wide",  # rad
     "bend",  # rad; 0 for dry friction without bristles
     "gap",  # rad
     "compliance",  # rad/(N m)
@@ -58,6 +62,7 @@ ROWS = (
     SCALE,
     OFFSET,
     ECCENTRIC,
+    ECCENTRIC_COSINE,
     COMMAND_DELAY,
     COMMAND_GAIN,
     COMMAND_LAG,
@@ -83,6 +88,9 @@ ROWS = (
     FADES,
     ASYMMETRIC,
     DRIFT,
+    PATCH,
+    PATCH_AT,
+    PATCH_WIDE,
     BEND,
     GAP,
     COMPLIANCE,
@@ -106,7 +114,7 @@ THETA, OMEGA, SMOOTH, LIMITED, PROFILE, PACE, TORQUE, BRISTLE = range(len(STATE)
 def plain(n: int) -> np.ndarray:
     """(rows, n) of joints without drives, friction and causes."""
     x = np.zeros((len(ROWS), n))
-    for row in (SCALE, COMMAND_GAIN, FADES, LIMIT):
+    for row in (SCALE, COMMAND_GAIN, FADES, LIMIT, PATCH_WIDE):
         x[row] = 1.0
     for row in (RATE_LIMIT, PROFILE_SPEED, PROFILE_ACCELERATION, NO_LOAD_SPEED):
         x[row] = np.inf

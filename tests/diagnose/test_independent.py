@@ -37,7 +37,7 @@ def test_names_of_other_physics_are_any_of_several(servo):
 
 
 def test_what_has_no_name_lies_outside(servo):
-    hidden, _ = hide_independent(servo, "eccentricity", "medium", 5)
+    hidden, _ = hide_independent(servo, "friction_patch", "medium", 5)
     assert hidden.outside and hidden.anything and right_names(servo, hidden) == []
 
 

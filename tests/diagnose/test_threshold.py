@@ -329,6 +329,12 @@ def test_the_level_is_what_one_robot_in_a_hundred_exceeds():
     assert level([0.0, 0.1]) == LEAST and exceeded([3.0], 0.01) == 3.0 and exceeded([1.0, 9.0], 0.01) > 9.0
 
 
+def test_few_robots_set_a_level_that_is_seldom_too_low():
+    rng = np.random.default_rng(0)
+    levels = [level(rng.exponential(5.0, 20)) for _ in range(400)]
+    assert 0.75 < np.mean(np.array(levels) > 5.0 * np.log(100.0)) < 0.9
+
+
 def test_where_nothing_was_simulated_the_usual_threshold_holds(case):
     asked = replace(case.options, threshold_runs=0)
     assert run(counted(threshold(case.problem, case.recording, asked)))[0].nats == USUAL

@@ -30,7 +30,7 @@ def by_truth(commands: Commands, cause: str | None = None, **values: float) -> n
 def test_bristles_bend_before_they_slide():
     x, y = plain(1), np.zeros((len(STATE), 1))
     x[ROWS.index("coulomb")], x[ROWS.index("bend")] = 0.5, 0.01
-    bound = dry(x, 0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    bound = dry(x, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     assert bound == pytest.approx(0.5)
     torque, _ = bristles(x, y, 0, 0.1, bound, 0.01, 1e-3)
     assert torque == pytest.approx(0.5 / 0.01 * 1e-4, rel=0.02), "a spring at first"
@@ -68,7 +68,6 @@ def test_an_encoder_on_the_motor_does_not_see_the_play():
         ("feedback_delay", {"delay": 0.0}),
         ("torque_lag", {"time": 1e-7}),
         ("soft_stand", {"compliance": 1e-5}),
-        ("eccentricity", {"error": 0.0}),
         ("profile_speed", {"speed": 1e4, "acceleration": 1e8}),
     ],
 )
@@ -99,14 +98,24 @@ def test_heat_builds_up_through_rests_and_the_librarys_does_not():
 
 def test_eccentricity_is_an_error_once_a_turn():
     commands = commands_of(SERVO, 2)
-    reading = by_truth(commands, "eccentricity", error=0.05)
+    reading = by_truth(commands, "encoder_eccentricity", sine=0.05, cosine=0.03)
     assert reading[:, 0, 0] == pytest.approx(commands.initial[:, 0]), "the log begins where it says"
     # at rest under its own weight alone, where the servo is told: the joint stands where the disc reads the target
     enabled = {"arm/enabled": np.zeros((1, 2000))}
     hanging = Commands(np.zeros((1, 2000, 1)), 0.01, np.zeros(1), np.array([[0.5, 0.0]]), enabled)
     for error in (0.0, 0.05):
-        swings = by_truth(hanging, "eccentricity", error=error)[0, :, 0]
+        swings = by_truth(hanging, "encoder_eccentricity", sine=error, cosine=0.0)[0, :, 0]
         assert swings[0] == pytest.approx(0.5) and abs(swings[-1]) < 0.06
+
+
+def test_a_patch_of_friction_holds_a_joint_where_it_is_and_nowhere_else():
+    """Told to turn by a little: within the patch it stays, elsewhere it goes."""
+    patch = {"torque": 0.5, "angle": 0.6, "width": 0.1}
+    for begin, stays in ((0.6, True), (-0.6, False)):
+        start = Commands(np.full((1, 60, 1), begin + 0.1), 0.01, np.zeros(1), np.array([[begin, 0.0]]))
+        moved = [by_truth(start, *of)[0, -1, 0] - begin for of in ((),)]
+        held_by = by_truth(start, "friction_patch", **patch)[0, -1, 0] - begin
+        assert abs(moved[0]) > 0.02 and (abs(held_by) < 0.3 * abs(moved[0])) == stays
 
 
 @pytest.mark.parametrize(("cause", "count"), [("cogging", 12), ("cogging_7", 7), ("cogging_24", 24)])

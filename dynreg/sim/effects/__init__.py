@@ -66,6 +66,7 @@ _PACKAGED = (
     wheels.WheelSlip,
     sensor.EncoderOffset,
     sensor.EncoderScale,
+    sensor.EncoderEccentricity,
     sensor.SensorDelay,
     sensor.ClockError,
     sensor.ImuMisalignment,

@@ -148,8 +148,8 @@ class Effect:
     feedback(q, v, x, p) : (rows, joints) position and speed that the drive's encoder says -> those that its loop sees.
     begin(robot, batch, rows) : change the state in which an episode starts, in a mujoco.batch.Batch of that model.
     command(u, x, p) : (rows, joints) commands -> commands.
-    encoder(x, p) : how far ahead of the joint the encoder's shaft stands [rad] and how much faster it turns, (rows,
-        joints) each, for an encoder that does not sit on the joint. It is asked at first, when `x.torque` is what the
+    encoder(x, p) : how far ahead of the joint the encoder stands [rad] and how much faster it turns, (rows, joints)
+        each, for one that does not sit on the joint, or runs out of true. It is asked at first, when `x.torque` is what the
         drive gives, then after every time step. Both the loop and the log have what the encoder says.
     drive(torque, x, p) : (rows, joints) drive torque -> torque that reaches the joint.
     friction(x, p) : (rows, joints) dry friction [N m] to add to the bound, at the present speed and load.

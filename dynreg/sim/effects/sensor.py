@@ -3,7 +3,7 @@
 import numpy as np
 
 from dynreg.data.names import quantity_of
-from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, OfAnyDrive, Site, Values
+from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, OfAnyDrive, Site, Values
 from dynreg.sim.robot import Robot
 
 
@@ -31,7 +31,7 @@ class EncoderScale(Effect):
     parameters = (
         EffectParameter("error", "1", "relative error of angles", 0.01, 0.03, 0.08, 0.4, signed=True),
     )
-    near = ("command_gain",)
+    near = ("command_gain", "encoder_eccentricity")
     separate_by = "hold three distant targets without load and measure the angles by hand"
 
     def why_not(self, robot: Robot) -> str | None:
@@ -42,6 +42,29 @@ class EncoderScale(Effect):
 
     def configure(self, site: Site, p: Values) -> None:
         site.sensor("scale", lambda s: s * (1.0 + p["error"]))
+
+
+class EncoderEccentricity(Effect):
+    """Encoders read q + sine sin q + cosine cos q, to the servo and to the log: the disc or the gear runs out of true.
+
+    Over less than half a turn it looks like a scale that is off, and an offset.
+    """
+
+    id, acts_on, title = "encoder_eccentricity", "sensor", "the encoder's disc runs out of true"
+    parameters = (
+        EffectParameter(
+            "sine", "rad", "error in sin(q)", 0.2 * DEGREE, 0.7 * DEGREE, 1.8 * DEGREE, 0.3, signed=True
+        ),
+        EffectParameter(
+            "cosine", "rad", "error in cos(q)", 0.2 * DEGREE, 0.7 * DEGREE, 1.8 * DEGREE, 0.3, signed=True
+        ),
+    )
+    near = ("encoder_scale", "encoder_offset")
+    separate_by = "slow sweeps of the whole turn, and an angle measured by hand at each quarter"
+
+    def encoder(self, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:
+        sine, cosine = np.sin(x.q), np.cos(x.q)
+        return p["sine"] * sine + p["cosine"] * cosine, (p["sine"] * cosine - p["cosine"] * sine) * x.v
 
 
 class SensorDelay(OfAnyDrive):
