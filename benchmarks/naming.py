@@ -30,7 +30,7 @@ PARTS = 10  # in which the threshold's robots are simulated
 MANY = 100  # trials: with more, a line tells of fifty
 NOTHING = "nothing"  # hidden or named
 TRUTHS = ("own", "independent")  # code of the hidden robots: the library's, or other
-RATES = ("right", "joint_right", "covered", "wrong", "false_alarm", "not_none", "outside", "in_set")
+RATES = ("right", "in_part", "joint_right", "covered", "wrong", "false_alarm", "not_none", "outside", "in_set")
 KEPT = (
     *RATES,
     "by_size",
@@ -288,7 +288,7 @@ def _judged(job: Job, result: TrialResult) -> str:
     """Whether a trial was right; a cause that was taken away is rightly missed."""
     if job.without:
         return "WRONG" if confident(result.verdict) else "right"
-    return "right" if result.right else "WRONG" if result.wrong else "missed"
+    return "right" if result.right else "part" if result.in_part else "WRONG" if result.wrong else "missed"
 
 
 def _effect(mine: Sequence[TrialResult]) -> dict:

@@ -54,6 +54,7 @@ def rates(result: TrialTable) -> list[tuple[str, Rate]]:
         ("right", result.right),
         *((f"right, {size}", result.by_size.get(size)) for size in SIZES),
         ("true effect among the equivalents", result.in_set),
+        ("right in part", result.in_part),
         ("wrong name", result.wrong),
         ("false alarm (no hidden effect)", result.false_alarm),
         ("other verdict than none (no hidden effect)", result.not_none),

@@ -56,6 +56,7 @@ class TrialResult(Result):
     named : key of the first cause. causes : keys of all causes.
     right : with a hidden effect: the verdict is named or ambiguous, and the first cause is the true effect or one of
     its exact group; of several hidden effects, each is among the causes in this sense. Without one: no cause was named.
+    in_part : the causes are right, and the verdict says that they explain a part only.
     joint_right : the first cause acts on the joint (body, tool frame) of the true effect; null if that has no such.
     false_alarm : a cause was named, and there is no hidden effect. in_set : the true effect is the first cause or one
     of its equivalents. size_of_set : number of these. share_of_attainable_gain : (calibrated - extended) /
@@ -78,6 +79,7 @@ class TrialResult(Result):
     causes: tuple[str, ...] = ()
     verdict: Verdict
     right: bool
+    in_part: bool = False
     joint_right: bool | None = None
     false_alarm: bool
     in_set: bool | None = None
@@ -90,8 +92,8 @@ class TrialResult(Result):
 
     @property
     def wrong(self) -> bool:
-        """Whether a wrong cause was named; a missed effect is not right, but not wrong either."""
-        return self.named is not None and not self.right
+        """Whether a wrong cause was named; a missed effect, or one named as a part, is not right, but not wrong either."""
+        return self.named is not None and not self.right and not self.in_part
 
 
 class TrialGroup(Result):
@@ -114,7 +116,7 @@ class Confusion(Result):
 class TrialTable(Result):
     """Many trials with their rates. `TrialTable.of` makes it.
 
-    right, in_set, wrong : over the trials with a hidden effect that has a name; wrong counts wrong causes. outside :
+    right, in_part, in_set, wrong : over the trials with a hidden effect that has a name; wrong counts wrong causes. outside :
     how often a cause was named with confidence where the library has no name for what is hidden. joint_right : over
     those whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. not_none : how
     often these got another verdict than none. by_size, by_effect : `right` by size and by effect. set_median, set_p95 :
@@ -125,6 +127,7 @@ class TrialTable(Result):
     robot: str
     trials: tuple[TrialResult, ...]
     right: Rate | None
+    in_part: Rate | None = None
     joint_right: Rate | None = None
     covered: Rate | None = None
     in_set: Rate | None
@@ -152,6 +155,7 @@ class TrialTable(Result):
             robot=robot,
             trials=tuple(trials),
             right=rate(t.right for t in with_effect),
+            in_part=rate(t.in_part for t in with_effect),
             joint_right=rate(t.joint_right for t in with_effect if t.joint_right is not None),
             covered=rate(t.covered for t in with_effect if t.covered is not None),
             in_set=_in_set(with_effect),
@@ -183,6 +187,7 @@ class TrialTable(Result):
         """Rates with their intervals, and the trials."""
         named = [
             ("right", self.right),
+            ("right in part", self.in_part),
             ("joint right", self.joint_right),
             ("in set", self.in_set),
             ("wrong name", self.wrong),
@@ -201,6 +206,7 @@ class TrialTable(Result):
             f"{name} {r.hits} of {r.of}"
             for name, r in (
                 ("right", self.right),
+                ("right in part", self.in_part if self.in_part and self.in_part.hits else None),
                 ("joint right", self.joint_right),
                 ("wrong name", self.wrong),
                 ("false alarm", self.false_alarm),

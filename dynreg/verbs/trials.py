@@ -56,12 +56,13 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
     )
     causes = tuple(t.key for t in found.current.hypothesis.terms)
     truths = right_names(robot, hidden)
-    right = first is None
+    right, in_part = first is None, False
     if hidden.outside:
         right = not confident(verdict)
     elif hidden.anything:
         stated_first = first is not None and any(first.key in truth for truth in truths)
-        right = confident(verdict) and stated_first and all(t & {*causes} for t in truths)
+        named = stated_first and all(t & {*causes} for t in truths)
+        right, in_part = named and confident(verdict), named and verdict == "partly_explained"
     same = first is not None and len(hidden.terms) == 1 and first.key == hidden.terms[0].key
     same = same and np.isfinite(hidden.values[0][0])
     return TrialResult(
@@ -78,6 +79,7 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
         causes=causes,
         verdict=verdict,
         right=right,
+        in_part=in_part,
         joint_right=joint_right(robot, hidden, first),
         false_alarm=not hidden.anything and first is not None,
         in_set=bool(stated & set().union(*truths)) if truths and first else None,

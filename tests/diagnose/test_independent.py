@@ -87,6 +87,14 @@ def test_robots_that_hide_something_nothing_and_what_has_no_name_are_told_apart(
     assert table.not_none.hits == int(nothing.verdict != "none")
 
 
+def test_a_right_name_that_explains_a_part_is_told_so(servo):
+    """The truth's current lags without its back-EMF, the library's with it."""
+    trials = Trials(servo, protocol(servo, seed=3, seconds=25.0), threads=1, truth="independent")
+    (one,) = results_of(trials, [Trial((), "strong", 1488298518, cause="torque_lag")], Threshold(USUAL, ()))
+    assert (one.named, one.verdict) == ("torque_lag", "partly_explained")
+    assert one.in_part and not one.right and not one.wrong
+
+
 def test_drawn_causes_are_those_of_the_physics_that_is_asked_for(servo):
     drawn = {
         p: {t.cause for t in independent_jobs(servo, "drawn", (), "weak", 40, 1, p)}

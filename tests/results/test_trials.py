@@ -76,3 +76,12 @@ def test_a_notebook_shows_rates_and_trials() -> None:
     shown = made_up_diagnosis.trials()._repr_html_()
     assert "right 8 of 10" in shown and shown.count("<table") == 2
     assert len(made_up_diagnosis.trials().to_frame()) == 14
+
+
+def test_a_right_name_for_a_part_is_neither_right_nor_wrong() -> None:
+    part = trial(0, "backlash", "backlash").model_copy(
+        update={"verdict": "partly_explained", "right": False, "in_part": True}
+    )
+    table = TrialTable.of("leg", [part, trial(1)])
+    assert (table.in_part.hits, table.wrong.hits) == (1, 0) and table.in_part.of == 2
+    assert "right in part 1 of 2" in str(table)
