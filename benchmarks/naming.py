@@ -30,7 +30,17 @@ PARTS = 10  # in which the threshold's robots are simulated
 MANY = 100  # trials: with more, a line tells of fifty
 NOTHING = "nothing"  # hidden or named
 TRUTHS = ("own", "independent")  # code of the hidden robots: the library's, or other
-RATES = ("right", "in_part", "joint_right", "covered", "wrong", "false_alarm", "not_none", "outside", "in_set")
+RATES = (
+    "right",
+    "in_part",
+    "joint_right",
+    "covered",
+    "wrong",
+    "false_alarm",
+    "not_none",
+    "outside",
+    "in_set",
+)
 KEPT = (
     *RATES,
     "by_size",

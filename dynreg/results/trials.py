@@ -92,7 +92,7 @@ class TrialResult(Result):
 
     @property
     def wrong(self) -> bool:
-        """Whether a wrong cause was named; a missed effect, or one named as a part, is not right, but not wrong either."""
+        """Whether a wrong cause was named; an effect that is missed, or named as a part, is no wrong one."""
         return self.named is not None and not self.right and not self.in_part
 
 
@@ -116,11 +116,11 @@ class Confusion(Result):
 class TrialTable(Result):
     """Many trials with their rates. `TrialTable.of` makes it.
 
-    right, in_part, in_set, wrong : over the trials with a hidden effect that has a name; wrong counts wrong causes. outside :
-    how often a cause was named with confidence where the library has no name for what is hidden. joint_right : over
-    those whose effect acts on some joints only. false_alarm : over the trials without a hidden effect. not_none : how
-    often these got another verdict than none. by_size, by_effect : `right` by size and by effect. set_median, set_p95 :
-    median and 95th percentile of `size_of_set`.
+    right, in_part, in_set, wrong : over the trials with a hidden effect that has a name; wrong counts wrong causes.
+    outside : how often a cause was named with confidence where the library has no name for what is hidden.
+    joint_right : over those whose effect acts on some joints only. false_alarm : over the trials without a hidden
+    effect. not_none : how often these got another verdict than none. by_size, by_effect : `right` by size and by
+    effect. set_median, set_p95 : median and 95th percentile of `size_of_set`.
     """
 
     schema_: Literal["dynreg/trials/1"] = Field(default="dynreg/trials/1", alias="schema")

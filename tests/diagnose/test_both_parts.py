@@ -14,7 +14,9 @@ from dynreg.evidence.truth import protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
-STICKS = 749076444  # a servo without a cause, which sticks in one window of the select part at other parameters
+STICKS = (
+    749076444  # a servo without a cause, which sticks in one window of the select part at other parameters
+)
 
 
 @pytest.fixture(scope="module")
