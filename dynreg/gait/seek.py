@@ -22,6 +22,9 @@ from dynreg.sim.run import Walk
 
 # of the candidates, drawn before a search sets out from one of them, the best: most gaits fall, and cost little
 SCREENED = 0.2
+# The runs that then set out from different ones of the best, each worth so many gaits, share half of what is left; only
+# the best goes on. See bench_gait_search.
+RUNS, WORTH = 4, 150
 AGAIN = 0.2  # of the rollouts, usually, in which the best gaits are tried once more
 ROUNDS = (
     3  # of that: each keeps the better half and tries them twice as often (successive halving, Jamieson 2016)
@@ -35,6 +38,7 @@ DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simula
 class SearchSettings:
     """How a gait is sought. rollouts : runs of one simulator, in all; patience : see `drive.Limits`.
 
+    packaged : whether the gaits that the robot's folder brings are tried first.
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
@@ -45,6 +49,7 @@ class SearchSettings:
     seed: int = 0
     patience: int | None = None
     again: float = 0.0
+    packaged: bool = True
 
     def __post_init__(self):
         for name, value, choices in (
@@ -110,7 +115,7 @@ def seek(
     """
     space, k = trials.space, len(trials.simulators)
     finals = settings.finals(k)
-    kind, search = SEARCHES[settings.method], _Seen(_search(trials, settings))
+    kind = SEARCHES[settings.method]
     evaluations = settings.rollouts // k - sum(gaits * draws for gaits, draws in finals)
     if evaluations < kind.batch:
         raise UsageError(
@@ -118,6 +123,7 @@ def seek(
             expected=f"at least {kind.batch * k}: {kind.batch} gaits at a time in each",
             do="raise --rollouts or lower -k",
         )
+    search = _Seen(search_of(trials, settings, evaluations))
     kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
     accepted, helpless = ACCEPT[settings.accept], np.ones(k, dtype=bool)
@@ -209,14 +215,23 @@ def best_again(
     return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
 
 
-def _search(trials: Trials, settings: SearchSettings) -> Search:
-    """The search; all try the robot's own gaits, where it has some, first."""
+def search_of(trials: Trials, settings: SearchSettings, evaluations: int) -> Search:
+    """The search, of so many gaits; all try the robot's own gaits, where it has some, first.
+
+    Who sets out from one gait draws others before: half about the robot's own, where these are tried, half that swing a
+    little about its pose at rest.
+    """
     space, kind = trials.space, SEARCHES[settings.method]
     rng = stream(settings.seed, "gait", settings.method)
-    candidates = space.starts
-    if kind.from_one:
-        screen = int(SCREENED * settings.rollouts / len(trials.simulators))
-        whole = kind.batch * max(screen // kind.batch, -(-len(candidates) // kind.batch), 1)
-        draws = around(candidates, whole - len(candidates), rng, space.periodic)
-        candidates = np.concatenate([candidates, draws])
-    return after(candidates, kind, Start(len(space), rng, kind.batch, periodic=space.periodic))
+    candidates = space.starts if settings.packaged else np.empty((0, len(space)))
+    start = Start(len(space), rng, kind.batch, periodic=space.periodic)
+    if not kind.from_one:
+        return after(candidates, kind, start)
+    screen = int(SCREENED * evaluations)
+    whole = kind.batch * max(screen // kind.batch, -(-len(candidates) // kind.batch), 1)
+    more = whole - len(candidates)
+    about = around(candidates, more // 2, rng, space.periodic) if len(candidates) else candidates
+    candidates = np.concatenate([candidates, about, space.about_rest(more - len(about), rng)])
+    left = evaluations - whole
+    runs = min(max(left // (2 * WORTH), 1), RUNS)
+    return after(candidates, kind, start, runs=runs, laps=left // (2 * runs * kind.batch))

@@ -16,6 +16,10 @@ from dynreg.sim.excitation import command_limits, reset_pose
 from dynreg.sim.robot import Robot
 
 SLACK = 1e-9  # rad, rad/s: what rounding may add
+# Draws about the pose at rest, as shares of the ranges: how far offsets and phases scatter (1 sigma), and the largest
+# amplitude. Of 600 draws of the whole ranges nearly all fall (bench_gait_search).
+OFFSETS, PHASES, LARGEST = 0.12, 0.03, 0.35
+ANY = 0.25  # of these draws whose legs have any phases
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,23 @@ class GaitSpace:
         middle = self.as_dict(self.bounds.mean(axis=1))
         genes = [self.from_dict({**middle, **gait}) for gait in self.first]
         return self.to_unit(np.array(genes).reshape(-1, len(self)))
+
+    def about_rest(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count, G) draws in the unit cube of gaits that swing a little about the pose at rest.
+
+        Each leg is in phase with the first or against it, as in a trot, a pace or a bound; of a quarter of the draws
+        it has any phase, as in a walk.
+        """
+        draws, roles, legs = rng.uniform(size=(count, len(self))), len(self.roles), len(self.legs) - 1
+        rest = self.bounds.mean(axis=1)
+        rest[1 + roles : 1 + 2 * roles] = (self.signs * self.pose[self.columns]).mean(axis=0)
+        offset = self.to_unit(rest)[1 + roles : 1 + 2 * roles]
+        draws[:, 1 : 1 + roles] *= LARGEST
+        draws[:, 1 + roles : 1 + 2 * roles] = offset + OFFSETS * rng.standard_normal((count, roles))
+        against = 0.5 + 0.5 * rng.integers(0, 2, (count, legs)) + PHASES * rng.standard_normal((count, legs))
+        free = rng.uniform(size=(count, 1)) < ANY
+        draws[:, len(self) - legs :] = np.where(free, draws[:, len(self) - legs :], against)
+        return np.where(self.periodic, np.mod(draws, 1.0), np.clip(draws, 0.0, 1.0))
 
     def as_dict(self, genes: np.ndarray) -> dict[str, float]:
         """{name: value} of one gait (G,)."""

@@ -6,39 +6,41 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.search.drive import Search
+from dynreg.search.race import Race
 from dynreg.search.start import Start
 from dynreg.search.table import Kind
 from dynreg.search.turns import may_ask, may_tell
 
 AROUND = 0.25  # of the range, 1 sigma, of draws about a start
+APART = 0.15  # of the range in some dimension, from which on two starts are different ones
 
 
 def around(
     starts: np.ndarray, many: int, rng: np.random.Generator, periodic: np.ndarray | None = None
 ) -> np.ndarray:
-    """(many, P) draws in the unit cube: half of them about starts (n, P) in turn, half anywhere; all where n is 0.
+    """(many, P) draws in the unit cube about starts (n, P) in turn; n is at least 1.
 
     periodic : (P,) dimensions that run round.
     """
-    draws = rng.uniform(size=(many, starts.shape[1]))
-    if len(starts):
-        about = draws[::2]
-        about[:] = starts[np.arange(len(about)) % len(starts)] + AROUND * rng.standard_normal(about.shape)
-        round_ = np.zeros(about.shape[1], dtype=bool) if periodic is None else periodic
-        about[:] = np.where(round_, np.mod(about, 1.0), np.clip(about, 0.0, 1.0))
-    return draws
+    about = starts[np.arange(many) % len(starts)]
+    about = about + AROUND * rng.standard_normal(about.shape)
+    round_ = np.zeros(starts.shape[1], dtype=bool) if periodic is None else periodic
+    return np.where(round_, np.mod(about, 1.0), np.clip(about, 0.0, 1.0))
 
 
 class Screened:
-    """Tries `candidates` (n, P), `batch` at a time; then the search that `begin` makes sets out from the best.
+    """Tries `candidates` (n, P), `batch` at a time; then the search that `begin` makes sets out.
 
-    Without candidates (0, P) the search begins in the middle of the unit cube.
+    begin : makes it of the candidates (n, P) that were tried, the best first. Without any it gets the middle of the
+    unit cube.
     """
 
     def __init__(self, candidates: np.ndarray, begin: Callable[[np.ndarray], Search], *, batch: int = 10):
         many = len(candidates)
         self._batches = [candidates[at : at + batch] for at in range(0, many, batch)]
-        self._best: tuple[float, np.ndarray] = (np.inf, np.full(candidates.shape[1], 0.5))
+        self._tried: list[np.ndarray] = []
+        self._losses: list[np.ndarray] = []
+        self._middle = np.full((1, candidates.shape[1]), 0.5)
         self._begin = begin
         self._asked: np.ndarray | None = None
         self._search: Search | None = None
@@ -51,7 +53,7 @@ class Screened:
             return self._asked.copy()
         if self._search is None:
             may_ask(self._asked)
-            self._search = self._begin(self._best[1])
+            self._search = self._begin(self._ordered())
         return self._search.ask()
 
     def tell(self, losses: np.ndarray) -> None:
@@ -60,10 +62,14 @@ class Screened:
             self._search.tell(losses)
             return
         may_tell(self._asked, losses)
-        at = int(np.argmin(losses))
-        if losses[at] < self._best[0]:
-            self._best = (float(losses[at]), self._asked[at])
+        self._tried.append(self._asked)
+        self._losses.append(np.array(losses, dtype=float))
         self._asked = None
+
+    def _ordered(self) -> np.ndarray:
+        if not self._tried:
+            return self._middle
+        return np.concatenate(self._tried)[np.argsort(np.concatenate(self._losses), kind="stable")]
 
     @property
     def middle(self) -> np.ndarray | None:
@@ -76,10 +82,33 @@ class Screened:
         return self._search is not None and self._search.stopped
 
 
-def after(candidates: np.ndarray, kind: Kind, start: Start) -> Screened:
-    """A search that tries candidates (n, P) first and sets out from the best of them; from `start` where n is 0."""
+def different(candidates: np.ndarray, count: int, periodic: np.ndarray | None = None) -> np.ndarray:
+    """(n, P) the first of the candidates, at most `count`, each `APART` from those before it.
 
-    def set_out(best: np.ndarray) -> Search:
-        return kind.begin(replace(start, point=best) if len(candidates) else start)
+    periodic : (P,) dimensions that run round.
+    """
+    kept: list[np.ndarray] = []
+    for one in candidates:
+        gaps = [np.abs(one - other) for other in kept]
+        if periodic is not None:
+            gaps = [np.where(periodic, np.minimum(gap, 1.0 - gap), gap) for gap in gaps]
+        if all(gap.max() > APART for gap in gaps):
+            kept.append(one)
+        if len(kept) == count:
+            break
+    return np.array(kept)
+
+
+def after(candidates: np.ndarray, kind: Kind, start: Start, *, runs: int = 1, laps: int = 0) -> Screened:
+    """A search that tries candidates (n, P) first and sets out from the best of them; from `start` where n is 0.
+
+    runs : searches that set out from different ones of the best, `laps` batches each, before only one goes on.
+    """
+
+    def set_out(tried: np.ndarray) -> Search:
+        if not len(candidates):
+            return kind.begin(start)
+        begun = [kind.begin(replace(start, point=p)) for p in different(tried, runs, start.periodic)]
+        return begun[0] if len(begun) == 1 else Race(begun, laps)
 
     return Screened(candidates, set_out, batch=start.batch)

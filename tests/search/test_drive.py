@@ -8,7 +8,8 @@ from dynreg.rng import stream
 from dynreg.search.cmaes import CmaEs
 from dynreg.search.drive import Limits, drive
 from dynreg.search.hill import HillClimber
-from dynreg.search.screened import Screened, after, around
+from dynreg.search.race import Race
+from dynreg.search.screened import APART, Screened, after, around, different
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
@@ -17,7 +18,7 @@ def screened(rng: np.random.Generator, many: int, *, batch: int = 10, sigma: flo
     """CMA-ES after `many` candidates, the middle first."""
     middle = np.full((1, 3), 0.5)
     candidates = np.concatenate([middle, around(middle, many - 1, rng)])
-    return Screened(candidates, lambda best: CmaEs(best, sigma=sigma, rng=rng, batch=None), batch=batch)
+    return Screened(candidates, lambda best: CmaEs(best[0], sigma=sigma, rng=rng, batch=None), batch=batch)
 
 
 MAKE = {
@@ -158,15 +159,48 @@ def test_a_screened_search_sets_out_from_the_best_that_it_saw() -> None:
 def test_draws_about_starts_go_round_where_a_dimension_does() -> None:
     starts, rng = np.array([[0.99, 0.99], [0.01, 0.01]]), stream(5, "around")
     draws = around(starts, 400, rng, np.array([False, True]))
-    about, anywhere = draws[::2], draws[1::2]
+    about = draws
     assert draws.shape == (400, 2) and (draws >= 0).all() and (draws <= 1).all()
     assert np.median(about[::2, 0]) > 0.85 and np.median(about[1::2, 0]) < 0.15  # of the two starts in turn
     circular = np.exp(2j * np.pi * about[:, 1]).mean()
     assert abs(circular) > 0.15 and abs(np.angle(circular)) < 0.5
     edges = (about == 0.0) | (about == 1.0)
     assert edges[:, 0].mean() > 0.3 and not edges[:, 1].any()
-    assert abs(anywhere.mean() - 0.5) < 0.05
-    assert around(np.empty((0, 2)), 4, rng).shape == (4, 2)
+
+
+def test_starts_of_a_race_lie_apart_and_the_best_comes_first() -> None:
+    tried = np.array([[0.95, 0.5], [0.98, 0.5], [0.05, 0.5], [0.5, 0.5], [0.5, 0.9]])
+    assert different(tried, 3).tolist() == [[0.95, 0.5], [0.05, 0.5], [0.5, 0.5]]
+    assert different(tried, 3, np.array([True, False])).tolist() == [[0.95, 0.5], [0.5, 0.5], [0.5, 0.9]]
+    assert APART > 0.1 and len(different(tried[:2], 3)) == 1
+
+
+def two_humps(asked: np.ndarray) -> np.ndarray:
+    """(n, 1) a broad low hump at 0.2 and a narrow high one at 0.8."""
+    away = lambda at: ((asked - at) ** 2).sum(axis=1, keepdims=True)  # noqa: E731
+    return np.maximum(np.exp(-away(0.2) / 0.1), 3.0 * np.exp(-away(0.8) / 0.02))
+
+
+def test_a_race_goes_on_where_most_is_found_though_it_began_lower() -> None:
+    starts = np.array([[0.25, 0.25], [0.65, 0.65]])
+    assert two_humps(starts)[0] > two_humps(starts)[1]
+    alone = CmaEs(starts[0], rng=stream(0, "alone"), sigma=0.05, batch=6)
+    runs = [CmaEs(s, rng=stream(i, "race"), sigma=0.05, batch=6) for i, s in enumerate(starts)]
+    race, asked = Race(runs, laps=5), []
+    found = drive(race, lambda x: asked.append(x.mean(axis=0)[0]) or two_humps(x), judge, Limits(300))
+    assert drive(alone, two_humps, judge, Limits(300)).value < 1.01 < 2.9 < found.value
+    sides = [x > 0.45 for x in asked]
+    assert sides[:10] == [False, True] * 5 and all(sides[10:]), "in turn, then the better one alone"
+
+
+def test_a_search_sets_out_from_several_of_the_best() -> None:
+    kind, many = SEARCHES["cma"], 60
+    candidates = stream(1, "candidates").uniform(size=(many, 2))
+    start = Start(2, stream(2, "runs"), kind.batch)
+    once, three = (after(candidates, kind, start, runs=runs, laps=4) for runs in (1, 3))
+    for search in (once, three):
+        drive(search, two_humps, judge, Limits(many))
+    assert isinstance(three._begin(candidates), Race) and not isinstance(once._begin(candidates), Race)
 
 
 def test_cma_es_passes_the_seam_of_a_dimension_that_runs_round() -> None:
