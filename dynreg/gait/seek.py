@@ -22,6 +22,7 @@ from dynreg.sim.run import Walk
 
 # of the candidates, drawn before a search sets out from one of them, the best: most gaits fall, and cost little
 SCREENED = 0.2
+STOOD, BEST = 4, 3  # one in so many of these is a pose; one in so many of the poses is swung about
 # The runs that then set out from different ones of the best, each worth so many gaits, share half of what is left; only
 # the best goes on. See bench_gait_search.
 RUNS, WORTH = 4, 150
@@ -32,6 +33,8 @@ ROUNDS = (
 DRAWS = 2  # of the first round, over all simulators
 FINALISTS = 4  # at least, or none is tried again
 DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simulator is the robot
+# Runs of the answer that no choice has seen; they begin at a draw that no round of finals reaches.
+EXPECTED, UNSEEN = 40, 10_000
 
 
 @dataclass(frozen=True)
@@ -85,12 +88,14 @@ class Finals:
 class Sought:
     """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked.
 
-    found : the search alone. finals : None where no gait was tried again.
+    found : the search alone. finals : None where no gait was tried again. packaged : number of the robot's own gait
+    that the answer is, unchanged; None of a new one.
     helpless : (k,) simulators in which every gait that was tried fell.
     """
 
     found: Found
     finals: Finals | None
+    packaged: int | None
     genes: np.ndarray
     fitness: np.ndarray
     fell: np.ndarray
@@ -151,7 +156,23 @@ def seek(
     genes = gaits(best[None])
     walk = trials.walk(genes, feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
-    return Sought(found, again, genes[0], fitness(trials.task.grade(walk)[:, 0]), fell, helpless, walk)
+    own = np.flatnonzero(np.isclose(gaits(space.starts), genes).all(axis=1))
+    return Sought(
+        found=found,
+        finals=again,
+        packaged=int(own[0]) if len(own) else None,
+        genes=genes[0],
+        fitness=fitness(trials.task.grade(walk)[:, 0]),
+        fell=fell,
+        helpless=helpless,
+        walk=walk,
+    )
+
+
+def expected(trials: Trials, genes: np.ndarray) -> np.ndarray:
+    """(n,) grades of a gait (G,) in all simulators, under motor noise and parameters that no choice has seen."""
+    draws = -(-EXPECTED // len(trials.simulators))
+    return trials.again(genes[None], draws, first=UNSEEN, doubt=DOUBT).ravel()
 
 
 class _Seen:
@@ -215,23 +236,31 @@ def best_again(
     return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
 
 
-def search_of(trials: Trials, settings: SearchSettings, evaluations: int) -> Search:
+def search_of(trials: Trials, settings: SearchSettings, evaluations: int, most: int = RUNS) -> Search:
     """The search, of so many gaits; all try the robot's own gaits, where it has some, first.
 
-    Who sets out from one gait draws others before: half about the robot's own, where these are tried, half that swing a
-    little about its pose at rest.
+    Who sets out from one gait tries others before: poses, then gaits that swing a little about those that stood best;
+    and as many about the robot's own gaits, where these are tried. most : runs that set out.
     """
     space, kind = trials.space, SEARCHES[settings.method]
     rng = stream(settings.seed, "gait", settings.method)
-    candidates = space.starts if settings.packaged else np.empty((0, len(space)))
+    own = space.starts if settings.packaged else np.empty((0, len(space)))
     start = Start(len(space), rng, kind.batch, periodic=space.periodic)
     if not kind.from_one:
-        return after(candidates, kind, start)
-    screen = int(SCREENED * evaluations)
-    whole = kind.batch * max(screen // kind.batch, -(-len(candidates) // kind.batch), 1)
-    more = whole - len(candidates)
-    about = around(candidates, more // 2, rng, space.periodic) if len(candidates) else candidates
-    candidates = np.concatenate([candidates, about, space.about_rest(more - len(about), rng)])
+        return after(own, kind, start)
+    whole = kind.batch * max(int(SCREENED * evaluations) // kind.batch, -(-len(own) // kind.batch), 1)
+    more = whole - len(own)
+    still = -(-more // STOOD)
+    about = (more - still) // 2 if len(own) else 0
+
+    def swings(tried: np.ndarray) -> np.ndarray:
+        poses = tried[space.stands(tried)]
+        best = poses[: -(-len(poses) // BEST)]
+        return np.concatenate(
+            [around(own, about, rng, space.periodic), space.swings(best, more - still - about, rng)]
+        )
+
     left = evaluations - whole
-    runs = min(max(left // (2 * WORTH), 1), RUNS)
-    return after(candidates, kind, start, runs=runs, laps=left // (2 * runs * kind.batch))
+    runs = min(max(left // (2 * WORTH), 1), most)
+    first = np.concatenate([own, space.poses(still, rng)])
+    return after(first, kind, start, then=[swings], runs=runs, laps=left // (2 * runs * kind.batch))

@@ -77,6 +77,23 @@ class GaitFinals(Result):
     value: float
 
 
+class GaitExpected(Result):
+    """What the simulators predict of a trial on the robot: the answer under motor noise and parameters, moved by 3 % of
+    their ranges, that the search never saw.
+
+    runs, falls : with the exact 90 % interval of the share that falls, `low` to `high`. median, p5, p95 : of the
+    fitness, in the task's unit; a fall counts as 0.
+    """
+
+    runs: int
+    falls: int
+    low: float
+    high: float
+    median: float
+    p5: float
+    p95: float
+
+
 class Gait(Result):
     """Sinusoidal joint commands found by a search in k simulators.
 
@@ -85,7 +102,9 @@ class Gait(Result):
 
     recording : the recording for which the simulators were chosen. on : how they were chosen. source : the stored
     result that named them. value : the objective of the search, `accept` over `trials` (one run in each simulator).
-    finals : the runs that chose among the best gaits; null if there were none. succeeded : the gait reached `success`
+    finals : the runs that chose among the best gaits; null if there were none. expected : of a trial on the robot; null
+    in results of older versions. packaged : number, from 0, of the robot's own gait ([[gait.start]]) that this is,
+    unchanged; null of a new gait. succeeded : the gait reached `success`
     in all simulators, and fell neither there nor in the finals. ended : why the search ended. notes : further remarks.
     """
 
@@ -110,6 +129,8 @@ class Gait(Result):
     value: float
     fitness: Fitness
     finals: GaitFinals | None = None
+    expected: GaitExpected | None = None
+    packaged: int | None = None
     succeeded: bool
     trials: tuple[GaitTrial, ...]
     method: str
@@ -158,7 +179,19 @@ class Gait(Result):
         else:
             how = f"below the goal of {self.success:.3g} {self.unit}"
         simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
-        return (
+        said = (
             f"{self.recording_name}: the gait {how}. Task {self.task} in {simulators}: "
             f"{self.fitness.min:.3g} {self.unit} in the worst, {self.fitness.mean:.3g} {self.unit} on average."
+        )
+        return f"{said} {self.prediction}" if self.expected else said
+
+    @property
+    def prediction(self) -> str:
+        """One sentence on what a trial on the robot may bring; "" of a result that does not hold it."""
+        e = self.expected
+        if e is None:
+            return ""
+        return (
+            f"A trial on the robot may bring {e.median:.3g} {self.unit} ({e.p5:.3g} to {e.p95:.3g}), and falls with "
+            f"{100 * e.low:.0f} to {100 * e.high:.0f} %, as far as these simulators are right."
         )

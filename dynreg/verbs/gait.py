@@ -38,6 +38,7 @@ class GaitSettings(Settings):
     patience: int | None = option(
         None, "Stop after this many gaits without a better one.", usual="never", least=1
     )
+    packaged: bool = option(True, "Also try the gaits that the robot's folder brings.")
     resume: bool = option(False, "Continue an interrupted search.")
     population: str | None = option(
         None, "Population in which to search.", usual="the only one", complete="stored_names"
@@ -52,7 +53,7 @@ class GaitSettings(Settings):
 
         accept = self.accept or (OF_POPULATION if self.on == "population" else USUAL)
         return SearchSettings(
-            self.method, accept, self.rollouts, self.seed, patience=self.patience, again=AGAIN
+            self.method, accept, self.rollouts, self.seed, self.patience, AGAIN, self.packaged
         )
 
 

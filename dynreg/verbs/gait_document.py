@@ -10,11 +10,13 @@ import numpy as np
 
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import SearchSettings, Sought
+from dynreg.gait.seek import SearchSettings, Sought, expected
+from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
-from dynreg.results.gait import Fitness, Gait, GaitGene, GaitStep, GaitTrial
+from dynreg.results.gait import Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTrial
 from dynreg.results.result import Cost
+from dynreg.results.trials import rate
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.subjects import Recorded
 
@@ -45,7 +47,7 @@ def document(
 ) -> Gait:
     """The document of the gait. seconds : wall time of the search."""
     robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
-    finals, fitness = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
+    finals, values = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
     stood = not sought.fell.any() and not (finals and finals.falls)
     return Gait(
         robot=robot.name,
@@ -68,10 +70,12 @@ def document(
         },
         joints=joints(space, sought.genes),
         accept=search.accept,
-        value=fitness[search.accept],
-        fitness=Fitness(**fitness),
+        value=values[search.accept],
+        fitness=Fitness(**values),
         finals=finals,
-        succeeded=bool(stood and fitness["min"] >= task.success),
+        expected=_expected(expected(trials, sought.genes)),
+        packaged=sought.packaged,
+        succeeded=bool(stood and values["min"] >= task.success),
         trials=_trials(chosen, trials, sought),
         method=search.method,
         seed=search.seed,
@@ -79,7 +83,7 @@ def document(
         history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
         resumed=found.resumed,
-        notes=_notes(sought.helpless, search.accept),
+        notes=_notes(sought, search.accept),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
     )
 
@@ -95,9 +99,29 @@ def _trials(chosen: Chosen, trials: Trials, sought: Sought) -> tuple[GaitTrial, 
     )
 
 
-def _notes(helpless: np.ndarray, accept: str) -> tuple[str, ...]:
-    """A note on the simulators in which every tried gait fell; helpless : (k,) mask of these."""
-    if not helpless.any():
-        return ()
-    many = f"{helpless.sum()} of {len(helpless)} simulators"
-    return (f"every tried gait fell in {many}: a fall counts as 0 in the {accept}",)
+def _expected(grades: np.ndarray) -> GaitExpected:
+    """Of the grades (n,) of runs that no choice has seen."""
+    falls, (low, median, high) = rate(fell(grades)), np.quantile(fitness(grades), [0.05, 0.5, 0.95])
+    return GaitExpected(
+        runs=falls.of,
+        falls=falls.hits,
+        low=falls.low,
+        high=falls.high,
+        median=float(median),
+        p5=float(low),
+        p95=float(high),
+    )
+
+
+def _notes(sought: Sought, accept: str) -> tuple[str, ...]:
+    """On a gait that the search only chose, and on the simulators in which every tried gait fell."""
+    notes, helpless = [], sought.helpless
+    if sought.packaged is not None:
+        number = f"number {sought.packaged + 1} of the gaits in the robot's folder"
+        notes.append(
+            f"this gait is {number}, unchanged: the search found none that is better; try more --rollouts"
+        )
+    if helpless.any():
+        many = f"{helpless.sum()} of {len(helpless)} simulators"
+        notes.append(f"every tried gait fell in {many}: a fall counts as 0 in the {accept}")
+    return tuple(notes)

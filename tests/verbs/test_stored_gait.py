@@ -134,11 +134,27 @@ def test_over_a_population_the_mean_counts_and_simulators_that_only_fall_are_tol
     ids = [opened.registry.put_simulator(c.as_dict()) for c in (fine, weak)]
     found = opened.gait("log", on=",".join(ids), rollouts=44, threads=1)
     assert found.accept == "min" and found.value == 0.0
-    assert found.notes == ("every tried gait fell in 1 of 2 simulators: a fall counts as 0 in the min",)
+    assert found.notes[-1] == "every tried gait fell in 1 of 2 simulators: a fall counts as 0 in the min"
+    assert found.packaged == 0 and found.notes[0].startswith("this gait is number 1 of the gaits")
     drawn = opened.gait("log", on="population", k=2, rollouts=44, threads=1)
     assert drawn.accept == "mean" and drawn.value == drawn.fitness.mean
     least = opened.gait("log", on="population", k=2, accept="min", rollouts=44, threads=1)
     assert least.accept == "min" and least.value == least.fitness.min
+
+
+def test_a_gait_says_what_a_trial_may_bring(found: Gait) -> None:
+    """Of runs with noise and parameters that the search never saw."""
+    e = found.expected
+    assert e.runs == 40 and 0 <= e.falls <= 40 and e.p5 <= e.median <= e.p95
+    assert e.low <= e.falls / 40 <= e.high and (e.falls < 39 or e.p5 == 0.0)
+    assert found.prediction in str(found) and f"({e.p5:.3g} to {e.p95:.3g})" in found.prediction
+    older = found.model_copy(update={"expected": None})
+    assert older.prediction == "" and "A trial on the robot" not in str(older)
+
+
+def test_the_gaits_of_the_folder_can_be_left_out(opened: Session) -> None:
+    alone = opened.gait("log", on="nominal", rollouts=60, packaged=False, threads=1)
+    assert alone.packaged is None and not any("the robot's folder" in note for note in alone.notes)
 
 
 def test_simulators_are_named_by_the_words_of_all_verbs() -> None:
