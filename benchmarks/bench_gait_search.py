@@ -52,8 +52,8 @@ def _anywhere(trials: Trials, gaits: int, seed: int) -> Search:
     return _one_run(trials, rng.uniform(size=(_screened(gaits), len(trials.space))), rng)
 
 
-def _poses(trials: Trials, gaits: int, seed: int) -> Search:
-    """The same from poses, then swings about those that stand, but one run alone."""
+def _about_rest(trials: Trials, gaits: int, seed: int) -> Search:
+    """The same from draws that swing a little about the pose at rest."""
     settings = SearchSettings(rollouts=gaits, seed=seed, packaged=False)
     return search_of(trials, settings, gaits, most=1)
 
@@ -88,8 +88,8 @@ def _hill(trials: Trials, gaits: int, seed: int) -> Search:
 WAYS: dict[str, Callable[[Trials, int, int], Search]] = {
     "hill climber, 50 starts (paper)": _hill,
     "draws anywhere, one run": _anywhere,
-    "poses, then swings, one run": _poses,
-    "poses, then swings, race of four": _race,
+    "draws about rest, one run": _about_rest,
+    "draws about rest, race of four": _race,
     "the same, with the packaged gaits": _with_packaged,
 }
 

@@ -22,7 +22,6 @@ from dynreg.sim.run import Walk
 
 # of the candidates, drawn before a search sets out from one of them, the best: most gaits fall, and cost little
 SCREENED = 0.2
-STOOD, BEST = 4, 3  # one in so many of these is a pose; one in so many of the poses is swung about
 # The runs that then set out from different ones of the best, each worth so many gaits, share half of what is left; only
 # the best goes on. See bench_gait_search.
 RUNS, WORTH = 4, 150
@@ -239,8 +238,8 @@ def best_again(
 def search_of(trials: Trials, settings: SearchSettings, evaluations: int, most: int = RUNS) -> Search:
     """The search, of so many gaits; all try the robot's own gaits, where it has some, first.
 
-    Who sets out from one gait tries others before: poses, then gaits that swing a little about those that stood best;
-    and as many about the robot's own gaits, where these are tried. most : runs that set out.
+    Who sets out from one gait tries others before: half about the robot's own, where these are tried, half that swing a
+    little about its pose at rest. most : runs that set out.
     """
     space, kind = trials.space, SEARCHES[settings.method]
     rng = stream(settings.seed, "gait", settings.method)
@@ -250,17 +249,9 @@ def search_of(trials: Trials, settings: SearchSettings, evaluations: int, most: 
         return after(own, kind, start)
     whole = kind.batch * max(int(SCREENED * evaluations) // kind.batch, -(-len(own) // kind.batch), 1)
     more = whole - len(own)
-    still = -(-more // STOOD)
-    about = (more - still) // 2 if len(own) else 0
-
-    def swings(tried: np.ndarray) -> np.ndarray:
-        poses = tried[space.stands(tried)]
-        best = poses[: -(-len(poses) // BEST)]
-        return np.concatenate(
-            [around(own, about, rng, space.periodic), space.swings(best, more - still - about, rng)]
-        )
-
+    about = more // 2 if len(own) else 0
+    draws = [around(own, about, rng, space.periodic), space.about_rest(more - about, rng)]
     left = evaluations - whole
     runs = min(max(left // (2 * WORTH), 1), most)
-    first = np.concatenate([own, space.poses(still, rng)])
-    return after(first, kind, start, then=[swings], runs=runs, laps=left // (2 * runs * kind.batch))
+    laps = left // (2 * runs * kind.batch)
+    return after(np.concatenate([own, *draws]), kind, start, runs=runs, laps=laps)

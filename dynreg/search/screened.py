@@ -1,6 +1,6 @@
 """A search that looks around before it sets out: for functions of which most of the range is worth nothing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,45 +28,32 @@ def around(
     return np.where(round_, np.mod(about, 1.0), np.clip(about, 0.0, 1.0))
 
 
-Stage = Callable[[np.ndarray], np.ndarray]  # (n, P) tried so far, the best first -> (m, P) to try next
-
-
 class Screened:
-    """Tries what each of its stages names, `batch` at a time; then the search that `begin` makes sets out.
+    """Tries `candidates` (n, P), `batch` at a time; then the search that `begin` makes sets out.
 
-    stages : each names its candidates by those that were tried before it. begin : makes the search of all that were
-    tried, (n, P), the best first; of the middle of the unit cube where nothing was. dimensions : P.
+    begin : makes it of the candidates (n, P) that were tried, the best first. Without any it gets the middle of the
+    unit cube.
     """
 
-    def __init__(
-        self,
-        stages: Sequence[Stage],
-        begin: Callable[[np.ndarray], Search],
-        *,
-        dimensions: int,
-        batch: int = 10,
-    ):
-        self._stages, self._begin, self._batch = list(stages), begin, batch
-        self._batches: list[np.ndarray] = []
-        self._tried = np.empty((0, dimensions))
-        self._losses = np.empty(0)
+    def __init__(self, candidates: np.ndarray, begin: Callable[[np.ndarray], Search], *, batch: int = 10):
+        many = len(candidates)
+        self._batches = [candidates[at : at + batch] for at in range(0, many, batch)]
+        self._tried: list[np.ndarray] = []
+        self._losses: list[np.ndarray] = []
+        self._middle = np.full((1, candidates.shape[1]), 0.5)
+        self._begin = begin
         self._asked: np.ndarray | None = None
         self._search: Search | None = None
 
     def ask(self) -> np.ndarray:
         """(n, P) candidates to evaluate; raises UsageError when the last ones were not told yet."""
+        if self._batches:
+            may_ask(self._asked)
+            self._asked = self._batches.pop(0)
+            return self._asked.copy()
         if self._search is None:
             may_ask(self._asked)
-            while self._stages and not self._batches:
-                candidates = self._stages.pop(0)(self._ordered())
-                self._batches = [
-                    candidates[i : i + self._batch] for i in range(0, len(candidates), self._batch)
-                ]
-            if self._batches:
-                self._asked = self._batches.pop(0)
-                return self._asked.copy()
-            middle = np.full((1, self._tried.shape[1]), 0.5)
-            self._search = self._begin(self._ordered() if len(self._tried) else middle)
+            self._search = self._begin(self._ordered())
         return self._search.ask()
 
     def tell(self, losses: np.ndarray) -> None:
@@ -75,12 +62,14 @@ class Screened:
             self._search.tell(losses)
             return
         may_tell(self._asked, losses)
-        self._tried = np.concatenate([self._tried, self._asked])
-        self._losses = np.concatenate([self._losses, losses])
+        self._tried.append(self._asked)
+        self._losses.append(np.array(losses, dtype=float))
         self._asked = None
 
     def _ordered(self) -> np.ndarray:
-        return self._tried[np.argsort(self._losses, kind="stable")]
+        if not self._tried:
+            return self._middle
+        return np.concatenate(self._tried)[np.argsort(np.concatenate(self._losses), kind="stable")]
 
     @property
     def middle(self) -> np.ndarray | None:
@@ -110,25 +99,16 @@ def different(candidates: np.ndarray, count: int, periodic: np.ndarray | None = 
     return np.array(kept)
 
 
-def after(
-    candidates: np.ndarray,
-    kind: Kind,
-    start: Start,
-    *,
-    then: Sequence[Stage] = (),
-    runs: int = 1,
-    laps: int = 0,
-) -> Screened:
+def after(candidates: np.ndarray, kind: Kind, start: Start, *, runs: int = 1, laps: int = 0) -> Screened:
     """A search that tries candidates (n, P) first and sets out from the best of them; from `start` where n is 0.
 
-    then : further stages; see `Screened`. runs : searches that set out from different ones of the best, `laps` batches
-    each, before only one goes on.
+    runs : searches that set out from different ones of the best, `laps` batches each, before only one goes on.
     """
 
     def set_out(tried: np.ndarray) -> Search:
-        if not (len(candidates) or then):
+        if not len(candidates):
             return kind.begin(start)
         begun = [kind.begin(replace(start, point=p)) for p in different(tried, runs, start.periodic)]
         return begun[0] if len(begun) == 1 else Race(begun, laps)
 
-    return Screened([lambda _: candidates, *then], set_out, dimensions=start.dimensions, batch=start.batch)
+    return Screened(candidates, set_out, batch=start.batch)

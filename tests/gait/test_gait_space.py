@@ -7,8 +7,6 @@ from hypothesis import strategies as st
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.space import gait_space
-from dynreg.gait.tasks import fell, task_of
-from dynreg.gait.trials import Simulators, Trials
 from dynreg.rng import stream
 from dynreg.sim.robot import load_robot
 
@@ -142,29 +140,17 @@ def test_a_wrong_gait_table_is_an_error_with_its_line(old: str, brief_folder, tm
     assert "line" in str(caught.value)
 
 
-def test_swings_are_small_and_keep_legs_in_or_against_phase(quadruped) -> None:
+def test_draws_about_rest_are_small_and_keep_legs_in_or_against_phase(quadruped) -> None:
     space = gait_space(quadruped)
-    poses = space.poses(50, stream(3, "poses"))
-    assert space.stands(poses).all() and not space.stands(space.starts).any()
-    unit = space.swings(poses[:2], 400, stream(3, "swings"))
-    assert (
-        unit.shape == (400, 13) and (unit >= 0).all() and (unit <= 1).all() and not space.stands(unit).any()
-    )
-    assert np.abs(unit[::2, 4:7] - poses[0, 4:7]).mean() < 0.06 and unit[:, 1:4].max() <= 0.35
-    phase = space.from_unit(unit)[:, space.names.index("phase_fr")]
-    ordered = np.abs(np.sin(phase)) < 0.6
+    unit = space.about_rest(400, stream(3, "rest"))
+    assert unit.shape == (400, 13) and (unit >= 0).all() and (unit <= 1).all()
+    genes = {name: space.from_unit(unit)[:, i] for i, name in enumerate(space.names)}
+    rest = dict(zip(space.roles, (space.signs * space.pose[space.columns]).mean(axis=0), strict=True))
+    for role in space.roles:
+        low, high = space.bounds[space.names.index(f"offset_{role}")]
+        assert abs(np.median(genes[f"offset_{role}"]) - rest[role]) < 0.05 * (high - low)
+        largest = space.bounds[space.names.index(f"amplitude_{role}"), 1]
+        assert genes[f"amplitude_{role}"].max() <= 0.36 * largest
+    ordered = np.abs(np.sin(genes["phase_fr"])) < 0.6
     assert 0.7 < ordered.mean() < 0.9, "the others have any phase"
-    assert 0.4 < (np.cos(phase[ordered]) < 0).mean() < 0.6
-
-
-def test_swings_about_poses_that_stand_fall_less_than_any_gait(quadruped) -> None:
-    space = gait_space(quadruped)
-    simulators = Simulators(quadruped.space.nominal[None])
-    trials = Trials(quadruped, task_of(quadruped), simulators, rate=36.0, threads=1)
-    rng = stream(4, "stand")
-    fallen = lambda unit: fell(trials.grades(space.feasible(space.from_unit(unit))))[:, 0]  # noqa: E731
-    poses = space.poses(30, rng)
-    standing = poses[~fallen(poses)]
-    assert 5 < len(standing) < 30, "some poses are too weak to hold"
-    near, anywhere = space.swings(standing, 40, rng), rng.uniform(size=(40, len(space)))
-    assert fallen(near).mean() < 0.75 * fallen(anywhere).mean()
+    assert 0.4 < (np.cos(genes["phase_fr"][ordered]) < 0).mean() < 0.6

@@ -18,8 +18,7 @@ def screened(rng: np.random.Generator, many: int, *, batch: int = 10, sigma: flo
     """CMA-ES after `many` candidates, the middle first."""
     middle = np.full((1, 3), 0.5)
     candidates = np.concatenate([middle, around(middle, many - 1, rng)])
-    begin = lambda best: CmaEs(best[0], sigma=sigma, rng=rng, batch=None)  # noqa: E731
-    return Screened([lambda _: candidates], begin, dimensions=3, batch=batch)
+    return Screened(candidates, lambda best: CmaEs(best[0], sigma=sigma, rng=rng, batch=None), batch=batch)
 
 
 MAKE = {
