@@ -69,12 +69,12 @@ def _screened(gaits: int) -> int:
 
 
 def _race(trials: Trials, gaits: int, seed: int) -> Search:
-    """What `dynreg gait` does, without the packaged gaits."""
+    """The search of `dynreg gait` without the packaged gaits, under one noise."""
     return search_of(trials, SearchSettings(rollouts=gaits, seed=seed, packaged=False), gaits)
 
 
 def _with_packaged(trials: Trials, gaits: int, seed: int) -> Search:
-    """What `dynreg gait` does."""
+    """The search of `dynreg gait`, under one noise."""
     return search_of(trials, SearchSettings(rollouts=gaits, seed=seed), gaits)
 
 

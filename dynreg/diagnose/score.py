@@ -1,6 +1,6 @@
 """Score: the evidence of each hypothesis over the model without its last term, and the equivalents of the best."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,9 +112,7 @@ def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
     return Naming(start, ranking, best, equal)
 
 
-def lowered(naming: Naming, nats: float) -> Naming:
-    """The naming with `nats` less of evidence for every hypothesis."""
-    less = {s.key: replace(s, nats=s.nats - nats) for s in naming.ranking}
-    chosen = None if naming.chosen is None else less[naming.chosen.key]
-    equivalent = tuple(less[s.key] for s in naming.equivalent)
-    return replace(naming, ranking=tuple(less.values()), chosen=chosen, equivalent=equivalent)
+def lowered(naming: Naming, less: Mapping[str, float]) -> Naming:
+    """The naming with so many nats less for the hypotheses of these keys, and chosen again."""
+    ranking = [replace(s, nats=s.nats - less.get(s.key, 0.0)) for s in naming.ranking]
+    return chosen(naming.start, tuple(sorted(ranking, key=lambda s: -s.nats)))

@@ -20,8 +20,7 @@ from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 from dynreg.sim.run import Walk
 
-# of the candidates, drawn before a search sets out from one of them, the best: most gaits fall, and cost little
-SCREENED = 0.2
+SCREENED = 0.2  # of the gaits, that are draws before a search sets out: most fall, and cost little
 # The runs that then set out from different ones of the best, each worth so many gaits, share half of what is left; only
 # the best goes on. See bench_gait_search.
 RUNS, WORTH = 4, 150

@@ -81,8 +81,8 @@ class GaitExpected(Result):
     """What the simulators predict of a trial on the robot: the answer under motor noise and parameters, moved by 3 % of
     their ranges, that the search never saw.
 
-    runs, falls : with the exact 90 % interval of the share that falls, `low` to `high`. median, p5, p95 : of the
-    fitness, in the task's unit; a fall counts as 0.
+    runs : how many. falls : how many of these fell. low, high : exact 90 % interval of the share that falls.
+    median, p5, p95 : of the fitness, in the task's unit; a fall counts as 0.
     """
 
     runs: int
@@ -103,7 +103,7 @@ class Gait(Result):
     recording : the recording for which the simulators were chosen. on : how they were chosen. source : the stored
     result that named them. value : the objective of the search, `accept` over `trials` (one run in each simulator).
     finals : the runs that chose among the best gaits; null if there were none. expected : of a trial on the robot; null
-    in results of older versions. packaged : number, from 0, of the robot's own gait ([[gait.start]]) that this is,
+    in results of older versions. packaged : number, from 1, of the robot's own gait ([[gait.start]]) that this is,
     unchanged; null of a new gait. succeeded : the gait reached `success`
     in all simulators, and fell neither there nor in the finals. ended : why the search ended. notes : further remarks.
     """
@@ -192,6 +192,6 @@ class Gait(Result):
         if e is None:
             return ""
         return (
-            f"A trial on the robot may bring {e.median:.3g} {self.unit} ({e.p5:.3g} to {e.p95:.3g}), and falls with "
-            f"{100 * e.low:.0f} to {100 * e.high:.0f} %, as far as these simulators are right."
+            f"A trial on the robot may bring {e.median:.3g} {self.unit} ({e.p5:.3g} to {e.p95:.3g}). It falls with a "
+            f"probability of {100 * e.low:.0f} to {100 * e.high:.0f} %. Both hold as far as these simulators are right."
         )

@@ -12,10 +12,12 @@ LATELY = 3  # batches by whose best losses runs are compared: with new noise in 
 class Race:
     """Each of `runs` is asked in turn for `laps` batches; after these only the best goes on.
 
-    The best is the run with the lowest mean over its last batches of the lowest loss in each.
+    The best is the run with the lowest mean over its last batches of the lowest loss in each. laps : at least 1.
     """
 
     def __init__(self, runs: Sequence[Search], laps: int):
+        if laps < 1:
+            raise ValueError(f"laps = {laps}: a run that was never asked cannot be compared")
         self._runs, self._laps = list(runs), laps
         self._found: list[list[float]] = [[] for _ in runs]
         self._turn = 0

@@ -221,7 +221,7 @@ def threshold_note(made: Diagnosed) -> str:
         return "a default: this robot was not simulated without effects"
     return (
         f"{len(scores)} simulated robots without an effect reached at most {max(scores):.3g} nats under these "
-        "commands. About 1 in 100 of them would exceed the threshold: the estimate extrapolates their largest scores. "
+        "commands. With 80 % confidence at most 1 in 100 of them would exceed the threshold, by their largest scores. "
         "More runs make it more certain"
     )
 

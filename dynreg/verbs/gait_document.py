@@ -74,7 +74,7 @@ def document(
         fitness=Fitness(**values),
         finals=finals,
         expected=_expected(expected(trials, sought.genes)),
-        packaged=sought.packaged,
+        packaged=None if sought.packaged is None else sought.packaged + 1,
         succeeded=bool(stood and values["min"] >= task.success),
         trials=_trials(chosen, trials, sought),
         method=search.method,
@@ -118,9 +118,8 @@ def _notes(sought: Sought, accept: str) -> tuple[str, ...]:
     notes, helpless = [], sought.helpless
     if sought.packaged is not None:
         number = f"number {sought.packaged + 1} of the gaits in the robot's folder"
-        notes.append(
-            f"this gait is {number}, unchanged: the search found none that is better; try more --rollouts"
-        )
+        better = "no other gait of this search was better, and more --rollouts may find one"
+        notes.append(f"this gait is {number}, unchanged: {better}")
     if helpless.any():
         many = f"{helpless.sum()} of {len(helpless)} simulators"
         notes.append(f"every tried gait fell in {many}: a fall counts as 0 in the {accept}")

@@ -1,5 +1,6 @@
 """Effects of sensors: the log is not what the robot did."""
 
+import mujoco
 import numpy as np
 
 from dynreg.data.names import quantity_of
@@ -17,7 +18,7 @@ class EncoderOffset(Effect):
         ),
     )
     group = "gravity phase"
-    near = ("force_offset",)
+    near = ("force_offset", "encoder_eccentricity")
     separate_by = "turn the base by 180 degrees, and remove the load"
 
     def configure(self, site: Site, p: Values) -> None:
@@ -47,7 +48,7 @@ class EncoderScale(Effect):
 class EncoderEccentricity(Effect):
     """Encoders read q + sine sin q + cosine cos q, to the servo and to the log: the disc or the gear runs out of true.
 
-    Over less than half a turn it looks like a scale that is off, and an offset.
+    Over less than half a turn it looks like a wrong scale and an offset.
     """
 
     id, acts_on, title = "encoder_eccentricity", "sensor", "the encoder's disc runs out of true"
@@ -61,6 +62,13 @@ class EncoderEccentricity(Effect):
     )
     near = ("encoder_scale", "encoder_offset")
     separate_by = "slow sweeps of the whole turn, and an angle measured by hand at each quarter"
+
+    def why_not(self, robot: Robot) -> str | None:
+        model = robot.model
+        slides = [
+            j for j in robot.driven if model.njnt and model.joint(j).type[0] != mujoco.mjtJoint.mjJNT_HINGE
+        ]
+        return f"a disc turns, and {slides[0]!r} slides" if slides else super().why_not(robot)
 
     def encoder(self, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:
         sine, cosine = np.sin(x.q), np.cos(x.q)

@@ -210,6 +210,7 @@ def advance(x, n, kinds, places, apart, first, commands, sims, drives, step, sub
         for k in range(n):
             x[AT + k] -= x[AHEAD + k]
             x[Q + k] -= x[AHEAD + k]
+            x[V + k] -= x[FASTER + k]
     for k in range(n):
         x[LOAD + k] = x[AMPLITUDE + k] * sine(x[Q + k] + x[PHASE + k]) + x[CONSTANT + k]
     drive(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)

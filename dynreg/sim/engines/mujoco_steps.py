@@ -207,7 +207,7 @@ class EffectSteps(Steps):
             return
         asked = self._drives.torque(u, seen, speed, v)
         if self._apart and not self._begun:
-            q = self._settle(asked, q, v)
+            q, v = self._settle(asked, q, v)
         self._asked, self._begun = asked, True
         plain, load = self._drives.torque(u, q, v), self._load(v)
         torque = driven(self._driving, asked, q, v, load, self.clock)
@@ -220,15 +220,16 @@ class EffectSteps(Steps):
             done = self.clock.done(slice(None))
             self._drives.rub(friction if done is None else np.where(done, self._drives.friction, friction))
 
-    def _settle(self, torque: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(n, A) where the joints are whose encoders say q; they are moved there."""
+    def _settle(self, torque: np.ndarray, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, A), (n, A) where the joints are whose encoders say q and v, to first order; they are moved there."""
         self._ahead, self._faster = ahead(self._apart, torque, q, v, self.clock)
         self._qpos[:, self._position] = q - self._ahead
+        self._qvel[:, self._dof] = v - self._faster
         moved = np.zeros(len(q), dtype=bool)
         for a in self._apart:
             moved[a.rows] = True
         self._batch.forward(ids=np.flatnonzero(moved))
-        return q - self._ahead
+        return q - self._ahead, v - self._faster
 
     def _load(self, v: np.ndarray) -> np.ndarray:
         """(n, A) torque that would hold the joints: against gravity, springs, what the ground and the stops push."""

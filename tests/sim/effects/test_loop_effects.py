@@ -167,3 +167,19 @@ def test_limits_of_the_duty_are_for_servos_that_set_one():
     assert E["torque_limit"].about(leg, ("knee",)) is None  # there it is a cause of its own
     for key in ("feedback_delay", "profile_speed"):
         assert E[key].why_not(load_robot("double_pendulum")) is not None  # its drives are told torques
+
+
+def test_an_encoder_that_runs_out_of_true_begins_where_the_log_says_in_both_engines():
+    robot = load_robot("servo_pendulum")
+    nominal, run = robot.space.nominal[None], replace(lively(), initial=np.array([[0.4, 1.0]]))
+    terms = Terms((Term(E["encoder_eccentricity"]),), (np.array([[0.05, 0.03]]),))
+    joint, mujoco, plain = (
+        rollout(robot, nominal, run, engine=engine, terms=t).states[0, 0]
+        for engine, t in (("joint", terms), ("mujoco", terms), ("joint", None))
+    )
+    assert joint[0] == pytest.approx([0.4, 1.0], abs=1e-3) and mujoco[0] == pytest.approx([0.4, 1.0], abs=1e-3)
+    assert rms(joint[:, 0] - mujoco[:, 0]) < 0.3 * rms(joint[:, 0] - plain[:, 0]) > 3e-3
+
+
+def test_a_sliding_joint_has_no_disc():
+    assert "slides" in E["encoder_eccentricity"].why_not(load_robot("emps"))
