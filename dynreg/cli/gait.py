@@ -32,7 +32,7 @@ def gait(
     with call.open_for(robot, recording) as session:
         with call.progress() as progress:
             found = session.gait(recording, **vars(settings), robot=robot, log_map=log_map, progress=progress)
-        call.emit(found, hint="dynreg export @last --as python --to gait.py")
+        call.emit(found, hint=None if found.often_falls else "dynreg export @last --as python --to gait.py")
         if film is not None:
             _film(session, found, film)
 

@@ -72,6 +72,18 @@ class SearchSettings:
             return ()
         return tuple((gaits >> r, draws << r) for r in range(ROUNDS) if gaits >> r > 1)
 
+    def evaluations(self, k: int) -> int:
+        """Gaits of the search alone in k simulators; UsageError where the rollouts do not suffice for one batch."""
+        batch = SEARCHES[self.method].batch
+        left = self.rollouts // k - sum(gaits * draws for gaits, draws in self.finals(k))
+        if left < batch:
+            raise UsageError(
+                f"{self.rollouts} rollouts in {k} simulator{'s' if k > 1 else ''}",
+                expected=f"at least {batch * k}: {batch} gaits at a time in each",
+                do="raise --rollouts or lower -k",
+            )
+        return left
+
 
 @dataclass(frozen=True)
 class Finals:
@@ -117,15 +129,8 @@ def seek(
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
     space, k = trials.space, len(trials.simulators)
-    finals = settings.finals(k)
+    finals, evaluations = settings.finals(k), settings.evaluations(k)
     kind = SEARCHES[settings.method]
-    evaluations = settings.rollouts // k - sum(gaits * draws for gaits, draws in finals)
-    if evaluations < kind.batch:
-        raise UsageError(
-            f"{settings.rollouts} rollouts in {k} simulators",
-            expected=f"at least {kind.batch * k}: {kind.batch} gaits at a time in each",
-            do="raise --rollouts or lower -k",
-        )
     search = _Seen(search_of(trials, settings, evaluations))
     kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731

@@ -25,7 +25,7 @@ def tables(result: TrialTable) -> RenderableType:
     parts.append(table(columns, rows, "rates by hidden effect"))
     if result.confusions:
         rows = [(c.hidden or "nothing", diagnosed(c), c.count) for c in result.confusions]
-        parts.append(table(("hidden effect", "diagnosis", "count"), rows, "wrong or missed"))
+        parts.append(table(("hidden effect", "diagnosis", "count"), rows, "not right"))
     if len(result.trials) <= LISTED:
         parts.append(listed(result.trials, "one by one"))
     parts += [Text(f"\n{figures(result)}"), *(Text(f"note: {note}") for note in result.notes)]
@@ -37,6 +37,8 @@ def verdict(result: TrialTable) -> str:
     parts = []
     if result.right:
         parts.append(f"{result.right.hits} of {count(result.right.of, 'hidden effect')} named right")
+    if result.in_part and result.in_part.hits:
+        parts.append(f"{result.in_part.hits} right in part")
     if result.wrong:
         parts.append(f"{result.wrong.hits} of {result.wrong.of} named wrong")
     if result.outside:
@@ -72,8 +74,8 @@ def diagnosed(confusion: Confusion) -> str:
     """The diagnosis of a hidden effect that is not right."""
     if confusion.named is None:
         return "nothing"
-    same = confusion.named == confusion.hidden
-    return f"{confusion.named} (explains only a part)" if same else confusion.named
+    part = confusion.in_part or confusion.named == confusion.hidden
+    return f"{confusion.named} (right, explains only a part)" if part else confusion.named
 
 
 def figures(result: TrialTable) -> str:
@@ -122,7 +124,7 @@ def listed(trials: tuple[TrialResult, ...], title: str) -> RenderableType:
             t.size or "-",
             t.named or "nothing",
             t.verdict,
-            "right" if t.right else "not right",
+            t.judged,
             t.seconds,
         )
         for t in trials

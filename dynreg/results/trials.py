@@ -91,6 +91,11 @@ class TrialResult(Result):
     core_seconds: float | None = None
 
     @property
+    def judged(self) -> str:
+        """right, in part, wrong or missed; of a robot without a hidden effect right or wrong."""
+        return "right" if self.right else "in part" if self.in_part else "wrong" if self.wrong else "missed"
+
+    @property
     def wrong(self) -> bool:
         """Whether a wrong cause was named; an effect that is missed, or named as a part, is no wrong one."""
         return self.named is not None and not self.right and not self.in_part
@@ -106,10 +111,11 @@ class TrialGroup(Result):
 
 
 class Confusion(Result):
-    """How often a hidden effect was named as another one; null stands for no effect in both fields."""
+    """How often a hidden effect was named as another one, or named right for a part; null stands for no effect."""
 
     hidden: str | None
     named: str | None
+    in_part: bool = False
     count: int
 
 
@@ -237,9 +243,11 @@ def _groups(trials: Sequence[TrialResult]) -> tuple[TrialGroup, ...]:
 
 def _confusions(trials: Sequence[TrialResult]) -> tuple[Confusion, ...]:
     """The trials that are not right, by hidden and named effect, the most frequent first; joints are ignored."""
-    plain = [(t.hidden, t.named and re.sub(r"\[[^]]*\]", "", t.named)) for t in trials if not t.right]
+    plain = [
+        (t.hidden, t.named and re.sub(r"\[[^]]*\]", "", t.named), t.in_part) for t in trials if not t.right
+    ]
     pairs = sorted(Counter(plain).items(), key=lambda item: (-item[1], item[0][0] or "", item[0][1] or ""))
-    return tuple(Confusion(hidden=hidden, named=named, count=n) for (hidden, named), n in pairs)
+    return tuple(Confusion(hidden=h, named=named, in_part=part, count=n) for (h, named, part), n in pairs)
 
 
 def _median(values: Iterable[float | None]) -> float | None:

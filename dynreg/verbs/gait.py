@@ -79,7 +79,8 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     began = time.perf_counter()
     robot, search = asked.robot, settings.search
     task = task_of(robot, settings.task)
-    gait_space(robot)  # raises its errors before the registry is read
+    gait_space(robot)  # raises its errors before the registry is read, as too few rollouts do
+    search.evaluations(settings.k if settings.on in (SOURCES[0], "random", "population") else 1)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, settings.seed, progress)
     known = known_values(robot, asked.recording)

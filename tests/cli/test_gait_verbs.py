@@ -20,7 +20,7 @@ def test_gait_passes_its_options_on(dynreg, asked) -> None:
     line = (
         "gait yard -k 3 --on synthesised --method hill --accept mean --task turn --rollouts 90 --patience 20"
     )
-    more = "--resume --seed 4 --robot quadruped --map m.toml --population p --threads 2"
+    more = "--no-packaged --resume --seed 4 --robot quadruped --map m.toml --population p --threads 2"
     assert dynreg(*line.split(), *more.split()).status == 0
     ((verb, given, named),) = asked.asked
     assert (verb, given) == ("gait", ("yard",))
@@ -32,6 +32,7 @@ def test_gait_passes_its_options_on(dynreg, asked) -> None:
         "task": "turn",
         "rollouts": 90,
         "patience": 20,
+        "packaged": False,
         "resume": True,
         "seed": 4,
         "robot": "quadruped",

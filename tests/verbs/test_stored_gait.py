@@ -147,9 +147,23 @@ def test_a_gait_says_what_a_trial_may_bring(found: Gait) -> None:
     e = found.expected
     assert e.runs == 40 and 0 <= e.falls <= 40 and e.p5 <= e.median <= e.p95
     assert e.low <= e.falls / 40 <= e.high and (e.falls < 39 or e.p5 == 0.0)
-    assert found.prediction in str(found) and f"({e.p5:.3g} to {e.p95:.3g})" in found.prediction
+    assert found.prediction in str(found) and f"{e.p5:.3g} to {e.p95:.3g}; 0 for a fall" in found.prediction
     older = found.model_copy(update={"expected": None})
     assert older.prediction == "" and "A trial on the robot" not in str(older)
+
+
+def test_a_gait_that_mostly_falls_is_no_success(found: Gait) -> None:
+    falls = found.expected.model_copy(update={"runs": 40, "falls": 30})
+    stands = found.expected.model_copy(update={"runs": 40, "falls": 4})
+    won = found.model_copy(update={"succeeded": True})
+    assert "stood here, but fell in 30 of 40" in str(won.model_copy(update={"expected": falls}))
+    assert "the gait succeeded" in str(won.model_copy(update={"expected": stands}))
+
+
+def test_too_few_rollouts_are_refused_before_a_query(opened: Session, monkeypatch) -> None:
+    monkeypatch.setattr("dynreg.verbs.gait_simulators.query", lambda *a: pytest.fail("it asked"))
+    with pytest.raises(UsageError, match="3 rollouts in 5 simulators"):
+        opened.gait("log", rollouts=3, threads=1)
 
 
 def test_the_gaits_of_the_folder_can_be_left_out(opened: Session) -> None:

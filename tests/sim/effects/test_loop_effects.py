@@ -177,7 +177,9 @@ def test_an_encoder_that_runs_out_of_true_begins_where_the_log_says_in_both_engi
         rollout(robot, nominal, run, engine=engine, terms=t).states[0, 0]
         for engine, t in (("joint", terms), ("mujoco", terms), ("joint", None))
     )
-    assert joint[0] == pytest.approx([0.4, 1.0], abs=1e-3) and mujoco[0] == pytest.approx([0.4, 1.0], abs=1e-3)
+    assert joint[0] == pytest.approx([0.4, 1.0], abs=1e-3) and mujoco[0] == pytest.approx(
+        [0.4, 1.0], abs=1e-3
+    )
     assert rms(joint[:, 0] - mujoco[:, 0]) < 0.3 * rms(joint[:, 0] - plain[:, 0]) > 3e-3
 
 
