@@ -27,7 +27,7 @@ class Doubt:
     kind : "pulled": a parameter had to leave its nameplate by `value` sigma. "parameter_at_bound", "size_at_bound": a
         parameter, or the size of a cause, ended at the edge of its range, at `value`. "small": after the last fit a
         cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the
-        held-out error; `value` is its gain. "no_better": the extended simulator errs more on the judged windows than a
+        held-out error; `value` is its gain. "no_better": the last simulator errs more on the judged windows than a
         robot that holds still or just follows its commands; `value` is its error over theirs. "unlike": no simulator
         with one of the known causes looks like the log; `value` is how much the nearest does, up to 1. A log with
         several causes looks like none of them.
@@ -40,12 +40,12 @@ class Doubt:
 
 
 def doubts(state: State, judged: Judged, ranking: Ranking | None = None) -> tuple[Doubt, ...]:
-    """The doubts about the causes that were accepted; () without a cause.
+    """The doubts about the causes that were accepted; without a cause only whether the simulator is worth anything.
 
     ranking : what the log looks like; None where that was not asked.
     """
     if not state.accepted:
-        return ()
+        return tuple(_no_better(judged))
     c, point = state.model.coordinates, state.current
     unlike = ranking is not None and ranking.outside and state.accepted == 1
     return (

@@ -87,7 +87,7 @@ class Doubt(Result):
     kind : "pulled": a parameter left its nameplate by `value` sigma. "parameter_at_bound", "size_at_bound": a
     parameter, or the size of a cause [medium sizes], ended at the edge of its range. "small": after the last fit a
     cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the held-out
-    error; `value` is its gain. "no_better": the extended simulator errs more than a robot that holds still or just
+    error; `value` is its gain. "no_better": the last simulator errs more than a robot that holds still or just
     follows its commands; `value` is its error over theirs. "unlike": no simulator with one of the known causes looks
     like the recording; `value` is how much the nearest does, up to 1.
     of : the parameter or the key of the cause; "" of the whole simulator.

@@ -130,7 +130,7 @@ def _doubt(one: Doubt) -> str:
                 f"no known cause looks like the recording (the nearest shows {100 * one.value:.0f} % of it)"
             )
     than = "joints that hold still or just follow their commands"
-    return f"the extended simulator errs {times(one.value)} times as much as {than}"
+    return f"the simulator errs {times(one.value)} times as much as {than}"
 
 
 def _listed(parts: Sequence[str]) -> str:

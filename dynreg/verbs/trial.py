@@ -40,7 +40,11 @@ class TrialSettings(Settings):
     truth: str = option(
         "own", "Code that simulates the hidden robots: the library's, or independent.", choices=TRUTHS
     )
-    physics: str = option("same", "Physics of independent robots: the library's, or other.", choices=PHYSICS)
+    physics: str = option(
+        "same",
+        "Physics of the causes that are drawn for independent robots: the library's, or other.",
+        choices=PHYSICS,
+    )
     engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
     threshold_runs: int = threshold_runs()
     threads: int = threads()
@@ -57,9 +61,9 @@ class TrialSettings(Settings):
             )
         if self.physics != "same" and self.truth == "own":
             raise UsageError(
-                f"physics {self.physics!r} of the library's own hidden robots",
-                expected="'same': they are simulated by the library's effects",
-                do="hide by `truth` 'independent', or leave `physics` out",
+                f"physics {self.physics!r} without truth 'independent'",
+                expected="'same': the library's own hidden robots have its physics",
+                do="add `--truth independent`, or leave `--physics` out",
             )
         for key in self.effects if self.truth == "own" else ():
             term(key)

@@ -115,6 +115,9 @@ def test_a_cause_that_parameters_stood_in_for_need_not_lower_the_error():
 
 def test_a_simulator_that_errs_more_than_one_that_holds_still_is_a_doubt():
     assert kinds(state(), judged(9.0, 5.0, 5.0, 3.0)) == [("no_better", "")]
+    assert kinds(replace(state(), accepted=0), judged(9.0, 5.0, 5.0, 3.0)) == [("no_better", "")], (
+        "of no cause, too"
+    )
 
 
 def test_a_log_that_looks_like_no_known_cause_is_a_doubt_about_a_cause_alone():
@@ -153,7 +156,7 @@ def test_with_a_doubt_no_cause_is_named():
         (Told(kind="small", of="load_friction[arm]", value=0.4), "ends at 40 % of the weak one"),
         (
             Told(kind="no_better", of="", value=1.3),
-            "the extended simulator errs 1.3 times as much as joints that hold still or just",
+            "the simulator errs 1.3 times as much as joints that hold still or just",
         ),
     ],
 )
