@@ -75,7 +75,7 @@ def diagnosed(confusion: Confusion) -> str:
     if confusion.named is None:
         return "nothing"
     part = confusion.in_part or confusion.named == confusion.hidden
-    return f"{confusion.named} (right, explains only a part)" if part else confusion.named
+    return f"{confusion.named} (explains only a part)" if part else confusion.named
 
 
 def figures(result: TrialTable) -> str:
