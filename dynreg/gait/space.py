@@ -17,8 +17,7 @@ from dynreg.sim.robot import Robot
 
 SLACK = 1e-9  # rad, rad/s: what rounding may add
 # Draws about the pose at rest, as shares of the ranges: how far offsets and phases scatter (1 sigma), and the largest
-# amplitude. Most of them fall, as 80 to 88 % of draws anywhere do, but searches from the best end faster (see
-# bench_gait_search). About poses that stand fewer fall; two of three robots then walked a third as far.
+# amplitude. Most of them fall, too, but searches that set out from the best end faster (bench_gait_search).
 OFFSETS, PHASES, LARGEST = 0.12, 0.03, 0.35
 ANY = 0.25  # of these draws whose legs have any phases
 

@@ -173,9 +173,8 @@ class Gait(Result):
     def __str__(self) -> str:
         falls = sum(t.fell for t in self.trials)
         if self.succeeded and self.often_falls:
-            how = (
-                f"stood here, but fell in {self.expected.falls} of {self.expected.runs} runs with other noise"
-            )
+            e = self.expected
+            how = f"stood here, but fell in {e.falls} of {e.runs} runs with other noise and parameters"
         elif self.succeeded:
             how = "succeeded"
         elif falls:

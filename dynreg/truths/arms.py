@@ -64,6 +64,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
     "feedback_delay": {"delay": "feedback_delay"},
     "torque_lag": {"time": "torque_lag"},
 }
+# not added to what a row has
 _SET = ("fades", "bend", "no_load_speed", "rate_limit", "profile_speed", "profile_acceleration", "patch_wide")
 _COUNTS = {"cogging_7": 7.0, "cogging_24": 24.0}  # a turn
 # causes of the whole robot, which `Arm` and `_episode_of` read

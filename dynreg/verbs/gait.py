@@ -67,7 +67,7 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
-    from dynreg.gait.seek import seek
+    from dynreg.gait.seek import expected, seek
     from dynreg.gait.space import gait_space
     from dynreg.gait.tasks import task_of
     from dynreg.gait.trials import Trials, simulators_of
@@ -89,7 +89,8 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
     key, path = journal(asked, chosen, trials, search)
     sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
-    found = document(asked, chosen, trials, search, sought, time.perf_counter() - began)
+    unseen = expected(trials, sought.genes)
+    found = document(asked, chosen, trials, search, sought, unseen, time.perf_counter() - began)
     asked.keep(found)
     path.unlink(missing_ok=True)  # only after the gait is stored
     return found

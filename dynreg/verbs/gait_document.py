@@ -10,7 +10,7 @@ import numpy as np
 
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import SearchSettings, Sought, expected
+from dynreg.gait.seek import SearchSettings, Sought
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
@@ -43,9 +43,10 @@ def document(
     trials: Trials,
     search: SearchSettings,
     sought: Sought,
+    unseen: np.ndarray,
     seconds: float,
 ) -> Gait:
-    """The document of the gait. seconds : wall time of the search."""
+    """The document of the gait. unseen : (n,) its grades in runs that no choice has seen. seconds : wall time."""
     robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
     finals, values = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
     stood = not sought.fell.any() and not (finals and finals.falls)
@@ -73,7 +74,7 @@ def document(
         value=values[search.accept],
         fitness=Fitness(**values),
         finals=finals,
-        expected=_expected(expected(trials, sought.genes)),
+        expected=_expected(unseen),
         packaged=None if sought.packaged is None else sought.packaged + 1,
         succeeded=bool(stood and values["min"] >= task.success),
         trials=_trials(chosen, trials, sought),

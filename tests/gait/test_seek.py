@@ -8,7 +8,7 @@ import pytest
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import Finals, SearchSettings, best_again, seek
+from dynreg.gait.seek import DOUBT, Finals, SearchSettings, best_again, expected, seek
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials, simulators_of
@@ -250,3 +250,14 @@ def test_an_interrupted_search_with_finalists_goes_on_to_the_same_end(trials, tm
     gone_on = seek(trials, settings, journal=path, resume=True)
     assert gone_on.found.resumed > 20 and np.array_equal(gone_on.genes, whole.genes)
     assert gone_on.finals == whole.finals
+
+
+def test_a_trial_is_predicted_by_runs_that_nothing_has_seen(trials, monkeypatch) -> None:
+    """Other draws than those of the finals, with other parameters; so many of each simulator that it is 40 in all."""
+    gait, again, seen = first_gaits(trials, 1)[0], trials.again, []
+    monkeypatch.setattr(trials, "again", lambda *a, **how: seen.append((a[1], how)) or again(*a, **how))
+    best_again(trials, SearchSettings(), trials.space.starts[:2], ((2, 2), (1, 4)))
+    grades = expected(trials, gait)
+    assert len(grades) == 40 and trials.rollouts >= 40
+    *finals, (draws, how) = seen
+    assert how["doubt"] == DOUBT and how["first"] > max(f["first"] + d for d, f in finals) and draws == 20

@@ -57,7 +57,9 @@ def test_a_query_shows_what_the_recording_looks_like(session, grown) -> None:
     found = session.query("monday", k=5)
     assert found.schema_name() == "causes" and found.population == grown[0]
     assert found.causes[0].effect in SATURATES and not found.outside
-    alike = [one for one in found.causes if one.effect in SATURATES]  # the nearest are shared between the two names
+    alike = [
+        one for one in found.causes if one.effect in SATURATES
+    ]  # the nearest are shared between the two names
     assert sum(one.near for one in alike) == pytest.approx(1.0) and found.causes[0].cosine > 0.95
     assert sum(one.belief for one in found.causes) == pytest.approx(1.0)
 

@@ -166,6 +166,12 @@ def test_too_few_rollouts_are_refused_before_a_query(opened: Session, monkeypatc
         opened.gait("log", rollouts=3, threads=1)
 
 
+def test_the_prediction_is_that_of_unseen_runs(opened: Session, monkeypatch) -> None:
+    monkeypatch.setattr("dynreg.gait.seek.expected", lambda trials, genes: np.array([-1000.0, 1.0, 2.0, 3.0]))
+    e = opened.gait("log", on="nominal", rollouts=ROLLOUTS, threads=1).expected
+    assert (e.runs, e.falls, e.median) == (4, 1, 1.5)
+
+
 def test_the_gaits_of_the_folder_can_be_left_out(opened: Session) -> None:
     alone = opened.gait("log", on="nominal", rollouts=60, packaged=False, threads=1)
     assert alone.packaged is None and not any("the robot's folder" in note for note in alone.notes)

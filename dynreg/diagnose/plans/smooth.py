@@ -13,7 +13,7 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.sim.effects import Term
 
-AGAIN = 3  # hypotheses that are fitted to both parts; half and twice name the same (bench_constants)
+TRIED = 3  # hypotheses that are fitted to both parts: by contract
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,12 @@ def fitted_to_both(model: Model, naming: Naming, data: Data, iterations: int) ->
     The select part judges simulators that were fitted without it. A parameter that the fit part hardly holds can cost
     one of them tens of nats there (a joint that sticks in one window more, say), and no cause is needed for these. Of
     60 simulated servos without a cause one scored 21 nats so, and with this rule none above 0. The best hypotheses are
-    fitted again, `AGAIN` of them; where the best of all loses so, another may be chosen.
+    fitted again, `TRIED` of them; where the best of all loses so, another may be chosen.
     """
     if naming.chosen is None:
         return naming
     start = naming.start.point
-    tried = [naming.chosen, *(s for s in naming.ranking if s is not naming.chosen)][:AGAIN]
+    tried = [naming.chosen, *(s for s in naming.ranking if s is not naming.chosen)][:TRIED]
     causes = [s.point for s in tried]
     both = data.sample(data.both)
     (residual,) = yield from model.residuals(causes[:1], both)

@@ -183,5 +183,24 @@ def test_an_encoder_that_runs_out_of_true_begins_where_the_log_says_in_both_engi
     assert rms(joint[:, 0] - mujoco[:, 0]) < 0.3 * rms(joint[:, 0] - plain[:, 0]) > 3e-3
 
 
+@pytest.mark.parametrize("engine", ["joint", "mujoco"])
+def test_a_free_joint_swings_from_the_speed_behind_what_its_encoder_says(engine: str):
+    """With the drive off an encoder changes no motion: the log is that of the true start, read off."""
+    robot, (sine, cosine) = load_robot("servo_pendulum"), (0.05, 0.03)
+    read = lambda q: q + sine * np.sin(q) + cosine * np.cos(q)  # noqa: E731
+    slope = lambda q: 1.0 + sine * np.cos(q) - cosine * np.sin(q)  # noqa: E731
+    run = lively()
+    off = run.inputs.copy()
+    off[..., robot.inputs.index("arm/enabled")] = 0.0
+    q, v = 0.4, 1.0
+    begin = lambda angle, speed: replace(run, inputs=off, initial=np.array([[angle, speed]]))  # noqa: E731
+    terms = Terms((Term(E["encoder_eccentricity"]),), (np.array([[sine, cosine]]),))
+    nominal = robot.space.nominal[None]
+    said = rollout(robot, nominal, begin(read(q), slope(q) * v), engine=engine, terms=terms).states[0, 0, :5]
+    true = rollout(robot, nominal, begin(q, v), engine=engine).states[0, 0, :5]
+    np.testing.assert_allclose(said[:, 0], read(true[:, 0]), atol=3e-3)
+    np.testing.assert_allclose(said[:, 1], slope(true[:, 0]) * true[:, 1], atol=0.01)
+
+
 def test_a_sliding_joint_has_no_disc():
     assert "slides" in E["encoder_eccentricity"].why_not(load_robot("emps"))
