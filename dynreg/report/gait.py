@@ -24,7 +24,8 @@ def tables(result: Gait) -> RenderableType:
     columns = ("simulator", "kind", "", f"fitness [{result.unit}]", "ahead [m]", "left [m]")
     fitness = result.fitness
     return Group(
-        Text(str(result), style="bold"),
+        Text(result.headline, style="bold"),
+        *([Text(result.prediction)] if result.prediction else []),
         table(("gene", "value", "low", "high", "unit"), genes, "sinusoidal joint commands"),
         table(columns, trials, f"task {result.task}, {result.seconds:g} s in each simulator"),
         Text(
@@ -46,7 +47,7 @@ def page(result: Gait) -> dict[str, Any]:
     return {
         "result": result,
         "title": f"{result.recording_name} · gait of {result.robot}",
-        "verdict": str(result),
+        "verdict": result.headline,
         "search": rising,
         "ways": [c for c in map(_way, result.trials) if c is not None],
         "joints": _traces(result),

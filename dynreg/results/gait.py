@@ -171,6 +171,11 @@ class Gait(Result):
         return f"of {self.robot} for {self.recording_name}: {self.task}, {worst}"
 
     def __str__(self) -> str:
+        return f"{self.headline} {self.prediction}".rstrip()
+
+    @property
+    def headline(self) -> str:
+        """How the gait did in its simulators, in two sentences."""
         falls = sum(t.fell for t in self.trials)
         if self.succeeded and self.often_falls:
             e = self.expected
@@ -184,11 +189,10 @@ class Gait(Result):
         else:
             how = f"below the goal of {self.success:.3g} {self.unit}"
         simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
-        said = (
+        return (
             f"{self.recording_name}: the gait {how}. Task {self.task} in {simulators}: "
             f"{self.fitness.min:.3g} {self.unit} in the worst, {self.fitness.mean:.3g} {self.unit} on average."
         )
-        return f"{said} {self.prediction}" if self.expected else said
 
     @property
     def often_falls(self) -> bool:
