@@ -31,7 +31,7 @@ from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import planned
-from dynreg.diagnose.threshold import USUAL, known
+from dynreg.diagnose.threshold import USUAL, Threshold, known
 from dynreg.diagnose.trial import Trial, Trials, hidden_log
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.hypothesis import single_terms
@@ -91,7 +91,8 @@ def fitted(job: Job) -> tuple[Hidden, State, float]:
     model, data = pose(robot, log, options)
     terms = single_terms(model.robot) if job.named else hidden.terms
     problem = run(planned(model, data, terms))
-    made = run(search(problem, log, known(USUAL if job.named else -np.inf), options))
+    limit = Threshold(USUAL if job.named else -np.inf, ())
+    made = run(search(problem, log, known(limit), options))
     return hidden, made.found, time.process_time() - began
 
 

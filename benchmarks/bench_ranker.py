@@ -21,7 +21,7 @@ from dynreg.diagnose.diagnose import search
 from dynreg.diagnose.guided import EACH, MOST
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.screen import screen
-from dynreg.diagnose.threshold import known
+from dynreg.diagnose.threshold import Threshold, known
 from dynreg.diagnose.trial import Trial, Trials, hidden_log, posed, right_names
 from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.hypothesis import single_terms
@@ -84,7 +84,7 @@ def told(trials: Trials, trial: Trial, diagnose: bool) -> dict:
     for how, guide in (("with", problem.guide), ("without", None)) if diagnose else ():
         began = time.process_time()
         own = Problem(problem.model, problem.data, problem.terms, problem.plan, guide)
-        made = run(search(own, recording, known(NEEDED), options), threads=1)
+        made = run(search(own, recording, known(Threshold(NEEDED, ())), options), threads=1)
         first = made.found.rounds[0].chosen.point.hypothesis.terms[-1].key if made.found.accepted else ""
         out[how] = {
             "name": first,
