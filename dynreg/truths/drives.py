@@ -29,7 +29,6 @@ from dynreg.truths.rows import (
     RIPPLE_COUNT,
     RIPPLE_SINE,
     SAG,
-    SCALE,
     SMOOTH,
     TORQUE,
     TORQUE_LAG,
@@ -41,7 +40,10 @@ WEAKEST = 0.05  # of its torque keeps a motor however hot: by contract
 
 
 def command(x, y, i, commands, t, period, h):
-    """[rad] the command of joint i that acts at t [s], with its delay, gain, lag, rate limit and profile."""
+    """[rad] the command of joint i, h [s] after the last one, with its delay, gain, lag, rate limit and profile.
+
+    t : [s] a moment in between.
+    """
     u = commands[max(int(np.floor((t - x[COMMAND_DELAY, i]) / period)), 0), i] * x[COMMAND_GAIN, i]
     if x[COMMAND_LAG, i] > 0.0:
         y[SMOOTH, i] += (1.0 - np.exp(-h / x[COMMAND_LAG, i])) * (u - y[SMOOTH, i])
@@ -64,14 +66,15 @@ def command(x, y, i, commands, t, period, h):
 
 
 def servo(x, y, i, error, rate, power, on, h):
-    """[N m] what the law of a servo asks and the current brings, for an error [rad] and a rate [rad/s] that it sees."""
+    """[N m] what a servo asks and the current brings, for an error [rad] and a rate [rad/s] as its encoder reads."""
     error -= min(max(error, -x[DEADBAND, i]), x[DEADBAND, i])
     limit = x[LIMIT, i] * power
-    asked = on * (x[GAIN, i] * power * error - x[RATE_GAIN, i] * x[SCALE, i] * rate)
+    asked = on * (x[GAIN, i] * power * error - x[RATE_GAIN, i] * rate)
     given = min(max(asked, -limit), limit)
     if x[TORQUE_LAG, i] > 0.0:
-        y[TORQUE, i] += (1.0 - np.exp(-h / x[TORQUE_LAG, i])) * (given - y[TORQUE, i])
-        given = y[TORQUE, i]
+        last, half = y[TORQUE, i], np.exp(-0.5 * h / x[TORQUE_LAG, i])
+        y[TORQUE, i] = given + half * half * (last - given)
+        given += half * (last - given)  # in the middle of the step
     return given
 
 

@@ -72,7 +72,9 @@ def episode(
             right[whole - 1] -= taut
             right[whole - 2] += taut
         for i in range(n):
-            u = command(x, y, i, commands, t, period, h)
+            # what acts in the middle of the step, and what the next one finds
+            u = command(x, y, i, commands, t, period, 0.5 * h)
+            command(x, y, i, commands, t, period, 0.5 * h)
             given = _driven(x, y, heat, i, u, Q[i + s], V[i + s], told, k, power[now], enabled[now], h)
             given += push[now, i]
             emf = x[BACK_EMF, i] if enabled[now] > 0.5 else 0.0
@@ -120,6 +122,11 @@ def _reading(x, i, angle):
     return x[SCALE, i] * (angle + x[OFFSET, i]) + wobble
 
 
+def _read_speed(x, i, angle, rate):
+    slope = x[ECCENTRIC, i] * np.cos(angle) - x[ECCENTRIC_COSINE, i] * np.sin(angle)
+    return (x[SCALE, i] + slope) * rate
+
+
 def _begun(x, q, v, commands):
     """(STATE, n) at the start."""
     y = np.zeros((len(STATE), len(q)))
@@ -140,7 +147,7 @@ def _driven(x, y, heat, i, u, q, v, told, k, power, enabled, h):
         old = max(k - int(np.rint(x[FEEDBACK_DELAY, i] / h)), 0)
         angle, rate = told[old, 0, i], told[old, 1, i]
     on = 1.0 if enabled > 0.5 else 0.0
-    given = servo(x, y, i, u - _reading(x, i, angle), rate, power, on, h)
+    given = servo(x, y, i, u - _reading(x, i, angle), _read_speed(x, i, angle, rate), power, on, h)
     turns = y[OMEGA, i] if loose and x[EMF_OUTSIDE, i] < 0.5 else v
     return motor(
         x, heat, i, given, y[THETA, i] if loose else q, turns, on * x[BACK_EMF, i], x[LIMIT, i] * power, h

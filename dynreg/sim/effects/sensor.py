@@ -92,7 +92,16 @@ class SensorDelay(OfAnyDrive):
         high = np.minimum(low + 1, states.shape[1] - 1)
         share = np.clip(rows - low, 0.0, 1.0)[..., None]
         at = np.arange(len(states))[:, None]
-        return (1.0 - share) * states[at, low] + share * states[at, high]
+        before, after = states[at, low], states[at, high]
+        out = (1.0 - share) * before + share * after
+        # between rows, joints go on with the speeds they have: a straight line cuts their corners by as much as a
+        # delay of a twentieth less does (two_joint_arm, rows 10 ms apart)
+        angles, speeds = columns.get("position", []), columns.get("velocity", [])
+        period = (times[:, 1:2] - times[:, :1])[..., None]
+        straight = (after - before)[..., angles]
+        begin, end = period * before[..., speeds] - straight, period * after[..., speeds] - straight
+        out[..., angles] += share * (1.0 - share) * ((1.0 - share) * begin - share * end)
+        return out
 
 
 class ClockError(OfAnyDrive):

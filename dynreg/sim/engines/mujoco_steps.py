@@ -19,6 +19,7 @@ from dynreg.sim.engines.acting import (
     prepare,
 )
 from dynreg.sim.engines.alone import Alone
+from dynreg.sim.engines.joint_kernel import SETTLED
 from dynreg.sim.layout import Layout
 from dynreg.sim.ports import Ports, ServoLaw, slice_of
 
@@ -221,15 +222,17 @@ class EffectSteps(Steps):
             self._drives.rub(friction if done is None else np.where(done, self._drives.friction, friction))
 
     def _settle(self, torque: np.ndarray, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, A), (n, A) where the joints are whose encoders say q and v, to first order; they are moved there."""
-        self._ahead, self._faster = ahead(self._apart, torque, q, v, self.clock)
-        self._qpos[:, self._position] = q - self._ahead
-        self._qvel[:, self._dof] = v - self._faster
+        """(n, A), (n, A) where the joints are whose encoders say q and v; they are moved there."""
+        joint, speed = q, v
+        for _ in range(SETTLED):
+            self._ahead, self._faster = ahead(self._apart, torque, joint, speed, self.clock)
+            joint, speed = q - self._ahead, v - self._faster
+        self._qpos[:, self._position], self._qvel[:, self._dof] = joint, speed
         moved = np.zeros(len(q), dtype=bool)
         for a in self._apart:
             moved[a.rows] = True
         self._batch.forward(ids=np.flatnonzero(moved))
-        return q - self._ahead, v - self._faster
+        return joint, speed
 
     def _load(self, v: np.ndarray) -> np.ndarray:
         """(n, A) torque that would hold the joints: against gravity, springs, what the ground and the stops push."""
