@@ -44,7 +44,7 @@ from dynreg.truths.table import causes_of
 
 FILE = Path(__file__).parent / "results" / "intervals.json"
 JOURNALS = Path(__file__).parent / "registry"
-REPORT = 20261124
+REPORT = 20261220
 SECONDS = {"servo_pendulum": 50.0, "two_joint_arm": 50.0, "leg": 50.0}
 LEVEL = 0.9  # of the intervals: by contract
 LEAST, WITHIN = 0.80, 0.03  # coverage of each effect, and of all about LEVEL: by contract

@@ -22,7 +22,7 @@ from dynreg.sim.robot import Robot, load_robot
 from dynreg.truths.causes import CAUSES
 from dynreg.truths.table import causes_of
 
-REPORT = 20261217
+REPORT = 20261219
 SIZES = ("medium", "strong")
 # To a log of wheels an encoder's scale is the wheels' size and the drags at once (see bench_naming_wheels).
 UNTOLD = {"diffdrive": ("encoder_scale",)}
