@@ -30,8 +30,8 @@ ENGINES: Mapping[str, Engine] = MappingProxyType(
     {
         "mujoco": Engine(f"{_HOME}.mujoco_engine", contacts=True, finer=8, order=1),
         "joint": Engine(f"{_HOME}.joint_engine", vectorised=True, finer=4),
-        "kinematic": Engine(f"{_HOME}.kinematic_engine", planar=True, vectorised=True, finer=4, order=1),
-        "unicycle": Engine(f"{_HOME}.unicycle_engine", planar=True, vectorised=True, finer=4, order=1),
+        "kinematic": Engine(f"{_HOME}.kinematic_engine", planar=True, vectorised=True, finer=8),
+        "unicycle": Engine(f"{_HOME}.unicycle_engine", planar=True, vectorised=True, finer=8),
     }
 )
 
