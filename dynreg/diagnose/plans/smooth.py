@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dynreg.diagnose.plans.plan import Plan, State, stripped
-from dynreg.diagnose.score import INSTEAD, PER_PARAMETER, Naming, lowered, score
+from dynreg.diagnose.score import INSTEAD, PER_PARAMETER, Naming, Scored, lowered, score
 from dynreg.evidence.data import Data, Sample
 from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
+from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
 TRIED = 3  # hypotheses that are fitted to both parts: by contract
@@ -25,7 +26,8 @@ class Smooth(Plan):
     rivals, again : of the best from where the model without a term is fitted again, and by how many iterations: it gets
     the same chance. rounds : of naming, where the first found a model without the term that is `better` [nats] on its
     way. last : iterations of the calibrated simulator's last fit. On bench_constants half and twice of `rivals` and
-    `rounds`, of `better`, of `again` and of `last` name the same.
+    `rounds`, of `better`, of `again` and of `last` name the same. once : whether derivatives by what the hypotheses
+    have in common are taken once for the fit to both parts.
     """
 
     iterations: int = 5
@@ -34,6 +36,7 @@ class Smooth(Plan):
     rounds: int = 2
     better: float = 2.0
     last: int = 4
+    once: bool = False
 
     def name(
         self,
@@ -52,7 +55,7 @@ class Smooth(Plan):
             if not naming.ranking or price[0] - price.min() <= self.better:
                 break
             terms = self.remaining(terms, naming)
-        naming = yield from fitted_to_both(model, naming, sample.data, self.iterations)
+        naming = yield from fitted_to_both(model, naming, sample.data, self.iterations, once=self.once)
         return naming, model
 
     def settle(self, state: State, posed: Data, seed: int) -> Search[State]:
@@ -80,28 +83,46 @@ class Smooth(Plan):
         """The last fit of the simulator with the causes; and the model, corrected there."""
 
 
-def fitted_to_both(model: Model, naming: Naming, data: Data, iterations: int) -> Search[Naming]:
+def fitted_to_both(
+    model: Model, naming: Naming, data: Data, iterations: int, *, once: bool = False
+) -> Search[Naming]:
     """The naming without the evidence that parameters win back once the simulators are fitted to the select part, too,
     where that is more than `INSTEAD` of it.
 
     The select part judges simulators that were fitted without it. A parameter that the fit part hardly holds can cost
     one of them tens of nats there (a joint that sticks in one window more, say), and no cause is needed for these. Of
-    60 simulated servos without a cause one scored 21 nats so, and with this rule none above 0. The best hypotheses are
-    fitted again, `TRIED` of them; where the best of all loses so, another may be chosen.
+    60 simulated servos without a cause one scored 21 nats so, and with this rule none above 0. Where the chosen
+    hypothesis loses so, the next ones are fitted again, too, `TRIED` of all, and another may be chosen.
     """
     if naming.chosen is None:
         return naming
-    start = naming.start.point
-    tried = [naming.chosen, *(s for s in naming.ranking if s is not naming.chosen)][:TRIED]
-    causes = [s.point for s in tried]
+    start, chosen = naming.start.point, naming.chosen
     both = data.sample(data.both)
-    (residual,) = yield from model.residuals(causes[:1], both)
-    points = [*causes, start, *stripped(start, causes[:1])]
-    _, cost = yield from fit(model, points, both.reweighted(residual), iterations=iterations)
-    plain, less = float(cost[len(causes) :].min()), {}
-    for scored, own in zip(tried, cost, strict=False):
-        price = PER_PARAMETER * (len(scored.point.effect) - len(start.effect))
-        back = scored.nats - (plain - float(own) - price)
+    (residual,) = yield from model.residuals([chosen.point], both)
+    both = both.reweighted(residual)
+    leading = None
+    if once:
+        _, (slope,) = yield from sensitivities(model, [chosen.point], both)
+        leading = slope[: len(start.z)]
+    points = [chosen.point, start, *stripped(start, [chosen.point])]
+    _, (own, *plain) = yield from fit(model, points, both, iterations=iterations, leading=leading)
+    back = won_back(chosen, start, min(plain) - own)
+    if back <= INSTEAD * abs(chosen.nats):
+        return naming
+    less = {chosen.key: back}
+    others = [s for s in naming.ranking if s is not chosen][: TRIED - 1]
+    if not others:
+        return lowered(naming, less)
+    points = [s.point for s in others]
+    _, cost = yield from fit(model, points, both, iterations=iterations, leading=leading)
+    for scored, own in zip(others, cost, strict=True):
+        back = won_back(scored, start, min(plain) - own)
         if back > INSTEAD * abs(scored.nats):
             less[scored.key] = back
-    return lowered(naming, less) if naming.chosen.key in less else naming
+    return lowered(naming, less)
+
+
+def won_back(scored: Scored, start: Point, gain: float) -> float:
+    """Nats of a hypothesis that are not left of what it gains over `start` where both are fitted to both parts."""
+    price = PER_PARAMETER * (len(scored.point.effect) - len(start.effect))
+    return scored.nats - (float(gain) - price)
