@@ -91,8 +91,8 @@ class Model:
         """The model with what its time step does to the rollouts of these points taken off all of their hypotheses.
 
         MuJoCo's integrator is of first order: half a time step late looks like a soft joint. That of the joint engine
-        is of second order, yet delays and speed limits are found more precisely than that. That of a base on wheels is
-        exact, but for the step in which a wheel ceases to slip. Rollouts with a time step `accuracy.finer` times finer
+        is of second order, yet delays and speed limits are found more precisely than that. So is that of wheels,
+        where commands lag or a wheel slips; else it is exact. Rollouts with a time step `accuracy.finer` times finer
         say by how much (contacts follow no order: nothing is extrapolated). Of the windows to fit and to select by: no
         other residual is looked at.
         """

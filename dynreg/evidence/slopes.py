@@ -47,8 +47,6 @@ def slopes(
                 z = point.z.copy()
                 z[i] = end[i]
                 moved.append(point.moved(z))
-    if leading is not None and not moved:
-        return [leading] * len(points)
     here = [] if central else list(points)
     made = yield from model.sloped.residuals([*here, *moved], sample)
     out, at = [], len(here)

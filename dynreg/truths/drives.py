@@ -42,6 +42,8 @@ WEAKEST = 0.05  # of its torque keeps a motor however hot: by contract
 def command(x, y, i, commands, t, period, h):
     """[rad] the command of joint i, h [s] after the last one, with its delay, gain, lag, rate limit and profile.
 
+    Moves the states of lag, limit and profile on.
+
     t : [s] a moment in between.
     """
     u = commands[max(int(np.floor((t - x[COMMAND_DELAY, i]) / period)), 0), i] * x[COMMAND_GAIN, i]

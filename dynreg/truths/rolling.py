@@ -63,14 +63,13 @@ def drive(x, commands, period, count, begin, trace):
     ground = np.array([radius * left, radius * right])
     smooth, second = commands[0] * (1.0 + x[GAIN]), np.array([left, right]) * scale
     limited = np.array([left, right]) * scale
-    stages, at, u = np.zeros((4, 7)), np.zeros(7), np.zeros(2)
-    after = np.zeros(2)
+    stages, at, u, unused = np.zeros((4, 7)), np.zeros(7), np.zeros(2), np.zeros(2)
     _write(trace, 0, y, x)
     for k in range(len(commands) * count):
         now = max(int(np.floor(((k + 0.5) * h - x[DELAY]) / period)), 0)
         # what acts in the middle of the step, and what the next one finds
         _obey(x, commands[now], smooth, limited, second, u, 0.5 * h)
-        _obey(x, commands[now], smooth, limited, second, after, 0.5 * h)
+        _obey(x, commands[now], smooth, limited, second, unused, 0.5 * h)
         wanted = 0.5 * radius * (u[0] + u[1])
         turned = radius * (u[1] - u[0]) / track
         before = y.copy()

@@ -33,7 +33,6 @@ class Long(Smooth):
     last: int = 1
     halved: tuple[int, ...] = (1, 1)
     ends: int = 2
-    once: bool = True
 
     def refitted(
         self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]

@@ -11,7 +11,6 @@ from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
-from dynreg.evidence.slopes import sensitivities
 from dynreg.sim.effects import Term
 
 TRIED = 3  # hypotheses that are fitted to both parts: by contract
@@ -26,8 +25,7 @@ class Smooth(Plan):
     rivals, again : of the best from where the model without a term is fitted again, and by how many iterations: it gets
     the same chance. rounds : of naming, where the first found a model without the term that is `better` [nats] on its
     way. last : iterations of the calibrated simulator's last fit. On bench_constants half and twice of `rivals` and
-    `rounds`, of `better`, of `again` and of `last` name the same. once : whether derivatives by what the hypotheses
-    have in common are taken once for the fit to both parts.
+    `rounds`, of `better`, of `again` and of `last` name the same.
     """
 
     iterations: int = 5
@@ -36,7 +34,6 @@ class Smooth(Plan):
     rounds: int = 2
     better: float = 2.0
     last: int = 4
-    once: bool = False
 
     def name(
         self,
@@ -55,7 +52,7 @@ class Smooth(Plan):
             if not naming.ranking or price[0] - price.min() <= self.better:
                 break
             terms = self.remaining(terms, naming)
-        naming = yield from fitted_to_both(model, naming, sample.data, self.iterations, once=self.once)
+        naming = yield from fitted_to_both(model, naming, sample.data, self.iterations)
         return naming, model
 
     def settle(self, state: State, posed: Data, seed: int) -> Search[State]:
@@ -83,9 +80,7 @@ class Smooth(Plan):
         """The last fit of the simulator with the causes; and the model, corrected there."""
 
 
-def fitted_to_both(
-    model: Model, naming: Naming, data: Data, iterations: int, *, once: bool = False
-) -> Search[Naming]:
+def fitted_to_both(model: Model, naming: Naming, data: Data, iterations: int) -> Search[Naming]:
     """The naming without the evidence that parameters win back once the simulators are fitted to the select part, too,
     where that is more than `INSTEAD` of it.
 
@@ -100,12 +95,8 @@ def fitted_to_both(
     both = data.sample(data.both)
     (residual,) = yield from model.residuals([chosen.point], both)
     both = both.reweighted(residual)
-    leading = None
-    if once:
-        _, (slope,) = yield from sensitivities(model, [chosen.point], both)
-        leading = slope[: len(start.z)]
     points = [chosen.point, start, *stripped(start, [chosen.point])]
-    _, (own, *plain) = yield from fit(model, points, both, iterations=iterations, leading=leading)
+    _, (own, *plain) = yield from fit(model, points, both, iterations=iterations)
     back = won_back(chosen, start, min(plain) - own)
     if back <= INSTEAD * abs(chosen.nats):
         return naming
@@ -113,10 +104,9 @@ def fitted_to_both(
     others = [s for s in naming.ranking if s is not chosen][: TRIED - 1]
     if not others:
         return lowered(naming, less)
-    points = [s.point for s in others]
-    _, cost = yield from fit(model, points, both, iterations=iterations, leading=leading)
-    for scored, own in zip(others, cost, strict=True):
-        back = won_back(scored, start, min(plain) - own)
+    _, cost = yield from fit(model, [s.point for s in others], both, iterations=iterations)
+    for scored, reached in zip(others, cost, strict=True):
+        back = won_back(scored, start, min(plain) - reached)
         if back > INSTEAD * abs(scored.nats):
             less[scored.key] = back
     return lowered(naming, less)
@@ -125,4 +115,4 @@ def fitted_to_both(
 def won_back(scored: Scored, start: Point, gain: float) -> float:
     """Nats of a hypothesis that are not left of what it gains over `start` where both are fitted to both parts."""
     price = PER_PARAMETER * (len(scored.point.effect) - len(start.effect))
-    return scored.nats - (float(gain) - price)
+    return scored.nats - float(gain - price)

@@ -149,14 +149,15 @@ class Effect:
     begin(robot, batch, rows) : change the state in which an episode starts, in a mujoco.batch.Batch of that model.
     command(u, x, p) : (rows, joints) commands -> commands.
     encoder(x, p) : how far ahead of the joint the encoder stands [rad] and how much faster it turns, (rows, joints)
-        each, for one that does not sit on the joint, or runs out of true. It is asked at first, when `x.torque` is
-        what the drive gives, then after every time step. Both the loop and the log have what the encoder says.
+        each, for one that does not sit on the joint, or runs out of true. It is asked at first, some times over, when
+        `x.torque` is what the drive gives, then after every time step. Both the loop and the log have what it says.
     drive(torque, x, p) : (rows, joints) drive torque -> torque that reaches the joint.
     friction(x, p) : (rows, joints) dry friction [N m] to add to the bound, at the present speed and load.
     roll(speed, x, p) : (rows, wheels) [m/s] that the wheels of a base turn at -> that they roll over the ground at,
         both the mean over the time step.
     observe(states, columns, times, p) : (rows, T+1, S) state vectors -> what the log holds; `columns` by kind
-        ("position", "velocity", "base") of the effect's joints, times (rows, T+1) [s] since the episode began.
+        ("position", "velocity", "base") of the effect's joints, "moving" and "speed" of those that log both, times
+        (rows, T+1) [s] since the episode began.
     """
 
     id: ClassVar[str]

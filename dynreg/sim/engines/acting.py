@@ -368,12 +368,20 @@ def _encoders(robot: Robot) -> list[tuple[str, int, int]]:
 
 
 def _columns(robot: Robot, joints: np.ndarray) -> dict[str, list[int]]:
-    """{quantity: channel columns} of the drives `joints`, and of the base's own quantities."""
-    out: dict[str, list[int]] = {}
-    for column, name in enumerate(robot.channels):
+    """{quantity: channel columns} of the drives `joints`, and of the base's own quantities.
+
+    "moving" and "speed" are the columns of joints of which both are logged, one for one.
+    """
+    out: dict[str, list[int]] = {"moving": [], "speed": []}
+    names = {name: column for column, name in enumerate(robot.channels)}
+    for name, column in names.items():
         owner, kind = parts_of(name)
-        if owner not in robot.joints or robot.joints.index(owner) in joints:
-            out.setdefault(kind, []).append(column)
+        if owner in robot.joints and robot.joints.index(owner) not in joints:
+            continue
+        out.setdefault(kind, []).append(column)
+        if kind == "position" and f"{owner}/velocity" in names:
+            out["moving"].append(column)
+            out["speed"].append(names[f"{owner}/velocity"])
     return out
 
 

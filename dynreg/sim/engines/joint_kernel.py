@@ -26,8 +26,8 @@ GIVEN = 39
 # What the encoder's shaft stands and turns ahead of the joint; what the drive's own loop sees; time steps so far.
 (FRICTION, AFTER, AHEAD, FASTER, SEEN, SEEN_V, COUNT) = range(57 * WIDTH, 64 * WIDTH, WIDTH)
 ROWS = 64
-# What an encoder reads too much depends on where its joint is: each turn of the start is nearer to that by the slope of
-# this error, 0.06 at most.
+# What an encoder reads too much depends on where its joint is, and that on what it reads too much: a fixed point. After
+# four turns a strong eccentricity is 5e-8 rad off, the most that a fit reaches (0.3 rad) 5e-3 rad.
 SETTLED = 4
 
 _ROUND = 6755399441055744.0  # added and taken off, it leaves the nearest integer
@@ -215,8 +215,6 @@ def advance(x, n, kinds, places, apart, first, commands, sims, drives, step, sub
             for k in range(n):
                 x[Q + k] = x[AT + k] + 0.5 * x[H + k] * x[AFTER + k] - x[AHEAD + k]
                 x[V + k] = x[AFTER + k] - x[FASTER + k]
-        for k in range(n):
-            x[AT + k] -= x[AHEAD + k]
     for k in range(n):
         x[LOAD + k] = x[AMPLITUDE + k] * sine(x[Q + k] + x[PHASE + k]) + x[CONSTANT + k]
     drive(x, kinds, places, n, first, commands, sims, drives, step, substep, trail)
