@@ -219,11 +219,12 @@ def _passed(torque: np.ndarray, x: Moment, motor: str, half: np.ndarray | None) 
     angle, speed = x.memory[motor], x.memory[f"{motor} speed"]
     of_speed, of_torque, of_joint, of_spring, rate, h = x.memory[f"{motor} step"]
     bent = angle - x.q
-    if half is not None:
-        free = bent + h * (speed - x.v)
-        bent = bent - np.copysign(half, free)
-    after = of_speed * speed + of_torque * torque + of_joint * x.v - of_spring * bent
-    if half is not None:
-        after = np.where(np.abs(free) >= half, after, speed + torque / rate)
+    freely = of_speed * speed + of_torque * torque + of_joint * x.v
+    if half is None:
+        after = freely - of_spring * bent
+    else:  # flanks push, they do not pull
+        above, below = freely - of_spring * (bent - half), freely - of_spring * (bent + half)
+        alone = speed + torque / rate
+        after = np.where(above <= alone, above, np.where(below >= alone, below, alone))
     x.memory[motor], x.memory[f"{motor} speed"] = angle + h * after, after
     return torque - rate * (after - speed)  # what does not speed the motor up

@@ -1,5 +1,6 @@
 """Laws that hold for every effect of the library."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -16,6 +17,7 @@ TWICE = (
     {"torque_limit", "duty_limit"},
     {"backlash", "motor_backlash"},
 )  # one limit, one play: each bends the other
+FLANKS = ("backlash",)  # a motor leaves and meets them within a step: engines are compared by one that resolves that
 AGREEMENT = 0.1  # of the change, by which the two engines may differ: their time steps are of different order
 
 
@@ -53,7 +55,10 @@ def test_a_strong_effect_is_seen(effect: Effect):
 @pytest.mark.parametrize("size", ["medium", "strong"])
 @pytest.mark.parametrize("effect", SHARED, ids=lambda e: e.id)
 def test_engines_agree_on_the_change_that_an_effect_makes(effect: Effect, size: str):
-    joint, mujoco = (bench(name).changes({effect: size}) for name in ("servo", "servo_mujoco"))
+    benches = [bench(name) for name in ("servo", "servo_mujoco")]
+    if effect.id in FLANKS:
+        benches = [replace(b, name=f"{b.name}, fine", robot=b.robot.stepped(8.0)) for b in benches]
+    joint, mujoco = (b.changes({effect: size}) for b in benches)
     assert rms(joint - mujoco) < AGREEMENT * rms(joint)
 
 
