@@ -7,14 +7,17 @@ import pytest
 from by_hand import held_against_zero, plain, with_effect
 from legs import in_the_air, over_its_stop
 
+from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Contact, Feet, Long, Short
 from dynreg.diagnose.plans.plan import State
+from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
 from dynreg.evidence.accuracy import PLAIN, Accuracy, rough, usual
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.lockstep import run
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
@@ -94,12 +97,25 @@ def test_it_is_not_sought_in_what_is_held_out():
         assert bool(np.abs(own - known).max() > 1e-3) is corrected
 
 
-def test_a_base_whose_wheels_hold_needs_no_correction():
-    model, data = held_against_zero("speed_gain", robot="create")
-    one, sample = plain(0.0), data.sample(data.both)
-    model = replace(model, accuracy=usual(model.robot))
-    own, known = (run(m.residuals([one], sample)) for m in (model, run(model.corrected([one], data))))
-    assert model.accuracy.finer > 1.0 and np.abs(own - known).max() < 1e-9
+@pytest.mark.parametrize("key", [None, "command_lag", "wheel_slip"])
+def test_the_step_of_wheels_is_corrected_where_commands_lag_or_a_wheel_slips(key):
+    robot = load_robot("diffdrive")
+    hidden = hide(robot, (term(key),) if key else (), "medium" if key else None, 1)
+    log = log_of(robot, hidden, protocol(robot, seed=1, seconds=10.0))
+    model, data = pose(robot, log, DiagnosisOptions(threads=1))
+    effect = [
+        model.coordinates.effect_coordinates(t, v) for t, v in zip(hidden.terms, hidden.values, strict=True)
+    ]
+    one = replace(
+        true_point(model, hidden), hypothesis=Hypothesis(hidden.terms), effect=np.concatenate([[], *effect])
+    )
+    sample, noise = data.sample(data.both), np.sqrt(data.floor)
+    own, known, truth = (
+        run(m.residuals([one], sample))
+        for m in (model, run(model.corrected([one], data)), replace(model, finely=64.0))
+    )
+    whole, left = (float(np.sqrt(np.nanmean(((r - truth) / noise) ** 2))) for r in (own, known))
+    assert left < 0.25 * whole if key else whole < 0.01
 
 
 def test_simulated_finely_the_true_parameters_leave_the_noise_on_the_ground_too():

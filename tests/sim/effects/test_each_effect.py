@@ -17,7 +17,9 @@ TWICE = (
     {"torque_limit", "duty_limit"},
     {"backlash", "motor_backlash"},
 )  # one limit, one play: each bends the other
-FLANKS = ("backlash",)  # a motor leaves and meets them within a step: engines are compared by one that resolves that
+FLANKS = (
+    "backlash",
+)  # a motor leaves and meets them within a step: engines are compared by one that resolves that
 AGREEMENT = 0.1  # of the change, by which the two engines may differ: their time steps are of different order
 
 
