@@ -19,6 +19,7 @@ from dynreg.truths.rows import (
     LIMITED,
     LOPSIDED,
     NO_LOAD_SPEED,
+    OFFSET,
     PACE,
     PROFILE,
     PROFILE_ACCELERATION,
@@ -91,6 +92,6 @@ def motor(x, heat, i, given, angle, turning, emf, limit, h):
     weak = x[FADE, i] * heat[0, i] + x[BUILD_UP, i] * (0.5 * heat[0, i] + 2.0 * heat[1, i])
     given *= max(1.0 - weak, WEAKEST)
     if x[RIPPLE_COUNT, i] > 0.0:
-        turn = x[RIPPLE_COUNT, i] * angle
+        turn = x[RIPPLE_COUNT, i] * (angle + x[OFFSET, i])  # from the encoder's zero: by contract
         given += x[RIPPLE_SINE, i] * np.sin(turn) + x[RIPPLE_COSINE, i] * np.cos(turn)
     return given + x[FORCE, i] - (x[DRAG, i] * turning + x[LOPSIDED, i]) * abs(turning)
