@@ -72,9 +72,8 @@ def episode(
             right[whole - 1] -= taut
             right[whole - 2] += taut
         for i in range(n):
-            # what acts in the middle of the step, and what the next one finds
-            u = command(x, y, i, commands, t, period, 0.5 * h)
-            command(x, y, i, commands, t, period, 0.5 * h)
+            u = command(x, y, i, commands, t, period, 0.5 * h)  # in the middle of the step
+            command(x, y, i, commands, t, period, 0.5 * h)  # and at its end
             given = _driven(x, y, heat, i, u, Q[i + s], V[i + s], told, k, power[now], enabled[now], h)
             given += push[now, i]
             emf = x[BACK_EMF, i] if enabled[now] > 0.5 else 0.0

@@ -27,7 +27,7 @@ from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.verbs.experiment import experiment as told_of
 
-SECONDS = 4.0
+SECONDS = 5.0  # in 4 s flanks that only push show 6 nats of a play
 PAIRS = (("payload", "coulomb_friction"), ("backlash", "command_deadband"))
 
 
