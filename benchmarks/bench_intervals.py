@@ -64,7 +64,7 @@ class Job:
 
 def of_robot(given: argparse.Namespace) -> list[Job]:
     """The robots of a table."""
-    robot, seed = load_robot(given.robot), TUNE if given.tune else REPORT
+    robot, seed = load_robot(given.robot), TUNE if given.tune else given.seed
     if given.truth == "own":
         able = [t.key for t in single_terms(robot) if not t.joints]
     else:
@@ -246,6 +246,7 @@ def arguments() -> argparse.ArgumentParser:
     parser.add_argument("--named", action="store_true", help="the diagnosis finds the name; right ones count")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
+    parser.add_argument("--seed", type=int, default=REPORT, help="of robots that are reported")
     parser.add_argument("--label", default="", help="of the journal: tables of other code stand beside it")
     return parser
 
@@ -255,7 +256,7 @@ def main() -> None:
     given = arguments().parse_args()
     jobs = of_robot(given)
     title = " ".join([given.robot, given.truth, *(["named"] if given.named else [])])
-    head = {"title": title, "seed": TUNE if given.tune else REPORT, "label": given.label}
+    head = {"title": title, "seed": TUNE if given.tune else given.seed, "label": given.label}
     stem = "_".join(["intervals", *title.split(), str(head["seed"]), given.label])
     journal = Journal(JOURNALS / f"{stem}.jsonl", head)
     journal.begin()

@@ -16,8 +16,8 @@ TESTS = ROOT / "tests"
 OFFLINE = ("--no-deps", "--no-index", "--disable-pip-version-check", "-q")
 # rooms of which some tests are run each time: package data is read, a child process is begun, a log goes the whole way
 QUICK = (
-    "report/test_diagnosis_page.py",
-    "results/test_plots.py",
+    "report",
+    "results",
     "cli/test_choices.py",
     "cli/test_whole_way.py",
     "sim/test_film.py",

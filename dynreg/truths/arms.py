@@ -8,13 +8,14 @@ import numpy as np
 from dynreg.rng import stream
 from dynreg.truths.causes import Units
 from dynreg.truths.chain import Chain
-from dynreg.truths.joints import STEP
+from dynreg.truths.joints import STEP, read_speed, reading
 from dynreg.truths.kernels import joints
-from dynreg.truths.rows import ROWS, plain
+from dynreg.truths.rows import OFFSET, ROWS, SCALE, plain
 from dynreg.truths.truth import Commands, Sensor, Truth
 
 DISTURBED = 0.005  # of a joint's torque limit, 1 sigma, drawn anew for every command: by contract
 COLOUR = 0.3  # s of a coloured disturbance
+ALL = slice(None)  # joints
 STAND = 4.0  # times the robot's unit of inertia has a stand that gives
 STAND_RING = 0.1  # its damping ratio: a table's
 MOTOR_SIDE = ("motor_backlash", "motor_elasticity")  # where the encoder sits
@@ -129,7 +130,6 @@ class Arm:
             stiffness = 1.0 / values["compliance"]
             chain = chain.on_stand(self.tilts, inertia)
             stand = np.array([stiffness, 2.0 * STAND_RING * np.sqrt(stiffness * inertia)])
-        row = {name: i for i, name in enumerate(ROWS)}
         period = commands.period / (1.0 + (values["error"] if cause == "clock_error" else 0.0))
         q, v = self._start(commands, e, x)
         steps = commands.actions.shape[1]
@@ -147,21 +147,18 @@ class Arm:
         late = values["delay"] if cause == "sensor_delay" else 0.0
         at = np.maximum(np.arange(steps + 1) * count - round(late / period * count), 0)
         angle, speed = told[at, 0], told[at, 1]
-        off, more = _wobble(x, angle)
-        reading = x[row["scale"]] * (angle + x[row["offset"]]) + off
-        rate = speed * (x[row["scale"]] + more)
-        return np.concatenate([reading, rate], axis=1)
+        return np.concatenate([reading(x, ALL, angle), read_speed(x, ALL, angle, speed)], axis=1)
 
     def _start(self, commands: Commands, e: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n,), (n,) angles and speeds that the readings of the start tell."""
-        n, scale, offset = len(self.joints), x[ROWS.index("scale")], x[ROWS.index("offset")]
-        home = scale * (self.home + offset)
-        first = np.concatenate([home, np.zeros(n)]) if commands.initial is None else commands.initial[e]
-        first = np.where(np.isnan(first), np.concatenate([home, np.zeros(n)]), first)
-        angle = first[:n] / scale - offset
+        n = len(self.joints)
+        home = np.concatenate([x[SCALE] * (self.home + x[OFFSET]), np.zeros(n)])
+        first = home if commands.initial is None else commands.initial[e]
+        first = np.where(np.isnan(first), home, first)
+        angle = self.home
         for _ in range(20):  # a disc that runs out of true by a few degrees: each turn gains a digit
-            angle = (first[:n] - _wobble(x, angle)[0]) / scale - offset
-        return angle, first[n:] / (scale + _wobble(x, angle)[1])
+            angle = angle - (reading(x, ALL, angle) - first[:n]) / x[SCALE]
+        return angle, first[n:] / read_speed(x, ALL, angle, 1.0)
 
     def _links(self, truth: Truth, settings: Mapping[str, float]) -> Chain:
         """The links with the cause in them."""
@@ -206,12 +203,6 @@ class Arm:
             at = [self.joints.index(j) for j in truth.joints] or list(range(len(self.joints)))
             push[..., at] += truth.values["torque"] * coloured(rng, shape, commands.period)[..., at]
         return push
-
-
-def _wobble(x: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(..., n), (..., n) [rad] what encoders that run out of true read too much at an angle, and its slope."""
-    sine, cosine = x[ROWS.index("eccentric")], x[ROWS.index("eccentric_cosine")]
-    return sine * np.sin(angle) + cosine * np.cos(angle), sine * np.cos(angle) - cosine * np.sin(angle)
 
 
 def coloured(rng: np.random.Generator, shape: tuple[int, int, int], period: float) -> np.ndarray:

@@ -116,12 +116,14 @@ def _loose(x, i):
     return x[GAP, i] > 0.0 or x[COMPLIANCE, i] > 0.0
 
 
-def _reading(x, i, angle):
+def reading(x, i, angle):
+    """[rad] what the encoder of joint i says at an angle [rad]; of all joints (..., n) where i is a slice."""
     wobble = x[ECCENTRIC, i] * np.sin(angle) + x[ECCENTRIC_COSINE, i] * np.cos(angle)
     return x[SCALE, i] * (angle + x[OFFSET, i]) + wobble
 
 
-def _read_speed(x, i, angle, rate):
+def read_speed(x, i, angle, rate):
+    """[rad/s] what it says of a speed there."""
     slope = x[ECCENTRIC, i] * np.cos(angle) - x[ECCENTRIC_COSINE, i] * np.sin(angle)
     return (x[SCALE, i] + slope) * rate
 
@@ -132,7 +134,7 @@ def _begun(x, q, v, commands):
     y[THETA], y[OMEGA] = q, v
     for i in range(len(q)):
         y[SMOOTH, i] = commands[0, i] * x[COMMAND_GAIN, i]
-        y[LIMITED, i] = y[PROFILE, i] = _reading(x, i, q[i])
+        y[LIMITED, i] = y[PROFILE, i] = reading(x, i, q[i])
     return y
 
 
@@ -146,7 +148,7 @@ def _driven(x, y, heat, i, u, q, v, told, k, power, enabled, h):
         old = max(k - int(np.rint(x[FEEDBACK_DELAY, i] / h)), 0)
         angle, rate = told[old, 0, i], told[old, 1, i]
     on = 1.0 if enabled > 0.5 else 0.0
-    given = servo(x, y, i, u - _reading(x, i, angle), _read_speed(x, i, angle, rate), power, on, h)
+    given = servo(x, y, i, u - reading(x, i, angle), read_speed(x, i, angle, rate), power, on, h)
     turns = y[OMEGA, i] if loose and x[EMF_OUTSIDE, i] < 0.5 else v
     return motor(
         x, heat, i, given, y[THETA, i] if loose else q, turns, on * x[BACK_EMF, i], x[LIMIT, i] * power, h

@@ -240,7 +240,7 @@ def _worse_words(result: Diagnosis) -> str:
         return ""
     kind, many = worse
     said = f"On {many} of {len(result.errors)} channels the {kind} simulator errs more than {result.began}"
-    if result.engine not in ENGINES or ENGINES[result.engine].planar:  # nothing of its motion is integrated
+    if result.engine not in ENGINES or ENGINES[result.engine].planar:  # few of whose errors are its step's
         return f"{said}."
     check = command("robots", "check", "FOLDER")
     return (

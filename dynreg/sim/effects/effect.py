@@ -156,8 +156,8 @@ class Effect:
     roll(speed, x, p) : (rows, wheels) [m/s] that the wheels of a base turn at -> that they roll over the ground at,
         both the mean over the time step.
     observe(states, columns, times, p) : (rows, T+1, S) state vectors -> what the log holds; `columns` by kind
-        ("position", "velocity", "base") of the effect's joints, "moving" and "speed" of those that log both, times
-        (rows, T+1) [s] since the episode began.
+        ("position", "velocity", "base") of the effect's joints, positions "moving" and velocities "moving at" of
+        those that log both, times (rows, T+1) [s] since the episode began.
     """
 
     id: ClassVar[str]

@@ -96,7 +96,7 @@ class SensorDelay(OfAnyDrive):
         out = (1.0 - share) * before + share * after
         # Between rows joints go on with the speeds they have (a cubic by Hermite). By a straight line the delay of
         # two_joint_arm, whose rows are 10 ms apart, is found 3 % too long.
-        moving, speed = columns["moving"], columns["speed"]
+        moving, speed = columns["moving"], columns["moving at"]
         straight = (after - before)[..., moving]
         begin, end = (period[..., None] * one[..., speed] - straight for one in (before, after))
         out[..., moving] += share * (1.0 - share) * ((1.0 - share) * begin - share * end)

@@ -370,9 +370,9 @@ def _encoders(robot: Robot) -> list[tuple[str, int, int]]:
 def _columns(robot: Robot, joints: np.ndarray) -> dict[str, list[int]]:
     """{quantity: channel columns} of the drives `joints`, and of the base's own quantities.
 
-    "moving" and "speed" are the columns of joints of which both are logged, one for one.
+    "moving" and "moving at" are positions and velocities of joints that log both, one for one.
     """
-    out: dict[str, list[int]] = {"moving": [], "speed": []}
+    out: dict[str, list[int]] = {"moving": [], "moving at": []}
     names = {name: column for column, name in enumerate(robot.channels)}
     for name, column in names.items():
         owner, kind = parts_of(name)
@@ -381,7 +381,7 @@ def _columns(robot: Robot, joints: np.ndarray) -> dict[str, list[int]]:
         out.setdefault(kind, []).append(column)
         if kind == "position" and f"{owner}/velocity" in names:
             out["moving"].append(column)
-            out["speed"].append(names[f"{owner}/velocity"])
+            out["moving at"].append(names[f"{owner}/velocity"])
     return out
 
 

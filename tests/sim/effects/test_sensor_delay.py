@@ -27,7 +27,7 @@ def test_between_rows_a_cubic_is_exact_and_what_logs_no_speed_is_straight(delay:
     t = np.arange(8) * ROW
     q, v = cubic(t)
     states = np.stack([q, q, v], axis=1)[None]
-    columns = {"position": [0, 1], "velocity": [2], "moving": [0], "speed": [2]}
+    columns = {"position": [0, 1], "velocity": [2], "moving": [0], "moving at": [2]}
     seen = LATE.observe(states, columns, t[None], {"delay": np.array([[delay]])})[0]
     known = t >= delay
     np.testing.assert_allclose(seen[known, 0], cubic(t[known] - delay)[0], rtol=1e-12)
@@ -35,9 +35,9 @@ def test_between_rows_a_cubic_is_exact_and_what_logs_no_speed_is_straight(delay:
     np.testing.assert_array_equal(seen[~known, :2], np.broadcast_to(states[0, 0, :2], (sum(~known), 2)))
 
 
-def changed(place: Path, edit) -> Path:
-    """The servo's folder with another robot.toml."""
-    shutil.copytree(load_robot("servo_pendulum").folder, place)
+def changed(place: Path, edit, robot: str = "servo_pendulum") -> Path:
+    """A packaged robot's folder with another robot.toml."""
+    shutil.copytree(load_robot(robot).folder, place)
     text = (place / "robot.toml").read_text(encoding="utf-8")
     (place / "robot.toml").write_text(edit(text), encoding="utf-8")
     return place
@@ -63,3 +63,16 @@ def test_a_joint_that_logs_no_speed_can_be_late_and_the_order_of_channels_tells_
     np.testing.assert_array_equal(late(swapped, replace(run, initial=run.initial[:, ::-1])), usual[..., ::-1])
     straight = late(alone, replace(run, initial=run.initial[:, :1]))[..., 0]
     assert 0.0 < np.abs(straight - usual[..., 0]).max() < 0.02
+
+
+def test_a_base_that_logs_its_speed_can_be_late(tmp_path: Path):
+    logged = '[[channels]]\nname = "base/speed"\nunit = "m/s"\nnoise = 0.01\n\n'
+    edit = lambda text: text.replace("[[channels]]", logged + "[[channels]]", 1)  # noqa: E731
+    robot = load_robot(changed(tmp_path / "base", edit, "diffdrive"))
+    run = excitation(load_robot("diffdrive"), seed=1, episodes=1, steps=50)
+    usual, more = (
+        late(load_robot("diffdrive"), replace(run, initial=None)),
+        late(robot, replace(run, initial=None)),
+    )
+    assert robot.channels[0] == "base/speed"
+    np.testing.assert_array_equal(more[..., 1:], usual)
