@@ -31,6 +31,7 @@ from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import load_robot
 from dynreg.truths.table import causes_of
 
+FILE = RESULTS / "ranker.json"
 REPORT = 20261124
 NEEDED = 8.1  # nats: the threshold of the servo bench (bench_naming)
 OUTSIDE = 99  # place of what is not in an order
@@ -166,8 +167,9 @@ def main() -> None:
             journal.add({"cause": cause, "size_of": size, "number": number, "found": found})
     report(journal.lines())
     if not given.tune:
-        path = RESULTS / f"ranker_{given.truth}.json"
-        path.write_text(json.dumps(journal.lines(), indent=1) + "\n", encoding="utf-8")
+        kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+        kept |= {f"{given.robot}, {given.truth}": journal.lines()}
+        FILE.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
