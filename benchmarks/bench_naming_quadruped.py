@@ -19,7 +19,7 @@ from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.space import ParameterSpace
 
-REPORT = 20261130
+REPORT = 20261226
 SIZES = ("medium", "strong")
 EFFECTS = (
     "payload",
