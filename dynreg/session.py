@@ -1,7 +1,7 @@
 """The Python door to a registry: `dynreg.open(path)` and what can be asked of it."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from dynreg.verbs.diagnose import DiagnoseSettings, diagnose, faster
 from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite, excite_legs
 from dynreg.verbs.gait import GaitSettings, gait
+from dynreg.verbs.gait_rounds import GaitRoundsSettings, gait_rounds
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
@@ -19,6 +20,7 @@ from dynreg.verbs.trial import TrialSettings, trial
 from dynreg.verbs.verb import Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from dynreg.data.recording import Recording
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from dynreg.results.effects import EffectsList
     from dynreg.results.experiment import Experiment
     from dynreg.results.gait import Gait
+    from dynreg.results.gait_rounds import GaitRounds
     from dynreg.results.protocol import LegProtocol
     from dynreg.results.ranges import RangesFile
     from dynreg.results.result import Result
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
         Verification,
     )
     from dynreg.sim.live import LiveSimulator
+    from dynreg.sim.real import RealRobot
     from dynreg.sim.robot import Robot
     from dynreg.watch.frames import Frames
 
@@ -175,6 +179,41 @@ class Session:
         return drift(recent, earlier, settings, out=out, progress=progress)
 
     gait = about_recording(gait, GaitSettings, ingest=True)
+
+    @taking(GaitRoundsSettings)
+    def gait_rounds(
+        self,
+        recording: "str | Path | RecordingSummary",
+        real: "str | Path | RealRobot | Callable[[np.ndarray, float, str], Recording]",
+        *,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        say: Callable[[str], None] = print,
+        progress: Progress | None = None,
+        **told: Any,
+    ) -> "GaitRounds":
+        """Try gaits on the robot in turn, each sought by the log of the trial before; see `verbs.gait_rounds`.
+
+        real : the robot. A `RealRobot`; a function that is called with commands (T, A), how many a second and the
+        trial's name, plays them and returns the log (see `read_log`); or a folder, to which the commands are written
+        and in which the log is waited for, read with `log_map` (see `TrialFolder`). say : tells what to do there.
+        """
+        from dynreg.gait.logged import LoggedRobot
+        from dynreg.sim.real import Budget, RealRobot
+        from dynreg.verbs.subjects import recorded
+        from dynreg.verbs.trial_folder import folder_of
+
+        settings = GaitRoundsSettings(**told)
+        asked = recorded(self.registry, recording, robot, log_map, ingest=True)
+        kept, budget = {}, Budget(settings.trials, None, settings.falls)
+        if isinstance(real, str | Path):
+            folder = folder_of(real, self.registry, asked.robot, log_map, say)
+            kept, real = {"kept": folder.kept}, folder.played
+        if not isinstance(real, RealRobot):
+            real = LoggedRobot(asked.robot, real, budget)
+        found = gait_rounds(asked, settings, real, progress, **kept)
+        asked.keep(found)
+        return found
 
     trial = about_robot(trial, TrialSettings)
 

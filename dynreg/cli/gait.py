@@ -9,7 +9,7 @@ from dynreg.cli.call import Call, can_write
 from dynreg.cli.options import AnyRecording, MapOfLog, RobotOfLog
 from dynreg.cli.output import say
 from dynreg.errors import PictureError, UsageError
-from dynreg.verbs.gait import GaitSettings
+from dynreg.verbs.gait_rounds import GaitRoundsSettings
 
 if TYPE_CHECKING:
     from dynreg.results.gait import Gait
@@ -19,22 +19,68 @@ if TYPE_CHECKING:
 def gait(
     call: Call,
     recording: AnyRecording,
-    settings: GaitSettings,
+    settings: GaitRoundsSettings,
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
     film: Annotated[
         Path | None,
         typer.Option(help="Also draw the gait into this new file: .gif, or .png for four stills."),
     ] = None,
+    trial: Annotated[
+        Path | None,
+        typer.Option(
+            help="Try gaits on the robot: commands are written to this folder, and their logs waited for there."
+        ),
+    ] = None,
 ) -> None:
-    """Seek a gait, and draw it where a film is asked for."""
+    """Seek a gait, and draw it where a film is asked for; with a folder for trials, one after the other."""
     _can_film(film)
+    _can_try(trial, film, settings)
+    if trial is not None:
+        _try(call, recording, settings, trial, robot, log_map)
+        return
     with call.open_for(robot, recording) as session:
         with call.progress() as progress:
-            found = session.gait(recording, **vars(settings), robot=robot, log_map=log_map, progress=progress)
+            found = session.gait(
+                recording, **vars(settings.each), robot=robot, log_map=log_map, progress=progress
+            )
         call.emit(found, hint=None if found.often_falls else "dynreg export @last --as python --to gait.py")
         if film is not None:
             _film(session, found, film)
+
+
+def _can_try(trial: Path | None, film: Path | None, settings: GaitRoundsSettings) -> None:
+    """UsageError where trials are told about without a folder for them, or a film of them is asked for."""
+    if trial is None and not (settings.trials is settings.falls is None):
+        raise UsageError(
+            "--trials and --falls without --trial",
+            expected="a folder for the trials on the robot",
+            do="add --trial FOLDER",
+        )
+    if trial is not None and film is not None:
+        raise UsageError(
+            "--film with --trial",
+            expected="one of them",
+            do="draw a gait of the trials with `dynreg export FOLDER/gait_1.json --as gif`",
+        )
+
+
+def _try(
+    call: Call,
+    recording: str,
+    settings: GaitRoundsSettings,
+    trial: Path,
+    robot: str | None,
+    log_map: Path | None,
+) -> None:
+    with call.open_for(robot, recording) as session:
+        with call.progress() as progress:
+            told = dict(robot=robot, log_map=log_map, say=say, progress=progress)
+            found = session.gait_rounds(recording, trial, **vars(settings), **told)
+        best = (
+            found.best and f"dynreg export {found.rounds[found.best - 1].gait[:12]} --as python --to gait.py"
+        )
+        call.emit(found, hint=best)
 
 
 def _can_film(film: Path | None) -> None:

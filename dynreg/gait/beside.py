@@ -37,14 +37,13 @@ def beside(trials: Trials, simulator: int, recording: Recording, episode: Episod
     Both begin at the same place. Raises LogError where the recording holds no commands.
     """
     robot = trials.robot
-    require_commands(robot, recording)
-    actions = _held(episode.values[:-1, recording.columns(robot.actions)], episode.name)
+    actions = commands_of(robot, recording, episode)[:-1]
     begin = float(episode.time[0] - recording.episodes[0].time[0])
     simulated = _simulated(trials, simulator, actions)
-    measured = _measured(robot, recording, episode, simulated)
+    logged = measured(robot, recording, episode, simulated)
     times = episode.time[:-1] - episode.time[0] + begin
     out = [joint_states(COMMANDS, robot.joints, times, actions)]
-    for name, motion in ((SIMULATED, simulated), (MEASURED, measured)):
+    for name, motion in ((SIMULATED, simulated), (MEASURED, logged)):
         out += topics(name, _names(robot), replace(motion, times=motion.times + begin))
     return out
 
@@ -63,12 +62,17 @@ def _names(robot: Robot) -> list[str]:
     return [joint_of(robot.channels[c]) for c in layout_of(robot).position[0]]
 
 
-def _held(actions: np.ndarray, name: str) -> np.ndarray:
-    """Commands (T, A) without gaps: each holds until the next, the first one known from the start on."""
+def commands_of(robot: Robot, recording: Recording, episode: Episode) -> np.ndarray:
+    """(T, A) commands of an episode without gaps: each holds until the next, the first one known from the start on.
+
+    Raises LogError where the recording holds no commands.
+    """
+    require_commands(robot, recording)
+    actions = episode.values[:, recording.columns(robot.actions)]
     known = np.isfinite(actions)
     if not known.any(axis=0).all():
         raise LogError(
-            f"episode {name!r} holds no commands of some joints",
+            f"episode {episode.name!r} holds no commands of some joints",
             expected="the commands that were played",
             do="log them too and map them",
         )
@@ -84,15 +88,20 @@ def _simulated(trials: Trials, simulator: int, actions: np.ndarray) -> Motion:
     return Motion(np.arange(len(poses)) / trials.rate, poses[:, layout.position[1]], base[:, :3], attitude)
 
 
-def _measured(robot: Robot, recording: Recording, episode: Episode, simulated: Motion) -> Motion:
-    """The robot's joints and base, from where the simulated one begins and looking the same way.
+def base_of(robot: Robot) -> str:
+    """The free joint whose motion the robot's channels tell; "" where none does."""
+    return next((joint_of(robot.channels[c]) for c in layout_of(robot).base[0]), "")
+
+
+def measured(robot: Robot, recording: Recording, episode: Episode, start: Motion) -> Motion:
+    """The robot's joints and base, from where `start` begins and looking the same way.
 
     Where the base's position is not measured, that over the ground is reckoned from its velocity, and its height stays.
     """
     columns = {name: i for i, name in enumerate(recording.names)}
     lost = np.full(len(episode.time), np.nan)
     channel = lambda name: episode.values[:, columns[name]] if name in columns else lost  # noqa: E731
-    owner = next((joint_of(robot.channels[c]) for c in layout_of(robot).base[0]), "")
+    owner = base_of(robot)
     of = lambda *names: np.stack([channel(f"{owner}/{name}") for name in names], axis=1)  # noqa: E731
     joints = np.stack([channel(f"{name}/position") for name in _names(robot)], axis=1)
     angles = of(*ATTITUDE)
@@ -100,8 +109,7 @@ def _measured(robot: Robot, recording: Recording, episode: Episode, simulated: M
     position, attitude = np.full((len(lost), 3), np.nan), np.full((len(lost), 4), np.nan)
     times = episode.time - episode.time[0]
     if known.any():
-        start = Rotation.from_quat(simulated.attitude[0]).as_euler("ZYX")[0]
-        turned = start - angles[known][0, 0]
+        turned = Rotation.from_quat(start.attitude[0]).as_euler("ZYX")[0] - angles[known][0, 0]
         angles[:, 0] += turned
         rotation = Rotation.from_euler("ZYX", angles[known])
         attitude[known] = rotation.as_quat()
@@ -109,6 +117,8 @@ def _measured(robot: Robot, recording: Recording, episode: Episode, simulated: M
         velocity = rotation.apply(np.nan_to_num(of("vx", "vy", "vz")[known]))
         way = np.cumsum(velocity * steps, axis=0)
         way[:, 2] = 0.0
-        there = Rotation.from_euler("Z", turned).apply(of(*BASE[:3])[known] - of(*BASE[:3])[known][0])
-        position[known] = simulated.position[0] + np.where(np.isfinite(there), there, way)
+        places = of(*BASE[:3])[known]
+        places -= places[0]
+        there = Rotation.from_euler("Z", turned).apply(np.nan_to_num(places))
+        position[known] = start.position[0] + np.where(np.isfinite(places), there, way)
     return Motion(times, joints, position, attitude)

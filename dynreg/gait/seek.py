@@ -39,7 +39,8 @@ EXPECTED, UNSEEN = 40, 10_000
 class SearchSettings:
     """How a gait is sought. rollouts : runs of one simulator, in all; patience : see `drive.Limits`.
 
-    packaged : whether the gaits that the robot's folder brings are tried first.
+    packaged : whether the gaits that the robot's folder brings are tried first. tried : genes (n, G) of gaits that the
+    robot has had, which are tried before these.
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
@@ -51,6 +52,7 @@ class SearchSettings:
     patience: int | None = None
     again: float = 0.0
     packaged: bool = True
+    tried: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self):
         for name, value, choices in (
@@ -240,14 +242,15 @@ def best_again(
 
 
 def search_of(trials: Trials, settings: SearchSettings, evaluations: int, most: int = RUNS) -> Search:
-    """The search, of so many gaits; all try the robot's own gaits, where it has some, first.
+    """The search, of so many gaits; all try those that the robot has had, then its folder's, first.
 
-    Who sets out from one gait tries others before: half about the robot's own, where these are tried, half that swing a
-    little about its pose at rest. most : runs that set out.
+    Who sets out from one gait tries others before: half about these, where there are some, half that swing a little
+    about its pose at rest. most : runs that set out.
     """
     space, kind = trials.space, SEARCHES[settings.method]
     rng = stream(settings.seed, "gait", settings.method)
-    own = space.starts if settings.packaged else np.empty((0, len(space)))
+    had = space.to_unit(np.array(settings.tried).reshape(-1, len(space)))
+    own = np.concatenate([had, space.starts if settings.packaged else had[:0]])
     start = Start(len(space), rng, kind.batch, periodic=space.periodic)
     if not kind.from_one:
         return after(own, kind, start)

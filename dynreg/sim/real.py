@@ -5,7 +5,6 @@ time step, a torque disturbance, sensor noise and quantisation.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -57,15 +56,66 @@ class RealTrial:
         return bool(self.walk.fell[0, 0] < self.walk.base.shape[2])
 
 
-class RealRobot(Protocol):
-    """A robot on which commands can be tried, for a price."""
+class RealRobot:
+    """A robot on which commands can be tried, for a price. A kind of robot gives `play`.
+
+    spent : what its trials have cost so far; `run` counts it.
+    """
 
     robot: Robot
     budget: Budget
     spent: Spent
 
+    def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
+        """Play commands (T, A), `rate` a second, from rest until their end or a fall."""
+        raise NotImplementedError
+
     def run(self, actions: np.ndarray, rate: float, name: str = "trial") -> RealTrial:
-        """Play commands (T, A), `rate` a second; BudgetError, before anything moves, where they cost too much."""
+        """`play`, counted.
+
+        Raises BudgetError before anything moves where the budget is spent or would be, UsageError for commands
+        that are not the robot's.
+        """
+        self._check(actions, rate)
+        self._afford(len(actions) / rate)
+        trial = self.play(actions, rate, name)
+        ends = int(min(trial.walk.fell[0, 0], len(actions)))
+        self.spent = Spent(
+            self.spent.trials + 1, self.spent.seconds + ends / rate, self.spent.falls + int(trial.fell)
+        )
+        return trial
+
+    def _check(self, actions: np.ndarray, rate: float) -> None:
+        if actions.ndim != 2 or actions.shape[1] != len(self.robot.actions) or not len(actions):
+            raise UsageError(
+                f"commands of shape {actions.shape}",
+                expected=f"(1 or more steps, {len(self.robot.actions)})",
+                do="give one column for each action",
+            )
+        lost = np.argwhere(~np.isfinite(actions))
+        if len(lost) or not 0.0 < rate < np.inf:
+            what = (
+                f"command {actions[tuple(lost[0])]} in step {lost[0, 0]}" if len(lost) else f"rate = {rate}"
+            )
+            raise UsageError(
+                f"{what} for robot {self.robot.name!r}",
+                expected="finite commands, and more than 0 of them a second",
+                do="correct them",
+            )
+
+    def _afford(self, seconds: float) -> None:
+        left = (
+            ("trials", self.budget.trials, self.spent.trials, 1),
+            ("seconds", self.budget.seconds, self.spent.seconds, seconds),
+            ("falls", self.budget.falls, self.spent.falls, 1),  # it may fall
+        )
+        for what, most, spent, price in left:
+            if most is not None and spent + price > most + 1e-9:
+                raise BudgetError(
+                    f"the budget of {most:g} {what} on robot {self.robot.name!r} is spent ({spent:g} used)",
+                    expected=f"room for {price:g} more",
+                    do="work with the logs that there are, or grant a larger budget",
+                )
 
 
 _DISTURBANCE, _UNSTEADINESS = Term(Disturbance()), Term(Unsteadiness())
@@ -105,7 +155,7 @@ def sensed(robot: Robot, states: np.ndarray, rng: np.random.Generator) -> np.nda
 
 
 @dataclass
-class SimulatedRobot:
+class SimulatedRobot(RealRobot):
     """A robot with a secret: true parameters (P,) and effects, each term with its values; see `RealRobot`.
 
     Every trial has disturbances and sensor noise of its own, drawn from `seed` and the number of the trial.
@@ -122,14 +172,7 @@ class SimulatedRobot:
     threads: int = 1
     spent: Spent = field(default_factory=Spent)
 
-    def run(self, actions: np.ndarray, rate: float, name: str = "trial") -> RealTrial:
-        """Play commands (T, A), `rate` a second, from rest until their end or a fall.
-
-        Raises BudgetError before anything moves where the budget is spent or would be, UsageError for commands
-        that are not the robot's.
-        """
-        self._check(actions, rate)
-        self._afford(len(actions) / rate)
+    def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
         number = self.spent.trials
         truth = finer(self.robot)
         rng = stream(self.seed, "real robot", self.robot.name, number)
@@ -143,45 +186,8 @@ class SimulatedRobot:
         arena = Arena(truth, self.parameters[None], run, terms=active, threads=self.threads, slope=self.slope)
         walk = arena.walk(run)
         ends = int(min(walk.fell[0, 0], len(actions)))
-        self.spent = Spent(
-            number + 1,
-            self.spent.seconds + ends / rate,
-            self.spent.falls + int(walk.fell[0, 0] <= len(actions)),
-        )
         states = arena.rollout(run).states[0, 0, : ends + 1]
         return RealTrial(self._log(sensed(self.robot, states, rng), actions, rate, name), walk)
-
-    def _check(self, actions: np.ndarray, rate: float) -> None:
-        if actions.ndim != 2 or actions.shape[1] != len(self.robot.actions) or not len(actions):
-            raise UsageError(
-                f"commands of shape {actions.shape}",
-                expected=f"(1 or more steps, {len(self.robot.actions)})",
-                do="give one column for each action",
-            )
-        lost = np.argwhere(~np.isfinite(actions))
-        if len(lost) or not 0.0 < rate < np.inf:
-            what = (
-                f"command {actions[tuple(lost[0])]} in step {lost[0, 0]}" if len(lost) else f"rate = {rate}"
-            )
-            raise UsageError(
-                f"{what} for robot {self.robot.name!r}",
-                expected="finite commands, and more than 0 of them a second",
-                do="correct them",
-            )
-
-    def _afford(self, seconds: float) -> None:
-        left = (
-            ("trials", self.budget.trials, self.spent.trials, 1),
-            ("seconds", self.budget.seconds, self.spent.seconds, seconds),
-            ("falls", self.budget.falls, self.spent.falls, 1),  # it may fall
-        )
-        for what, most, spent, price in left:
-            if most is not None and spent + price > most + 1e-9:
-                raise BudgetError(
-                    f"the budget of {most:g} {what} on robot {self.robot.name!r} is spent ({spent:g} used)",
-                    expected=f"room for {price:g} more",
-                    do="work with the logs that there are, or grant a larger budget",
-                )
 
     def _log(self, states: np.ndarray, actions: np.ndarray, rate: float, name: str) -> Recording:
         told = np.concatenate([actions, actions[-1:]])[: len(states)]

@@ -1,7 +1,7 @@
 """Gait: joint commands that make a legged robot walk in the simulators nearest to a recording."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dynreg.gait.accept import ACCEPT, USUAL
@@ -57,13 +57,20 @@ class GaitSettings(Settings):
         )
 
 
-def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = None) -> "Gait":
+def gait(
+    asked: "Recorded",
+    settings: GaitSettings,
+    progress: Progress | None = None,
+    *,
+    tried: tuple[tuple[float, ...], ...] = (),
+) -> "Gait":
     """Search for a gait that walks in the nearest simulators.
 
     The gait is stored. An interrupted search resumes with --resume.
 
     Example: dynreg gait monday -k 5 --rollouts 2500
 
+    tried : genes of gaits that the robot has had, the best first; the search tries them first.
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
@@ -77,7 +84,7 @@ def gait(asked: "Recorded", settings: GaitSettings, progress: Progress | None = 
     from dynreg.verbs.query import QuerySettings
 
     began = time.perf_counter()
-    robot, search = asked.robot, settings.search
+    robot, search = asked.robot, replace(settings.search, tried=tried)
     task = task_of(robot, settings.task)
     gait_space(robot)  # raises its errors before the registry is read, as too few rollouts do
     search.evaluations(settings.k if settings.on in (SOURCES[0], "random", "population") else 1)

@@ -93,7 +93,7 @@ class Simulations:
         states[_diverged(trace_v)] = np.nan
         down = np.zeros(trace_q.shape[:2], dtype=bool)
         if self.layout.base_qpos >= 0:
-            down = _down(self.robot, trace_q[..., self.layout.base_qpos :])
+            down = has_fallen(self.robot, trace_q[..., self.layout.base_qpos :])
         fell = np.where(down.any(axis=0), down.argmax(axis=0), run.steps + 1)
         return Simulated(states, fell, steps.clock.substeps * run.steps)
 
@@ -220,7 +220,7 @@ def _walk(
             heights[t + 1] = np.where(standing[:, None], centres[:, feet, 2], np.inf)
         taken += int(steps.clock.substeps[standing].sum())
         trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
-        down = standing & (_down(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
+        down = standing & (has_fallen(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
         if down.any():
             fell[down] = t + 1
             steps.keep(fell > commands)
@@ -231,7 +231,7 @@ def _walk(
     return np.swapaxes(base, 0, 1), fell, taken
 
 
-def _down(robot: Robot, base: np.ndarray) -> np.ndarray:
+def has_fallen(robot: Robot, base: np.ndarray) -> np.ndarray:
     """(...) whether a base (..., 7 or more: position, quaternion) tilts or sinks too far; never without [fall]."""
     if robot.file.fall is None:
         return np.zeros(base.shape[:-1], dtype=bool)

@@ -1,0 +1,67 @@
+"""The answer of gaits tried on a robot, one after the other."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from dynreg.results.result import Result
+
+
+class GaitRound(Result):
+    """One gait and its trial on the robot.
+
+    gait : id of the stored gait. simulators : ids of those in which it was sought. told_by : id of the recording that
+    the query chose them by. fits : whether that query found one close enough; where not, those of the round before
+    served. median, p5, p95 : the fitness that they predict. recording : id of the trial's log; name : its name.
+    fitness : on the robot, in the task's unit, 0 for a fall.
+    """
+
+    gait: str
+    simulators: tuple[str, ...]
+    told_by: str
+    fits: bool
+    median: float
+    p5: float
+    p95: float
+    recording: str
+    name: str
+    fitness: float
+    fell: bool
+
+
+class GaitRounds(Result):
+    """Gaits tried on a robot: after each trial, the query is asked again by the trial's log, and a new gait is sought.
+
+    best : number, from 1, of the round whose gait did most on the robot without a fall; null where all fell.
+    seconds, falls : what the trials cost. ended : why there were no more.
+    """
+
+    schema_: Literal["dynreg/gait_rounds/1"] = Field(default="dynreg/gait_rounds/1", alias="schema")
+    robot: str
+    recording: str
+    recording_name: str
+    task: str
+    unit: str
+    rounds: tuple[GaitRound, ...]
+    best: int | None
+    seconds: float
+    falls: int
+    ended: str
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [{"round": i + 1, **one.to_dict()} for i, one in enumerate(self.rounds)]
+
+    def brief(self) -> str:
+        return f"of {self.robot} for {self.recording_name}: {self.headline}"
+
+    def __str__(self) -> str:
+        return f"{self.recording_name}: {self.headline}"
+
+    @property
+    def headline(self) -> str:
+        """How the trials went, in two sentences."""
+        many = f"{len(self.rounds)} trial{'s' if len(self.rounds) != 1 else ''} on the robot, {self.falls} of them fell"
+        if self.best is None:
+            return f"{many}. No gait stood."
+        best = self.rounds[self.best - 1]
+        return f"{many}. The best gait, of trial {self.best}, reached {best.fitness:.3g} {self.unit}."

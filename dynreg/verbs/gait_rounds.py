@@ -1,0 +1,176 @@
+"""Gaits tried on a robot in turn: each trial's log tells in which simulators the next gait is sought."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from itertools import count
+from typing import TYPE_CHECKING
+
+from dynreg.errors import BudgetError, NoMatchError, UsageError
+from dynreg.progress import Progress
+from dynreg.verbs.gait import GaitSettings, gait
+from dynreg.verbs.settings import option
+from dynreg.verbs.simulators import WORDS
+
+if TYPE_CHECKING:
+    from dynreg.results.gait import Gait
+    from dynreg.results.gait_rounds import GaitRound, GaitRounds
+    from dynreg.sim.real import RealRobot, RealTrial
+    from dynreg.sim.robot import Robot
+    from dynreg.verbs.subjects import Recorded
+
+Kept = Callable[
+    [int, Callable[[], "Gait"]], "Gait"
+]  # the gait of a round, by its number, or the one sought now
+TRIALS = 3
+
+
+@dataclass(frozen=True)
+class GaitRoundsSettings(GaitSettings):
+    """The settings of `gait_rounds`: those of each search, and what the trials may cost."""
+
+    trials: int | None = option(None, "With --trial: most trials on the robot.", usual=f"{TRIALS}", least=1)
+    falls: int | None = option(None, "With --trial: end after this many falls.", usual="never", least=1)
+
+    @property
+    def each(self) -> GaitSettings:
+        """The settings of one search."""
+        return GaitSettings(**{one.name: getattr(self, one.name) for one in fields(GaitSettings)})
+
+
+def gait_rounds(
+    asked: "Recorded",
+    settings: GaitRoundsSettings,
+    real: "RealRobot",
+    progress: Progress | None = None,
+    kept: Kept = lambda _, sought: sought(),
+) -> "GaitRounds":
+    """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
+
+    Each search first tries the gaits that the robot has had, the best first. Every trial's log is registered, as
+    "NAME trial N". Where no simulator is close enough to it, the next gait is sought in those of the round before.
+
+    kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`.
+    Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query.
+    """
+    from dynreg.gait.play import commands, require_playable
+    from dynreg.gait.tasks import fitness, task_of
+    from dynreg.rng import stream_seed
+
+    _require_query(settings.on)
+    task, rounds, tried = task_of(asked.robot, settings.task), [], []
+    by = last = asked
+    ended = "the budget of trials"
+    for number in range(1, (settings.trials or TRIALS) + 1):
+        seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
+        search, first = replace(settings.each, seed=seed), _best_first(asked.robot, tried)
+        found, by = _sought(number, by, last, kept, lambda one: gait(one, search, progress, tried=first))  # noqa: B023
+        require_playable(found)
+        try:
+            trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
+        except BudgetError as spent:
+            ended = spent.problem
+            break
+        reached = float(fitness(task.grade(trial.walk))[0, 0])
+        tried.append((reached, found))
+        rounds.append(_round(found, by, by is last, asked, number, trial, reached))
+        last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
+    return _document(asked, task, rounds, real, ended)
+
+
+def _require_query(on: str) -> None:
+    told = [word for word, one in WORDS.items() if one.made_by == "query"]
+    if on not in told:
+        raise UsageError(
+            f"trials on the robot with --on {on}",
+            expected=f"one of {', '.join(told)}: a query of each trial's log names the next simulators",
+            do="choose one of them, or seek one gait without trials",
+        )
+
+
+def _best_first(robot: "Robot", tried: "list[tuple[float, Gait]]") -> tuple[tuple[float, ...], ...]:
+    """Genes of the gaits that the robot has had, in the order of what they reached there."""
+    from dynreg.gait.space import gait_space
+    from dynreg.verbs.gaits import genes_of
+
+    space, order = gait_space(robot), sorted(tried, key=lambda one: -one[0])
+    return tuple(tuple(space.from_dict(genes_of(found)).tolist()) for _, found in order)
+
+
+def _sought(
+    number: int, by: "Recorded", last: "Recorded", kept: Kept, seek: "Callable[[Recorded], Gait]"
+) -> "tuple[Gait, Recorded]":
+    """The gait of a round, and the recording whose query told its simulators: the last one, else that before."""
+
+    def sought() -> "Gait":
+        try:
+            return seek(last)
+        except NoMatchError:
+            if by is last:
+                raise
+            return seek(by)
+
+    found = kept(number, sought)
+    told = {one.recording.id: one for one in (by, last)}
+    if found.recording not in told:
+        raise UsageError(
+            f"the gait of trial {number} was sought for recording {found.recording[:12]}",
+            expected=" or ".join(f"{one.name!r} ({identity[:12]})" for identity, one in told.items()),
+            do="name a folder of its own for the trials of each recording",
+        )
+    return found, told[found.recording]
+
+
+def _round(
+    found: "Gait",
+    by: "Recorded",
+    fits: bool,
+    asked: "Recorded",
+    number: int,
+    trial: "RealTrial",
+    reached: float,
+) -> "GaitRound":
+    """What is kept of a trial; the gait and the log are registered."""
+    from dynreg.results.gait_rounds import GaitRound
+    from dynreg.verbs.ingest import ingest
+
+    registry = asked.registry
+    identity = registry.put_result(found.schema_name(), found.recording, found.to_dict())
+    numbers = (
+        f"{asked.name} trial {i}" for i in count(number)
+    )  # trials of an earlier call have some of them
+    name = next(name for name in numbers if registry.may_be_called(trial.recording, name))
+    log = ingest(registry, trial.recording, asked.robot, name=name, gait=identity)
+    return GaitRound(
+        gait=identity,
+        simulators=tuple(one.simulator for one in found.trials),
+        told_by=by.recording.id,
+        fits=fits,
+        median=found.expected.median,
+        p5=found.expected.p5,
+        p95=found.expected.p95,
+        recording=log.recording,
+        name=name,
+        fitness=reached,
+        fell=trial.fell,
+    )
+
+
+def _document(
+    asked: "Recorded", task, rounds: "list[GaitRound]", real: "RealRobot", ended: str
+) -> "GaitRounds":
+    from dynreg.results.gait_rounds import GaitRounds
+
+    stood = [i for i, one in enumerate(rounds) if not one.fell]
+    best = max(stood, key=lambda i: rounds[i].fitness, default=None)
+    return GaitRounds(
+        robot=asked.robot.name,
+        recording=asked.recording.id,
+        recording_name=asked.name,
+        task=task.name,
+        unit=task.unit,
+        rounds=tuple(rounds),
+        best=None if best is None else best + 1,
+        seconds=real.spent.seconds,
+        falls=real.spent.falls,
+        ended=ended,
+    )

@@ -1,0 +1,194 @@
+"""Gaits tried on a robot in turn: the loop through a robot, a function and a folder, its budget, and going on."""
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import made_up_results
+import numpy as np
+import pytest
+
+from dynreg import session
+from dynreg.data.recording import Recording
+from dynreg.errors import MapError, NoMatchError, UsageError
+from dynreg.gait.play import commands
+from dynreg.gait.space import gait_space
+from dynreg.gait.tasks import fitness, task_of
+from dynreg.results import Gait, GaitRounds, Neighbour
+from dynreg.session import Session
+from dynreg.sim.config import SimConfig
+from dynreg.sim.real import Budget, SimulatedRobot
+from dynreg.sim.robot import Robot
+from dynreg.verbs.gait import gait as seek
+from dynreg.verbs.gaits import genes_of
+
+ROLLOUTS = 22  # two batches of CMA-ES in one simulator
+ASKED = {"on": "synthesised", "rollouts": ROLLOUTS, "threads": 1, "progress": None}
+
+
+@pytest.fixture
+def opened(tmp_path: Path, brief, short_log, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    """A registry with "log" and two simulators; `queried` has the recordings that a query was asked about."""
+    with session.open(tmp_path / "registry") as made:
+        made.ingest(short_log, brief, name="log")
+        values = brief.space.as_dict(brief.space.nominal)
+        configs = [SimConfig(brief.hash, brief.name, values | {"torque": torque}) for torque in (1.3, 1.5)]
+        ids = [made.registry.put_simulator(config.as_dict()) for config in configs]
+        made.queried, made.fits = [], {}
+
+        def query(asked, settings, progress):
+            made.queried.append(asked.name)
+            answer = made_up_results.neighbours(fits=made.fits.get(asked.name, True))
+            told = answer.synthesised.model_copy(update={"simulator": ids[asked.name == "log"]})
+            near = Neighbour(entry=ids[0], name="n", index=0, distance=1.0, parameters=configs[0].values)
+            return answer.model_copy(update={"robot": brief.name, "neighbours": (near,), "synthesised": told})
+
+        monkeypatch.setattr("dynreg.verbs.gait_simulators.query", query)
+        yield made
+
+
+def robot_of(brief: Robot, **budget: int) -> SimulatedRobot:
+    return SimulatedRobot(brief, brief.space.nominal, seed=9, budget=Budget(**budget), threads=1)
+
+
+def test_each_trials_log_tells_where_the_next_gait_is_sought(
+    opened: Session, brief: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, had = robot_of(brief), []
+
+    def gait(asked, settings, progress, *, tried):
+        had.append(tried)
+        return seek(asked, settings, progress, tried=tried)
+
+    monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", gait)
+    found = opened.gait_rounds("log", real, trials=3, **ASKED)
+    assert isinstance(found, GaitRounds) and opened.result("@last") == found
+    assert opened.queried == ["log", "log trial 1", "log trial 2"]
+    assert real.spent.trials == 3 and found.seconds == real.spent.seconds
+    gaits = [Gait.model_validate(opened.registry.result(one.gait).document) for one in found.rounds]
+    assert [g.recording_name for g in gaits] == opened.queried
+    assert gaits[0] == opened.gait("log", **ASKED).model_copy(update={"cost": gaits[0].cost})
+    for number, (one, gait) in enumerate(zip(found.rounds, gaits, strict=True), start=1):
+        assert one.name == f"log trial {number}" and one.fits
+        assert opened.registry.recording(one.recording).provenance["gait"] == one.gait
+        assert one.simulators == tuple(t.simulator for t in gait.trials)
+        again = robot_of(brief)
+        again.spent = type(again.spent)(trials=number - 1)
+        trial = again.run(commands(gait)[1], gait.rate, f"trial_{number}")
+        assert one.fell == trial.fell and opened.registry.holds(trial.recording.id)
+        assert one.fitness == pytest.approx(float(fitness(task_of(brief).grade(trial.walk))[0, 0]))
+    stood = [one.fitness for one in found.rounds if not one.fell]
+    assert found.falls == 3 - len(stood)
+    assert found.best is None if not stood else found.rounds[found.best - 1].fitness == max(stood)
+    # those that the robot has had are tried first in the next search, the best before the others
+    genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
+    best, other = sorted((0, 1), key=lambda i: -found.rounds[i].fitness)
+    assert had == [(), (genes[0],), (genes[best], genes[other])]
+
+
+def test_the_budget_ends_the_trials_and_all_that_was_found_is_kept(opened, brief) -> None:
+    found = opened.gait_rounds("log", robot_of(brief, trials=1), trials=3, **ASKED)
+    assert len(found.rounds) == 1 and "budget of 1 trials" in found.ended
+    fallen = lambda actions, rate, name: _cut(robot_of(brief).run(actions, rate).recording)  # noqa: E731
+    found = opened.gait_rounds("log", fallen, trials=3, falls=2, **ASKED)
+    assert [one.fell for one in found.rounds] == [True, True] and found.best is None
+    assert "No gait stood" in str(found) and "2 falls" in found.ended
+
+
+def _cut(log: Recording) -> Recording:
+    """The log of a robot that was stopped half way."""
+    from dataclasses import replace
+
+    (e,) = log.episodes
+    half = len(e.time) // 2
+    return replace(log, episodes=(replace(e, time=e.time[:half], values=e.values[:half]),))
+
+
+def test_a_log_that_no_simulator_is_close_to_leaves_those_before(opened, brief) -> None:
+    opened.fits["log trial 1"] = False
+    found = opened.gait_rounds("log", robot_of(brief), trials=3, **ASKED)
+    assert opened.queried == ["log", "log trial 1", "log", "log trial 2"]
+    assert [one.fits for one in found.rounds] == [True, False, True]
+    first = opened.registry.recording_info("log").id
+    assert [one.told_by == first for one in found.rounds] == [True, True, False]
+    opened.fits["log"] = False
+    with pytest.raises(NoMatchError, match="no simulator is close enough"):
+        opened.gait_rounds("log", robot_of(brief), **ASKED)
+
+
+def test_simulators_that_no_query_names_are_refused_before_anything_moves(opened, brief) -> None:
+    real = robot_of(brief)
+    for on in ("nominal", "diagnosed", "random"):
+        with pytest.raises(UsageError, match=f"--on {on}; expected one of nearest, synthesised"):
+            opened.gait_rounds("log", real, **(ASKED | {"on": on}))
+    assert real.spent.trials == 0 and opened.queried == []
+
+
+class Operator(threading.Thread):
+    """Plays what appears in a folder on a hidden robot, and puts the logs there."""
+
+    def __init__(self, folder: Path, real: SimulatedRobot, trials: int):
+        super().__init__(daemon=True)
+        self.folder, self.real, self.trials = folder, real, trials
+
+    def run(self) -> None:
+        for number in range(1, self.trials + 1):
+            path = self.folder / f"trial_{number}.csv"
+            while not path.exists():
+                time.sleep(0.05)
+            time.sleep(0.05)
+            told = np.loadtxt(path, delimiter=",", skiprows=1)
+            log = self.real.run(told[:, 1:], 1.0 / (told[1, 0] - told[0, 0])).recording
+            write_log(self.folder / f"trial_{number}_log.csv", log)
+
+
+def write_log(path: Path, log: Recording) -> None:
+    """A table of the log, whole at once."""
+    (e,) = log.episodes
+    rows = np.concatenate([e.time[:, None], e.values], axis=1)
+    part = path.with_name(f".{path.name}")
+    np.savetxt(part, rows, delimiter=",", header=",".join(["time", *log.names]), comments="", fmt="%.17g")
+    part.rename(path)
+
+
+def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_on(
+    opened: Session, brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, said = tmp_path / "trials", []
+    operator = Operator(folder, robot_of(brief), 2)
+    operator.start()
+    found = opened.gait_rounds("log", folder, trials=2, say=said.append, **ASKED)
+    operator.join()
+    alone = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
+    assert [one.fell for one in found.rounds] == [one.fell for one in alone.rounds]
+    assert found.rounds[0].fitness == pytest.approx(alone.rounds[0].fitness, abs=0.05)
+    assert len(said) == 2 and "trial_1.csv on the robot (1 s)" in said[0]
+    names = {path.name for path in folder.iterdir()}
+    assert names == {f"{kind}_{i}{end}" for i in (1, 2) for kind, end in KINDS}
+
+    # nothing is sought or waited for again
+    monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", None)
+    again = opened.gait_rounds("log", folder, trials=2, say=said.append, **ASKED)
+    assert again == found and len(said) == 2
+
+    (folder / "trial_2.csv").write_text("time\n")
+    with pytest.raises(UsageError, match="holds other commands than the gait"):
+        opened.gait_rounds("log", folder, trials=2, **ASKED)
+    (folder / "trial_1_log.csv").write_text("time,fl_hip/position\n0,0\n1,0\n")
+    with pytest.raises(MapError, match="no column 'fl_shoulder/position'"):
+        opened.gait_rounds("log", folder, trials=2, **ASKED)
+    opened.ingest(_cut(opened.registry.recording("log")), brief, name="other")
+    with pytest.raises(UsageError, match="trial 1 was sought for recording"):
+        opened.gait_rounds("other", folder, trials=1, **ASKED)
+
+
+KINDS = (("gait", ".json"), ("trial", ".csv"), ("trial", "_log.csv"))
+
+
+def test_a_folder_that_cannot_be_is_refused_before_a_search(opened: Session, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file", tmp_path / "nowhere" / "trials"):
+        with pytest.raises(UsageError, match="no folder for trials at"):
+            opened.gait_rounds("log", path, **ASKED)
+    assert opened.queried == []
