@@ -6,6 +6,7 @@ torques, noisy and quantised sensors. Every log in its folder is a trial that it
 
     python examples/hidden_quadruped.py FOLDER --seed 7
     python examples/hidden_quadruped.py FOLDER --seed 7 --play gait.csv
+    python examples/hidden_quadruped.py FOLDER --seed 7 --play trials/trial_1.csv --log trials/trial_1_log.mcap
 """
 
 import argparse
@@ -60,13 +61,16 @@ def record(folder: Path, *, seed: int = 7, episodes: int = 0) -> HiddenQuadruped
     return HiddenQuadruped(logs, MAP, robot.space.as_dict(real.parameters))
 
 
-def play(folder: Path, gait: Path, *, seed: int = 7) -> tuple[RealTrial, Spent]:
-    """Play a gait's table once on the robot of the seed and write FOLDER/trial.mcap; what all trials cost, besides."""
+def play(folder: Path, gait: Path, *, seed: int = 7, log: Path | None = None) -> tuple[RealTrial, Spent]:
+    """Play a gait's table once on the robot of the seed and write its log; what all trials cost, besides.
+
+    log : FOLDER/trial.mcap where none is named.
+    """
     robot = load_robot("quadruped")
     actions = read_commands(gait, robot)  # before anything moves
-    log = folder / "trial.mcap"
-    _require_room(folder, (log,))
-    real = hidden_robot(seed, past(folder))
+    log = log or folder / "trial.mcap"
+    _require_room(log.parent, (log,))
+    real = hidden_robot(seed, past(*{folder, log.parent}))
     trial = real.run(actions, robot.rate, log.stem)
     write_new(log, _mcap(trial.recording))
     return trial, real.spent
@@ -78,10 +82,10 @@ def hidden_robot(seed: int, spent: Spent | None = None) -> SimulatedRobot:
     return SimulatedRobot(robot, _able(robot, seed), seed=seed, spent=spent or Spent())
 
 
-def past(folder: Path) -> Spent:
-    """The trials and seconds that the logs in a folder tell of; whether a robot fell, they do not."""
+def past(*folders: Path) -> Spent:
+    """The trials and seconds that the logs in folders tell of; whether a robot fell, they do not."""
     options = ReadOptions(sources=("/joint_states.position[0]",))
-    found = [read_log(path, options).sources for path in sorted(folder.glob("*.mcap"))]
+    found = [read_log(path, options).sources for folder in folders for path in sorted(folder.glob("*.mcap"))]
     seconds = [max(series.time[-1] for series in sources.values()) for sources in found if sources]
     return Spent(len(seconds), float(sum(seconds)))
 
@@ -202,17 +206,23 @@ def _mcap(recording: Recording) -> bytes:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Record a robot into a folder and print its secret, or play a gait on it; the exit status."""
+    """Record a robot into a folder, or play a gait on it; the exit status."""
     parser = argparse.ArgumentParser(description="Record a simulated quadruped with secret parameters.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--play", type=Path, metavar="CSV", help="a gait, played once on the same robot")
+    parser.add_argument("--log", type=Path, metavar="MCAP", help="the new log of --play  [FOLDER/trial.mcap]")
+    parser.add_argument("--secret", action="store_true", help="also print the robot's true parameters")
     given = parser.parse_args(arguments)
     try:
         if given.play is None:
-            _tell_recorded(given.folder, record(given.folder, seed=given.seed))
+            made = record(given.folder, seed=given.seed)
+            _tell_recorded(given.folder, made)
+            if given.secret:
+                print(json.dumps(made.secret, indent=2))
         else:
-            _tell_played(given.folder, *play(given.folder, given.play, seed=given.seed))
+            log = given.log or given.folder / "trial.mcap"
+            _tell_played(log, *play(given.folder, given.play, seed=given.seed, log=log))
     except DynregError as problem:
         print(problem, file=sys.stderr)
         return problem.exit_status
@@ -222,17 +232,14 @@ def main(arguments: list[str] | None = None) -> int:
 def _tell_recorded(folder: Path, made: HiddenQuadruped) -> None:
     print(f"{len(made.logs)} logs in {folder}; read them with")
     print(f"  dynreg ingest {folder}/run_*.mcap --robot quadruped --map {made.log_map} --name walker")
-    print(json.dumps(made.secret, indent=2))
 
 
-def _tell_played(folder: Path, trial: RealTrial, cost: Spent) -> None:
+def _tell_played(log: Path, trial: RealTrial, cost: Spent) -> None:
     ahead, left = (float(way[0, 0]) for way in progress(trial.walk.base))
     (episode,) = trial.recording.episodes
     print(f"{'fell' if trial.fell else 'stood'} after {episode.duration:.1f} s")
     print(f"{ahead:.2f} m ahead, {left:.2f} m left")
-    print(
-        f"{cost.trials} trials and {cost.seconds:.1f} s that the robot has had; log: {folder / 'trial.mcap'}"
-    )
+    print(f"{cost.trials} trials and {cost.seconds:.1f} s that the robot has had; log: {log}")
 
 
 if __name__ == "__main__":

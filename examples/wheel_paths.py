@@ -99,7 +99,9 @@ def held_out(registry: Session, found: Diagnosis, *, horizon: float | None = Non
     poses = {"measured": cut.measured}
     for name, config in configs.items():
         values = robot.space.from_dict(dict(config.values))[None]
-        run = rollout(robot, values, cut.run, engine=found.engine or None, terms=terms_of(config, robot), threads=1)
+        run = rollout(
+            robot, values, cut.run, engine=found.engine or None, terms=terms_of(config, robot), threads=1
+        )
         poses[name] = run.states[0]
     seen = {name: _from_start(states[..., columns], start) for name, states in poses.items()}
     return Paths(seen.pop("measured"), seen, cut.period)

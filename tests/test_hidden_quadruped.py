@@ -99,13 +99,15 @@ def test_the_same_seed_gives_the_same_bytes_and_another_another_robot(made, exam
     assert set(kinds.values()) == {4}
 
 
-def test_the_secret_is_in_the_ranges_and_in_no_file(made, robot) -> None:
+def test_the_secret_is_in_the_ranges_and_in_no_file(made, robot, example, tmp_path, capsys) -> None:
     low, high = robot.space.bounds.T
     values = robot.space.from_dict(made.secret)
     assert ((low <= values) & (values <= high)).all()
     assert sorted(made.logs[0].parent.iterdir()) == sorted(made.logs)
     topics = {"/imu", "/joint_commands", "/joint_states", "/odom"}
     assert {name.split(".")[0] for name in raw_log(made.logs[0]).sources} == topics
+    assert example.main([str(tmp_path / "quiet"), "--seed", str(SEED)]) == 0
+    assert "torque" not in capsys.readouterr().out
 
 
 def test_it_can_walk(example, robot) -> None:
@@ -137,6 +139,12 @@ def test_a_gait_is_played_once_on_the_same_robot(example, robot, own, tmp_path: 
     assert "trial.mcap' is there already" in capsys.readouterr().err
     assert (folder / "trial.mcap").read_bytes() == before
     assert example.main([str(folder)]) == 2  # nor is a robot recorded over another
+
+    # a trial whose log lies elsewhere is one more, and those there count
+    for number in (1, 2):
+        log = tmp_path / "trials" / f"trial_{number}_log.mcap"
+        assert example.main([*command, "--log", str(log)]) == 0
+        assert f"{EPISODES + 1 + number} trials" in capsys.readouterr().out and log.exists()
 
 
 def test_a_fall_is_told(example, robot, tmp_path: Path, capsys) -> None:

@@ -155,6 +155,8 @@ def seek(
         journal=kept,
         progress=(lambda done, total: progress("search", done, total)) if progress else None,
     )
+    if progress:
+        progress("search", evaluations, evaluations)  # the last batch may be a part of one
     best, again = found.best, None
     if finals:
         best, again = best_again(trials, settings, search.best(finals[0][0]), finals)
