@@ -100,41 +100,53 @@ def _place(keys: list[str], right: set[str]) -> int:
     return min((keys.index(key) for key in right if key in keys), default=OUTSIDE)
 
 
-def share(hits: int, of: int) -> str:
+def share(hits: int, of: int) -> dict[str, float]:
     """A share with its 95 % interval (Clopper and Pearson 1934)."""
     low = beta.ppf(0.025, hits, of - hits + 1) if hits else 0.0
     high = beta.ppf(0.975, hits + 1, of - hits) if hits < of else 1.0
-    return f"{hits} of {of} ({100 * low:.0f} to {100 * high:.0f} %)"
+    return {"hits": hits, "of": of, "low": float(low), "high": float(high)}
 
 
-def report(lines: list[dict]) -> None:
-    """Print the tables."""
+def table(lines: list[dict]) -> dict:
+    """{row: {column: share}} by size, then seconds and what a diagnosis is with the ranking and without."""
+    out: dict = {}
     for size in (*SIZES, "none"):
-        own = [x for x in lines if x["size_of"] == size and x["found"]["inside"]]
-        for what in ("rank", "screen") if own else ():
-            tops = [share(sum(x["found"][what] < k for x in own), len(own)) for k in (1, 3, 5)]
-            print(f"{size:7} {what:7} first {tops[0]}; three {tops[1]}; five {tops[2]}")
-        for inside, name in ((True, "in the library"), (False, "outside or none")):
-            some = [x for x in lines if x["size_of"] == size and x["found"]["inside"] == inside]
+        of_size = [x["found"] for x in lines if x["size_of"] == size]
+        inside = [x for x in of_size if x["inside"]]
+        row = {}
+        for what in ("rank", "screen") if inside else ():
+            for k in (1, 3, 5):
+                row[f"{what}, first {k}"] = share(sum(x[what] < k for x in inside), len(inside))
+        for name, some in (("in the library", inside), ("not", [x for x in of_size if not x["inside"]])):
             if some:
-                print(
-                    f"{size:7} flagged, {name}: {share(sum(x['found']['outside'] for x in some), len(some))}"
-                )
-    print(f"a ranking: {np.median([x['found']['seconds'] for x in lines]):.2f} s, median")
+                row[f"flagged, {name}"] = share(sum(x["outside"] for x in some), len(some))
+        out |= {size: row} if row else {}
+    out["seconds"] = {"a ranking": float(np.median([x["found"]["seconds"] for x in lines]))}
     both = [x["found"] for x in lines if "with" in x["found"]]
-    if not both:
-        return
-    for how in ("without", "with"):
+    for how in ("without", "with") if both else ():
         own = [x[how] for x in both]
         sure = [x for x in own if x["verdict"] in ("named", "ambiguous")]
-        print(
-            f"{how}: right {share(sum(x['right'] for x in own), len(own))}, confident and wrong "
-            f"{share(sum(not x['right'] for x in sure), len(own))}, {np.mean([x['seconds'] for x in own]):.2f} s each"
-        )
-    turned = [(x["without"]["right"], x["with"]["right"]) for x in both]
-    print(
-        f"wrong turned right: {turned.count((False, True))}; right turned wrong: {turned.count((True, False))}"
-    )
+        out[f"diagnosis {how}"] = {
+            "right": share(sum(x["right"] for x in own), len(own)),
+            "confident and wrong": share(sum(not x["right"] for x in sure), len(own)),
+        }
+        out["seconds"][f"a diagnosis {how}"] = float(np.mean([x["seconds"] for x in own]))
+    if both:
+        turned = [(x["without"]["right"], x["with"]["right"]) for x in both]
+        out["turned"] = {"right": turned.count((False, True)), "wrong": turned.count((True, False))}
+    return out
+
+
+def show(out: dict) -> None:
+    """Print a table."""
+    for row, columns in out.items():
+        for name, x in columns.items():
+            said = (
+                f"{x['hits']} of {x['of']} ({100 * x['low']:.0f} to {100 * x['high']:.0f} %)"
+                if isinstance(x, dict)
+                else f"{x:.3g}"
+            )
+            print(f"{row:18} {name:24} {said}")
 
 
 def main() -> None:
@@ -165,10 +177,11 @@ def main() -> None:
             found = told(trials, trial, given.diagnose)
             print(cause or "nothing", size, json.dumps(found), flush=True)
             journal.add({"cause": cause, "size_of": size, "number": number, "found": found})
-    report(journal.lines())
+    out = table(journal.lines())
+    show(out)
     if not given.tune:
         kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-        kept |= {f"{given.robot}, {given.truth}": journal.lines()}
+        kept |= {f"{given.robot}, {given.truth}": out}
         FILE.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
