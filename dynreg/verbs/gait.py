@@ -62,15 +62,15 @@ def gait(
     settings: GaitSettings,
     progress: Progress | None = None,
     *,
-    tried: tuple[tuple[float, ...], ...] = (),
+    tried: tuple[tuple[float, ...], ...] = (),  # genes of gaits that the robot has had, the best first
 ) -> "Gait":
     """Search for a gait that walks in the nearest simulators.
 
-    The gait is stored. An interrupted search resumes with --resume.
+    The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
+    and each trial's log tells in which simulators the next one is sought.
 
     Example: dynreg gait monday -k 5 --rollouts 2500
 
-    tried : genes of gaits that the robot has had, the best first; the search tries them first.
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
