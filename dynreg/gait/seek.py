@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.gait.accept import ACCEPT, USUAL
+from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness
 from dynreg.gait.trials import Trials
@@ -47,7 +47,7 @@ class SearchSettings:
 
     method: str = "cma"
     accept: str = USUAL
-    rollouts: int = 750
+    rollouts: int = EACH
     seed: int = 0
     patience: int | None = None
     again: float = 0.0

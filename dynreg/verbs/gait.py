@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dynreg.gait.accept import ACCEPT, USUAL
+from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, method, option, seed, threads
 from dynreg.verbs.simulators import NOMINAL, OLD, WORDS
@@ -34,7 +34,9 @@ class GaitSettings(Settings):
         usual=f"{USUAL}; of a population the {OF_POPULATION}",
     )
     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
-    rollouts: int = option(750, "Most simulator runs of the search.", least=1)
+    rollouts: int | None = option(
+        None, "Most simulator runs of the search.", usual=f"{EACH} for each simulator", least=1
+    )
     patience: int | None = option(
         None, "Stop after this many gaits without a better one.", usual="never", least=1
     )
@@ -46,15 +48,13 @@ class GaitSettings(Settings):
     seed: int = seed()
     threads: int = threads()
 
-    @property
-    def search(self) -> "SearchSettings":
-        """The settings of the search."""
+    def search(self, many: int) -> "SearchSettings":
+        """The settings of the search in so many simulators."""
         from dynreg.gait.seek import AGAIN, SearchSettings
 
         accept = self.accept or (OF_POPULATION if self.on == "population" else USUAL)
-        return SearchSettings(
-            self.method, accept, self.rollouts, self.seed, self.patience, AGAIN, self.packaged
-        )
+        rollouts = self.rollouts or EACH * many
+        return SearchSettings(self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged)
 
 
 def gait(
@@ -84,16 +84,18 @@ def gait(
     from dynreg.verbs.query import QuerySettings
 
     began = time.perf_counter()
-    robot, search = asked.robot, replace(settings.search, tried=tried)
+    robot = asked.robot
     task = task_of(robot, settings.task)
     gait_space(robot)  # raises its errors before the registry is read, as too few rollouts do
-    search.evaluations(settings.k if settings.on in (SOURCES[0], "random", "population") else 1)
+    many = settings.k if settings.on in (SOURCES[0], "random", "population") else 1
+    settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, settings.seed, progress)
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
     rate = command_rate(robot, known)
     trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
+    search = replace(settings.search(len(simulators)), tried=tried)
     key, path = journal(asked, chosen, trials, search)
     sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
     unseen = expected(trials, sought.genes)

@@ -21,7 +21,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.gait import SOURCES
+from dynreg.verbs.gait import SOURCES, GaitSettings
 from dynreg.verbs.simulators import NAMES
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
@@ -59,6 +59,14 @@ def neighbours(opened: Session, fits: bool = True):
 def answering(opened: Session, monkeypatch: pytest.MonkeyPatch, fits: bool = True) -> None:
     answer = neighbours(opened, fits)
     monkeypatch.setattr("dynreg.verbs.gait_simulators.query", lambda asked, settings, progress: answer)
+
+
+def test_rollouts_grow_with_the_simulators_where_none_are_named() -> None:
+    for many in (1, 5):
+        assert GaitSettings().search(many).rollouts == 750 * many
+        assert GaitSettings(rollouts=90).search(many).rollouts == 90
+    one, five = (GaitSettings().search(many).evaluations(many) for many in (1, 5))
+    assert one == pytest.approx(five, rel=0.05) == pytest.approx(600, rel=0.05)
 
 
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
