@@ -197,20 +197,33 @@ class Session:
         real : the robot. A `RealRobot`; a function that is called with commands (T, A), how many a second and the
         trial's name, plays them and returns the log (see `read_log`); or a folder, to which the commands are written
         and in which the log is waited for, read with `log_map` (see `TrialFolder`). say : tells what to do there.
+        Raises as `verbs.gait_rounds` and the robot do; what is wrong with the arguments, before anything moves.
         """
+        from dynreg.data.maps import read_map
+        from dynreg.errors import UsageError
         from dynreg.gait.logged import LoggedRobot
-        from dynreg.sim.real import Budget, RealRobot
+        from dynreg.sim.real import RealRobot
+        from dynreg.verbs.gait_rounds import require_query
         from dynreg.verbs.subjects import recorded
-        from dynreg.verbs.trial_folder import folder_of
+        from dynreg.verbs.trial_folder import TrialFolder, folder_of
 
         settings = GaitRoundsSettings(**told)
+        require_query(settings.on)
+        self.registry.check_writable()
+        if not isinstance(real, str | Path | RealRobot) and not callable(real):
+            raise UsageError(
+                f"a robot of type {type(real).__name__!r}",
+                expected="a folder, a function that plays commands and returns the log, or a RealRobot",
+                do="give one of them",
+            )
         asked = recorded(self.registry, recording, robot, log_map, ingest=True)
-        kept, budget = {}, Budget(settings.trials, None, settings.falls)
+        kept = {}
         if isinstance(real, str | Path):
-            folder = folder_of(real, self.registry, asked.robot, log_map, say)
+            given = None if log_map is None else read_map(log_map)
+            folder = TrialFolder(folder_of(real), self.registry, asked.robot, given, say)
             kept, real = {"kept": folder.kept}, folder.played
         if not isinstance(real, RealRobot):
-            real = LoggedRobot(asked.robot, real, budget)
+            real = LoggedRobot(asked.robot, real)
         found = gait_rounds(asked, settings, real, progress, **kept)
         asked.keep(found)
         return found

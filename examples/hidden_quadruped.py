@@ -70,7 +70,7 @@ def play(folder: Path, gait: Path, *, seed: int = 7, log: Path | None = None) ->
     actions = read_commands(gait, robot)  # before anything moves
     log = log or folder / "trial.mcap"
     _require_room(log.parent, (log,))
-    real = hidden_robot(seed, past(*{folder, log.parent}))
+    real = hidden_robot(seed, past(*sorted({folder.resolve(), log.parent.resolve()})))
     trial = real.run(actions, robot.rate, log.stem)
     write_new(log, _mcap(trial.recording))
     return trial, real.spent

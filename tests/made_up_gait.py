@@ -2,7 +2,17 @@
 
 import math
 
-from dynreg.results import Cost, Fitness, Gait, GaitGene, GaitJoint, GaitStep, GaitTrial
+from dynreg.results import (
+    Cost,
+    Fitness,
+    Gait,
+    GaitGene,
+    GaitJoint,
+    GaitRound,
+    GaitRounds,
+    GaitStep,
+    GaitTrial,
+)
 
 TORQUES = (1.31, 1.44, 1.58)
 
@@ -72,4 +82,36 @@ def _trial(i: int, torque: float, fell: bool) -> GaitTrial:
         y=[0.01 * math.sin(t) for t in time],
         yaw=[0.02 * t for t in time],
         contacts={"fl_foot": [(0.0, 1.5), (1.8, 2.1)], "fr_foot": [(1.4, 1.9)], "rl_foot": []},
+    )
+
+
+def rounds(fell: tuple[bool, ...] = (True, False, False)) -> GaitRounds:
+    """Trials of gaits on a robot, each better than the one before where it does not fall."""
+    made = tuple(
+        GaitRound(
+            gait=f"{i}a" * 32,
+            simulators=("ef" * 32,),
+            told_by="cd" * 32,
+            fits=i != 1,
+            median=1.5,
+            p5=0.8,
+            p95=2.0,
+            recording=f"{i}b" * 32,
+            name=f"yard_monday trial {i + 1}",
+            fitness=0.0 if down else 0.5 + i,
+            fell=down,
+        )
+        for i, down in enumerate(fell)
+    )
+    stood = [i + 1 for i, down in enumerate(fell) if not down]
+    return GaitRounds(
+        robot="quadruped",
+        recording="cd" * 32,
+        recording_name="yard_monday",
+        task="forward",
+        unit="m",
+        rounds=made,
+        best=stood[-1] if stood else None,
+        seconds=24.5,
+        ended="the budget of trials",
     )

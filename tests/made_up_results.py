@@ -433,6 +433,7 @@ def every_kind() -> tuple[Result, ...]:
         robot_folder(),
         ranges_file(),
         made_up_gait.gait(),
+        made_up_gait.rounds(),
         made_up_changes.changes(),
         made_up_drift.drift(),
         made_up_comparison.comparison(),

@@ -51,15 +51,18 @@ def gait(
 
 def _can_try(trial: Path | None, film: Path | None, settings: GaitRoundsSettings) -> None:
     """UsageError where trials are told about without a folder for them, or a film of them is asked for."""
-    if trial is None and not (settings.trials is settings.falls is None):
+    told = [
+        f"--{name} {value}" for name in ("trials", "falls") if (value := getattr(settings, name)) is not None
+    ]
+    if trial is None and told:
         raise UsageError(
-            "--trials and --falls without --trial",
+            f"{' '.join(told)} without --trial",
             expected="a folder for the trials on the robot",
             do="add --trial FOLDER",
         )
     if trial is not None and film is not None:
         raise UsageError(
-            "--film with --trial",
+            f"--film {str(film)!r} with --trial",
             expected="one of them",
             do="draw a gait of the trials with `dynreg export FOLDER/gait_1.json --as gif`",
         )

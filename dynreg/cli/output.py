@@ -57,7 +57,11 @@ class PlainProgress:
     def _report(self, stage: str, done: int, total: int) -> None:
         now = self._clock()
         since, first = self._stages.setdefault(stage, (now, done))
-        if now - self._began < PATIENCE or done >= total:
+        if done >= total:  # a stage of this name may begin again
+            del self._stages[stage]
+            self._steps.pop(stage, None)
+            return
+        if now - self._began < PATIENCE:
             return
         at, before = self._steps.get(stage, (now, done))
         at = at if done == before else now

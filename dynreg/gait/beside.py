@@ -94,9 +94,9 @@ def base_of(robot: Robot) -> str:
 
 
 def measured(robot: Robot, recording: Recording, episode: Episode, start: Motion) -> Motion:
-    """The robot's joints and base, from where `start` begins and looking the same way.
+    """The robot's joints and base, from where `start` begins and looking the same way; NaN where that is not known.
 
-    Where the base's position is not measured, that over the ground is reckoned from its velocity, and its height stays.
+    Where the base's place is not measured, it is reckoned from its velocity, and its height stays.
     """
     columns = {name: i for i, name in enumerate(recording.names)}
     lost = np.full(len(episode.time), np.nan)
@@ -113,12 +113,24 @@ def measured(robot: Robot, recording: Recording, episode: Episode, start: Motion
         angles[:, 0] += turned
         rotation = Rotation.from_euler("ZYX", angles[known])
         attitude[known] = rotation.as_quat()
-        steps = np.diff(times[known], prepend=times[known][:1])[:, None]
-        velocity = rotation.apply(np.nan_to_num(of("vx", "vy", "vz")[known]))
-        way = np.cumsum(velocity * steps, axis=0)
-        way[:, 2] = 0.0
-        places = of(*BASE[:3])[known]
-        places -= places[0]
-        there = Rotation.from_euler("Z", turned).apply(np.nan_to_num(places))
-        position[known] = start.position[0] + np.where(np.isfinite(places), there, way)
+        places, height = of(*BASE[:2]), of(BASE[2])
+        seen = np.isfinite(places).all(axis=1)
+        if seen.any():
+            ahead = np.where(seen[:, None], places - places[seen][0], np.nan)
+            ahead = Rotation.from_euler("Z", turned).apply(np.column_stack([ahead, np.zeros(len(ahead))]))
+        else:
+            ahead = np.full((len(lost), 3), np.nan)
+            ahead[known] = _reckoned(times[known], rotation, of("vx", "vy", "vz")[known])
+        risen = height - height[np.isfinite(height)][:1] if np.isfinite(height).any() else 0.0
+        position = start.position[0] + np.column_stack([ahead[:, :2], np.broadcast_to(risen, (len(lost), 1))])
     return Motion(times, joints, position, attitude)
+
+
+def _reckoned(times: np.ndarray, rotation: Rotation, velocity: np.ndarray) -> np.ndarray:
+    """(T, 3) way [m] by velocities (T, 3) [m/s] in the body's frame, those between known ones interpolated."""
+    filled = np.zeros_like(velocity)  # a velocity that is never measured adds nothing
+    for column, values in enumerate(velocity.T):
+        known = np.isfinite(values)
+        if known.any():
+            filled[:, column] = np.interp(times, times[known], values[known])
+    return np.cumsum(rotation.apply(filled) * np.diff(times, prepend=times[:1])[:, None], axis=0)

@@ -1,7 +1,7 @@
 """A user's robot as one to be tried on: what it did is read from the log of the trial."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,11 +12,13 @@ from dynreg.gait.beside import ATTITUDE, base_of, commands_of, measured
 from dynreg.gait.runs import Motion
 from dynreg.sim.engines.arena import has_fallen
 from dynreg.sim.layout import BASE, layout_of
-from dynreg.sim.real import Budget, RealRobot, RealTrial, Spent
+from dynreg.sim.real import RealRobot, RealTrial
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk
 
-LIKE = 0.5  # of the commands' own scatter, by which those of a log may miss them: by contract
+LIKE = (
+    0.5  # of the speed of the trial's commands, which others that follow them in a log may have: by contract
+)
 WHOLE = 0.9  # of a trial that its log must hold, or the robot was stopped before the end: by contract
 
 
@@ -28,87 +30,115 @@ class LoggedRobot(RealRobot):
     log, with the robot's channels and actions.
     """
 
-    robot: Robot
     played: Callable[[np.ndarray, float, str], Recording]
-    budget: Budget = Budget()
-    spent: Spent = field(default_factory=Spent)
 
     def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
-        """Raises LogError where the log does not hold these commands, or does not tell how the base moved."""
-        recording = self.played(actions, rate, name)
-        return RealTrial(recording, walk_of(self.robot, recording, actions, rate))
+        """The trial, as its log tells it; raises as `trial_of`."""
+        return trial_of(self.robot, self.played(actions, rate, name), actions, rate)
 
 
-def walk_of(robot: Robot, recording: Recording, actions: np.ndarray, rate: float) -> Walk:
-    """How a robot moved by its log while it was told commands (T, A), `rate` a second; one simulator, one episode.
+def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> RealTrial:
+    """The trial that a log holds, from the first of the commands (T, A), `rate` a second, to the last or the fall.
 
-    The log may begin before the commands and end after them. Where it holds less than `WHOLE` of them, the robot
-    counts as fallen at its end: it was stopped. Its places are counted from where the trial began. Raises LogError
-    where the log does not hold these commands, or does not tell how the base moved.
+    The log may begin before that and end after it. Where it ends before `WHOLE` of the commands, the robot counts as
+    fallen then: somebody stopped it. The base begins where the model's does at rest, and looks ahead. Its velocities
+    are NaN where the log does not tell them. Raises LogError where the log does not hold these commands, or does not
+    tell how the base moved.
     """
-    episode, begin = _found(robot, recording, actions, rate)
-    _require_base(robot, recording)
-    motion = measured(robot, recording, _from(episode, begin), _start(robot))
-    steps = len(actions)
-    times = np.arange(steps + 1) / rate
+    found = _found(robot, log, actions, rate)
+    _require_base(robot, log)
+    motion = measured(robot, log, found, _start(robot))
     known = np.isfinite(motion.position).all(axis=1) & np.isfinite(motion.attitude).all(axis=1)
-    angles = Rotation.from_quat(motion.attitude[known]).as_euler("ZYX")[:, ::-1]
-    pose = np.concatenate([motion.position[known], np.unwrap(angles, axis=0)], axis=1)
+    if known.sum() < 2:
+        raise LogError(
+            f"the log tells the base's place and attitude in {known.sum()} of {len(known)} rows of the trial",
+            expected="2 or more, with roll, pitch, yaw and x, y (or vx, vy) in each",
+            do="log these at the rate of the commands",
+        )
+    steps, times = len(actions), np.arange(len(actions) + 1) / rate
+    angles = np.unwrap(Rotation.from_quat(motion.attitude[known]).as_euler("ZYX")[:, ::-1], axis=0)
+    pose = np.concatenate([motion.position[known], angles], axis=1)
     base = np.full((steps + 1, len(BASE)), np.nan)
     base[:, :6] = np.stack([np.interp(times, motion.times[known], c) for c in pose.T], axis=1)
+    for i, name in enumerate(BASE[6:], start=6):
+        base[:, i] = _velocity(log, found, f"{base_of(robot)}/{name}", times)
     ends = int(motion.times[known][-1] * rate + 1e-6)
     attitude = Rotation.from_euler("ZYX", base[:, 5:2:-1]).as_quat(scalar_first=True)
     fallen = np.flatnonzero(has_fallen(robot, np.concatenate([base[:, :3], attitude], axis=1))[: ends + 1])
     stopped = ends + 1 if ends < WHOLE * steps else steps + 1
-    fell = int(min([*fallen[:1], stopped]))
-    base[max(fell, 1) :] = base[max(fell, 1) - 1]  # it stays where it was before a fall
-    return Walk(base[None, None], np.array([[fell]]), 0)
+    fell = max(int(min([*fallen[:1], stopped])), 1)
+    base[fell:] = base[fell - 1]  # it stays where it was before a fall
+    rows = found.time <= found.time[0] + min(fell, steps) / rate + 1e-6
+    part = replace(found, time=found.time[rows], values=found.values[rows])
+    return RealTrial(replace(log, episodes=(part,)), Walk(base[None, None], np.array([[fell]]), 0))
 
 
-def _found(robot: Robot, recording: Recording, actions: np.ndarray, rate: float) -> tuple[Episode, float]:
-    """The episode that holds these commands best, and the time [s] at which they begin there."""
-    best: tuple[float, Episode, float] | None = None
-    for episode in recording.episodes:
-        logged = commands_of(robot, recording, episode)
-        grid = np.arange(int((episode.time[-1] - episode.time[0]) * rate + 1e-6) + 1) / rate
-        row = np.searchsorted(episode.time - episode.time[0], grid + 0.5 / rate, side="right") - 1
-        logged = logged[np.clip(row, 0, len(logged) - 1)]
-        for first in range(max(len(logged) - len(actions) // 2, 1)):
+def _found(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> Episode:
+    """The rows of a log in which these commands were played: those that explain most of the movement that was logged.
+
+    LogError where there are none, or where others follow: somebody who stops a robot holds it, or lets it rest.
+    """
+    best = None
+    for episode in log.episodes:
+        since = episode.time - episode.time[0]
+        grid = np.arange(int(since[-1] * rate + 1e-6) + 1) / rate
+        row = np.searchsorted(since, grid + 0.5 / rate, side="right") - 1
+        logged = commands_of(robot, log, episode)[row]
+        for first in range(len(logged)):
             told = logged[first : first + len(actions)]
-            missed = float(np.sqrt(np.mean((told - actions[: len(told)]) ** 2)))
-            if best is None or missed < best[0]:
-                best = missed, episode, episode.time[0] + grid[first]
-    missed, episode, begin = best
-    scatter = float(np.sqrt(actions.var(axis=0).mean()))
-    if missed > LIKE * scatter:
+            moved, missed = (((told - a) ** 2).sum(axis=1) for a in (actions[0], actions[: len(told)]))
+            explained = np.cumsum(moved - missed)
+            many = len(told) - int(np.argmax(explained[::-1]))
+            if best is None or explained[many - 1] > best[0]:
+                best = explained[many - 1], episode, grid[first], grid[first + many - 1], told[many:]
+    explained, episode, begin, end, after = best
+    moves = lambda a: float((np.diff(a, axis=0) ** 2).sum(axis=1).mean()) if len(a) > 1 else 0.0  # noqa: E731
+    others = np.sqrt(moves(after) / moves(actions))
+    if explained <= 0.0 or others > LIKE:
+        what = (
+            "hold nothing of those of the trial"
+            if explained <= 0.0
+            else (
+                f"are those of the trial for {end - begin:.3g} s, then others, which move {others:.2g} times as fast"
+            )
+        )
         raise LogError(
-            f"the log's commands differ by {missed:.3g} rad (root mean square) from those of the trial",
-            expected=f"less than {LIKE * scatter:.3g} rad, half of what the commands scatter",
+            f"the log's commands {what}",
+            expected=f"those of the trial for {len(actions) / rate:.3g} s, or the robot stopped",
             do="give the log of this trial, with the commands that were played",
         )
-    return episode, begin
+    rows = (episode.time >= episode.time[0] + begin - 1e-6) & (
+        episode.time <= episode.time[0] + end + 1.0 / rate + 1e-6
+    )
+    return replace(episode, time=episode.time[rows], values=episode.values[rows])
 
 
 def _start(robot: Robot) -> Motion:
-    """The robot at rest, where the model has it."""
+    """The base at rest, where the model has it."""
     model, at = robot.model, layout_of(robot).base_qpos
     pose = (model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe])[at : at + 7]
     return Motion(np.zeros(1), np.empty((1, 0)), pose[None, :3], np.roll(pose[3:], -1)[None])
 
 
-def _from(episode: Episode, begin: float) -> Episode:
-    rows = np.flatnonzero(episode.time >= begin - 1e-6)
-    return replace(episode, time=episode.time[rows], values=episode.values[rows])
+def _velocity(log: Recording, episode: Episode, name: str, times: np.ndarray) -> np.ndarray:
+    """(T,) a channel at times [s] from the episode's first row on; NaN where it is not logged."""
+    values = (
+        episode.values[:, log.names.index(name)] if name in log.names else np.full(len(episode.time), np.nan)
+    )
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(len(times), np.nan)
+    return np.interp(times, episode.time[known] - episode.time[0], values[known])
 
 
-def _require_base(robot: Robot, recording: Recording) -> None:
+def _require_base(robot: Robot, log: Recording) -> None:
     """LogError where a log does not tell how the base turned and moved over the ground."""
     owner = base_of(robot)
-    have = {name for name in (*BASE[:2], *BASE[6:8], *ATTITUDE) if f"{owner}/{name}" in recording.names}
+    have = {name for name in (*BASE[:2], *BASE[6:8], *ATTITUDE) if f"{owner}/{name}" in log.names}
     if not ({*ATTITUDE} <= have and ({"x", "y"} <= have or {"vx", "vy"} <= have)):
+        told = ", ".join(f"{owner}/{name}" for name in sorted(have)) or f"nothing of {owner!r}"
         raise LogError(
-            f"the log does not tell how far {robot.name!r} walked: it has "
-            + (", ".join(f"{owner}/{name}" for name in sorted(have)) or f"nothing of {owner!r}"),
+            f"the log does not tell how far {robot.name!r} walked: it has {told}",
             expected=f"{owner}/roll, pitch and yaw, and {owner}/x and y or {owner}/vx and vy",
-            do="log these too (a camera or an odometry tells them), and map them",
+            do="log them (a camera or an odometry tells them), make them [[channels]] of robot.toml, and map them",
         )

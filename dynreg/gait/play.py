@@ -131,8 +131,12 @@ def commands(gait: Played) -> tuple[np.ndarray, np.ndarray]:
 
 def csv(gait: Played) -> bytes:
     """A table of times and angles."""
-    times, told = commands(gait)
-    lines = [",".join(["time", *(j.action for j in gait.joints)])]
+    return table([j.action for j in gait.joints], *commands(gait))
+
+
+def table(actions: Sequence[str], times: np.ndarray, told: np.ndarray) -> bytes:
+    """Text with a column `time` [s] (T,) and one for each action (T, A)."""
+    lines = [",".join(["time", *actions])]
     lines += [",".join([f"{t:.6f}", *(f"{q:.6f}" for q in row)]) for t, row in zip(times, told, strict=True)]
     return ("\n".join(lines) + "\n").encode()
 

@@ -29,7 +29,7 @@ def tables(result: GaitRounds) -> RenderableType:
         Text(f"{result.seconds:.1f} s on the robot; ended by {result.ended}"),
         *(
             Text(
-                f"note: no simulator was close enough to the log before trial {n}; it took those of the trial before"
+                f"note: the log before trial {n} did not tell where to seek; the simulators before it served again"
             )
             for n in old
         ),

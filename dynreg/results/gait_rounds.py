@@ -11,8 +11,8 @@ class GaitRound(Result):
     """One gait and its trial on the robot.
 
     gait : id of the stored gait. simulators : ids of those in which it was sought. told_by : id of the recording that
-    the query chose them by. fits : whether that query found one close enough; where not, those of the round before
-    served. median, p5, p95 : the fitness that they predict. recording : id of the trial's log; name : its name.
+    the query chose them by. fits : whether the log before told where to seek; where not, the simulators of the round
+    before served. median, p5, p95 : the fitness that they predict. recording : id of the trial's log; name : its name.
     fitness : on the robot, in the task's unit, 0 for a fall.
     """
 
@@ -33,7 +33,7 @@ class GaitRounds(Result):
     """Gaits tried on a robot: after each trial, the query is asked again by the trial's log, and a new gait is sought.
 
     best : number, from 1, of the round whose gait did most on the robot without a fall; null where all fell.
-    seconds, falls : what the trials cost. ended : why there were no more.
+    seconds : how long the trials lasted. ended : why there were no more.
     """
 
     schema_: Literal["dynreg/gait_rounds/1"] = Field(default="dynreg/gait_rounds/1", alias="schema")
@@ -45,7 +45,6 @@ class GaitRounds(Result):
     rounds: tuple[GaitRound, ...]
     best: int | None
     seconds: float
-    falls: int
     ended: str
 
     def rows(self) -> list[dict[str, Any]]:
@@ -58,9 +57,14 @@ class GaitRounds(Result):
         return f"{self.recording_name}: {self.headline}"
 
     @property
+    def falls(self) -> int:
+        """How many trials ended in a fall."""
+        return sum(one.fell for one in self.rounds)
+
+    @property
     def headline(self) -> str:
         """How the trials went, in two sentences."""
-        many = f"{len(self.rounds)} trial{'s' if len(self.rounds) != 1 else ''} on the robot, {self.falls} of them fell"
+        many = f"{len(self.rounds)} trial{'s' if len(self.rounds) != 1 else ''} on the robot, {self.falls} with a fall"
         if self.best is None:
             return f"{many}. No gait stood."
         best = self.rounds[self.best - 1]

@@ -4,6 +4,7 @@
 time step, a torque disturbance, sensor noise and quantisation.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -56,33 +57,37 @@ class RealTrial:
         return bool(self.walk.fell[0, 0] < self.walk.base.shape[2])
 
 
-class RealRobot:
+@dataclass
+class RealRobot(ABC):
     """A robot on which commands can be tried, for a price. A kind of robot gives `play`.
 
     spent : what its trials have cost so far; `run` counts it.
     """
 
     robot: Robot
-    budget: Budget
-    spent: Spent
+    budget: Budget = field(default=Budget(), kw_only=True)
+    spent: Spent = field(default=Spent(), kw_only=True)
 
+    @abstractmethod
     def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
         """Play commands (T, A), `rate` a second, from rest until their end or a fall."""
-        raise NotImplementedError
 
     def run(self, actions: np.ndarray, rate: float, name: str = "trial") -> RealTrial:
-        """`play`, counted.
+        """`play`, counted; a trial that ends with an error counts, too, for the robot may have moved.
 
         Raises BudgetError before anything moves where the budget is spent or would be, UsageError for commands
         that are not the robot's.
         """
         self._check(actions, rate)
-        self._afford(len(actions) / rate)
-        trial = self.play(actions, rate, name)
-        ends = int(min(trial.walk.fell[0, 0], len(actions)))
-        self.spent = Spent(
-            self.spent.trials + 1, self.spent.seconds + ends / rate, self.spent.falls + int(trial.fell)
-        )
+        self.afford(len(actions) / rate)
+        before, steps = self.spent, len(actions)
+        try:
+            trial = self.play(actions, rate, name)
+        except BaseException:
+            self.spent = Spent(before.trials + 1, before.seconds + steps / rate, before.falls)
+            raise
+        seconds = int(min(trial.walk.fell[0, 0], steps)) / rate
+        self.spent = Spent(before.trials + 1, before.seconds + seconds, before.falls + int(trial.fell))
         return trial
 
     def _check(self, actions: np.ndarray, rate: float) -> None:
@@ -103,7 +108,8 @@ class RealRobot:
                 do="correct them",
             )
 
-    def _afford(self, seconds: float) -> None:
+    def afford(self, seconds: float) -> None:
+        """BudgetError where the budget does not allow one more trial that lasts so long, and may fall."""
         left = (
             ("trials", self.budget.trials, self.spent.trials, 1),
             ("seconds", self.budget.seconds, self.spent.seconds, seconds),
@@ -162,15 +168,12 @@ class SimulatedRobot(RealRobot):
     slope : angle [rad] of the ground.
     """
 
-    robot: Robot
     parameters: np.ndarray
     terms: tuple[Term, ...] = ()
     values: tuple[np.ndarray, ...] = ()
     seed: int = 0
-    budget: Budget = Budget()
     slope: float = 0.0
     threads: int = 1
-    spent: Spent = field(default_factory=Spent)
 
     def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
         number = self.spent.trials

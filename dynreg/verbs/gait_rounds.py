@@ -1,17 +1,19 @@
 """Gaits tried on a robot in turn: each trial's log tells in which simulators the next gait is sought."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import TYPE_CHECKING
 
-from dynreg.errors import BudgetError, NoMatchError, UsageError
+from dynreg.errors import BudgetError, LogError, NoMatchError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.settings import option
 from dynreg.verbs.simulators import WORDS
 
 if TYPE_CHECKING:
+    from dynreg.gait.tasks import Task
     from dynreg.results.gait import Gait
     from dynreg.results.gait_rounds import GaitRound, GaitRounds
     from dynreg.sim.real import RealRobot, RealTrial
@@ -46,38 +48,82 @@ def gait_rounds(
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
 
-    Each search first tries the gaits that the robot has had, the best first. Every trial's log is registered, as
-    "NAME trial N". Where no simulator is close enough to it, the next gait is sought in those of the round before.
+    Each search first tries the gaits that the robot has had, the best first, and goes on where it was interrupted.
+    Every trial's log is registered, as "NAME trial N". Where it does not tell in which simulators to seek (none is
+    close enough, or it is too short), the next gait is sought in those of the round before.
 
     kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`.
-    Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query.
+    Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query or a kept gait was
+    sought otherwise, LogError where a log does not tell the task's fitness.
     """
     from dynreg.gait.play import commands, require_playable
-    from dynreg.gait.tasks import fitness, task_of
+    from dynreg.gait.tasks import task_of
     from dynreg.rng import stream_seed
 
-    _require_query(settings.on)
+    require_query(settings.on)
     task, rounds, tried = task_of(asked.robot, settings.task), [], []
     by = last = asked
-    ended = "the budget of trials"
+    ended, before = "the budget of trials", real.spent.seconds
     for number in range(1, (settings.trials or TRIALS) + 1):
-        seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
-        search, first = replace(settings.each, seed=seed), _best_first(asked.robot, tried)
-        found, by = _sought(number, by, last, kept, lambda one: gait(one, search, progress, tried=first))  # noqa: B023
-        require_playable(found)
+        if settings.falls and sum(one.fell for one in rounds) >= settings.falls:
+            ended = f"{settings.falls} falls"
+            break
         try:
-            trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
+            real.afford(task.seconds)  # before time is spent on a gait
         except BudgetError as spent:
             ended = spent.problem
             break
-        reached = float(fitness(task.grade(trial.walk))[0, 0])
+        seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
+        each = replace(settings.each, seed=seed, resume=True)
+        sought = _Sought(each, _best_first(asked.robot, tried), progress)
+        found = kept(number, lambda: sought.first_of(last, by))  # noqa: B023
+        by = _told_by(found, number, each, task, (last, by))
+        require_playable(found)
+        trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
+        reached = _fitness(task, trial)
         tried.append((reached, found))
-        rounds.append(_round(found, by, by is last, asked, number, trial, reached))
+        rounds.append(_round(found, by is last, asked, number, trial, reached))
         last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
-    return _document(asked, task, rounds, real, ended)
+    return _document(asked, task, rounds, real.spent.seconds - before, ended)
 
 
-def _require_query(on: str) -> None:
+@dataclass(frozen=True)
+class _Sought:
+    """A search of a round. tried : genes of the gaits that the robot has had."""
+
+    settings: GaitSettings
+    tried: tuple[tuple[float, ...], ...]
+    progress: Progress | None
+
+    def first_of(self, last: "Recorded", before: "Recorded") -> "Gait":
+        """The gait by the last recording or, where that does not tell in which simulators to seek, by the one before.
+
+        Raises as `gait`.
+        """
+        try:
+            return gait(last, self.settings, self.progress, tried=self.tried)
+        except (NoMatchError, LogError):
+            if before is last:
+                raise
+        return gait(before, self.settings, self.progress, tried=self.tried)
+
+
+def _fitness(task: "Task", trial: "RealTrial") -> float:
+    """What a trial reached; LogError where its log does not tell."""
+    from dynreg.gait.tasks import fitness
+
+    reached = float(fitness(task.grade(trial.walk))[0, 0])
+    if not math.isfinite(reached):
+        raise LogError(
+            f"the log does not tell the fitness of task {task.name!r}: it is {reached}",
+            expected="a log with all that the task scores",
+            do="log the base's velocities too, or choose another task",
+        )
+    return reached
+
+
+def require_query(on: str) -> None:
+    """UsageError where a word names simulators that no query of a trial's log can name anew."""
     told = [word for word, one in WORDS.items() if one.made_by == "query"]
     if on not in told:
         raise UsageError(
@@ -96,33 +142,33 @@ def _best_first(robot: "Robot", tried: "list[tuple[float, Gait]]") -> tuple[tupl
     return tuple(tuple(space.from_dict(genes_of(found)).tolist()) for _, found in order)
 
 
-def _sought(
-    number: int, by: "Recorded", last: "Recorded", kept: Kept, seek: "Callable[[Recorded], Gait]"
-) -> "tuple[Gait, Recorded]":
-    """The gait of a round, and the recording whose query told its simulators: the last one, else that before."""
-
-    def sought() -> "Gait":
-        try:
-            return seek(last)
-        except NoMatchError:
-            if by is last:
-                raise
-            return seek(by)
-
-    found = kept(number, sought)
-    told = {one.recording.id: one for one in (by, last)}
+def _told_by(
+    found: "Gait", number: int, settings: GaitSettings, task: "Task", asked: "tuple[Recorded, ...]"
+) -> "Recorded":
+    """The recording that told the simulators of a gait; UsageError where a kept one was sought otherwise."""
+    robot = asked[0].robot
+    own = {"robot_hash": robot.hash, "task": task.name, "on": settings.on, "method": settings.method}
+    own |= {"accept": settings.search(1).accept, "seed": settings.seed}
+    for name, value in own.items():
+        if (was := getattr(found, name)) != value:
+            raise UsageError(
+                f"the gait of trial {number} was sought with {name} {was}",
+                expected=f"{value}, as this command says",
+                do="give the settings of the first start, or name another folder for the trials",
+            )
+    told = {one.recording.id: one for one in reversed(asked)}
     if found.recording not in told:
+        names = " or ".join(f"{one.name!r} ({identity[:12]})" for identity, one in told.items())
         raise UsageError(
             f"the gait of trial {number} was sought for recording {found.recording[:12]}",
-            expected=" or ".join(f"{one.name!r} ({identity[:12]})" for identity, one in told.items()),
+            expected=names,
             do="name a folder of its own for the trials of each recording",
         )
-    return found, told[found.recording]
+    return told[found.recording]
 
 
 def _round(
     found: "Gait",
-    by: "Recorded",
     fits: bool,
     asked: "Recorded",
     number: int,
@@ -143,7 +189,7 @@ def _round(
     return GaitRound(
         gait=identity,
         simulators=tuple(one.simulator for one in found.trials),
-        told_by=by.recording.id,
+        told_by=found.recording,
         fits=fits,
         median=found.expected.median,
         p5=found.expected.p5,
@@ -156,7 +202,7 @@ def _round(
 
 
 def _document(
-    asked: "Recorded", task, rounds: "list[GaitRound]", real: "RealRobot", ended: str
+    asked: "Recorded", task: "Task", rounds: "list[GaitRound]", seconds: float, ended: str
 ) -> "GaitRounds":
     from dynreg.results.gait_rounds import GaitRounds
 
@@ -170,7 +216,6 @@ def _document(
         unit=task.unit,
         rounds=tuple(rounds),
         best=None if best is None else best + 1,
-        seconds=real.spent.seconds,
-        falls=real.spent.falls,
+        seconds=seconds,
         ended=ended,
     )

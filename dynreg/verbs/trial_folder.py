@@ -8,18 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dynreg.data.readers import formats
 from dynreg.errors import UsageError
+from dynreg.gait.play import table
 from dynreg.verbs.gaits import gait_of
 from dynreg.verbs.subjects import read_log
 from dynreg.verbs.written import write_new
 
 if TYPE_CHECKING:
+    from dynreg.data.maps import LogMap
     from dynreg.data.recording import Recording
     from dynreg.registry import Registry
     from dynreg.results.gait import Gait
     from dynreg.sim.robot import Robot
 
-EVERY = 0.5  # s between two looks; a log is whole when two of them find it alike
+EVERY = 0.5  # s between two looks at a folder
+QUIET = 3.0  # s for which a log must stay as it is before it is read: by contract
+MCAP_END = b"\x89MCAP0\r\n"  # the last bytes of a whole one
+ROUNDED = 1e-6  # rad, as tables are written
 
 
 @dataclass(frozen=True)
@@ -33,11 +39,11 @@ class TrialFolder:
     path: Path
     registry: "Registry"
     robot: "Robot"
-    log_map: str | Path | None = None
+    log_map: "str | Path | LogMap | None" = None
     say: Callable[[str], None] = print
 
     def kept(self, number: int, sought: "Callable[[], Gait]") -> "Gait":
-        """The gait of a trial: that of an earlier start, else the one sought now."""
+        """The gait of a trial: that of an earlier start, else the one sought now; raises as `gaits.gait_of`."""
         path = self.path / f"gait_{number}.json"
         if not path.exists():
             write_new(path, (sought().to_json(1) + "\n").encode())
@@ -49,46 +55,71 @@ class TrialFolder:
         Raises UsageError where the folder has another trial of this name, LogError and MapError for a log that cannot
         be read: a mended one serves at the next start.
         """
-        path, data = self.path / f"{name}.csv", _table(self.robot, actions, rate)
+        path = self.path / f"{name}.csv"
         if not path.exists():
-            write_new(path, data)
-        elif path.read_bytes() != data:
+            write_new(path, table(self.robot.actions, np.arange(len(actions)) / rate, actions))
+        elif not _holds(path, actions):
             raise UsageError(
                 f"{str(path)!r} holds other commands than the gait of this trial",
                 expected="the commands that were written there",
                 do="name a new folder, or remove this one",
             )
-        log = self._log(name)
-        if log is None:
+        if self._log(name) is None:
             self.say(
-                f"play {path} on the robot ({len(actions) / rate:.3g} s), and put its log there as {name}_log.mcap "
+                f"play {path} on the robot ({len(actions) / rate:.3g} s), and move its log there as {name}_log.mcap "
                 "(or .csv, .bag, ...). Ctrl-C ends the wait, and the same command goes on with it"
             )
-            log = self._arrived(name)
-        return read_log(log, self.robot, self.log_map)
+        return read_log(self._arrived(name), self.robot, self.log_map)
 
     def _log(self, name: str) -> Path | None:
-        return next(iter(sorted(self.path.glob(f"{name}_log*"))), None)
+        """The log of a trial, whole or not: a file of a format that can be read, or a folder."""
+        known = {suffix for one in formats().values() for suffix in one.suffixes}
+        there = sorted(self.path.glob(f"{name}_log*"))
+        return next((path for path in there if path.suffix.lower() in known or path.is_dir()), None)
 
     def _arrived(self, name: str) -> Path:
-        """The log, once two looks find it alike."""
-        before = None
+        """The log, once it is whole: it has its format's end, and has stayed as it is for `QUIET` seconds."""
+        before, since = None, time.monotonic()
         while True:
-            time.sleep(EVERY)
             log = self._log(name)
-            now = log and [(f.stat().st_size, f.stat().st_mtime_ns) for f in sorted([log, *log.rglob("*")])]
-            if log is not None and now == before:
+            now = None if log is None else _state(log)
+            if now is None or now != before:
+                before, since = now, time.monotonic()
+            elif _ended(log) and time.monotonic() - since >= QUIET:
                 return log
-            before = now
+            time.sleep(EVERY)
 
 
-def folder_of(
-    path: str | Path,
-    registry: "Registry",
-    robot: "Robot",
-    log_map: str | Path | None,
-    say: Callable[[str], None],
-) -> TrialFolder:
+def _state(log: Path) -> list[tuple[str, int, int]] | None:
+    """Names, sizes and times of the files of a log; None where one went away meanwhile."""
+    try:
+        files = sorted(log.rglob("*")) if log.is_dir() else [log]
+        return [(str(f), f.stat().st_size, f.stat().st_mtime_ns) for f in files]
+    except FileNotFoundError:
+        return None
+
+
+def _ended(log: Path) -> bool:
+    """Whether a log has what its format ends with, where it ends with something."""
+    if log.is_dir():
+        return (log / "metadata.yaml").exists()  # which rosbag2 writes last
+    if log.suffix.lower() != ".mcap":
+        return log.stat().st_size > 0
+    with open(log, "rb") as file:
+        file.seek(max(log.stat().st_size - len(MCAP_END), 0))
+        return file.read() == MCAP_END
+
+
+def _holds(path: Path, actions: np.ndarray) -> bool:
+    """Whether a table holds these commands (T, A)."""
+    try:
+        told = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)[:, 1:]
+    except (ValueError, IndexError):
+        return False
+    return told.shape == actions.shape and bool(np.abs(told - actions).max() <= ROUNDED)
+
+
+def folder_of(path: str | Path) -> Path:
     """The folder at `path`, made where it is new; UsageError where it cannot be."""
     folder = Path(path)
     try:
@@ -99,13 +130,4 @@ def folder_of(
             expected="a folder, or a new name in one that may be written",
             do="name another one",
         ) from None
-    return TrialFolder(folder, registry, robot, log_map, say)
-
-
-def _table(robot: "Robot", actions: np.ndarray, rate: float) -> bytes:
-    """A table of times [s] and commands."""
-    lines = [",".join(["time", *robot.actions])]
-    lines += [
-        ",".join([f"{i / rate:.6f}", *(f"{value:.6f}" for value in row)]) for i, row in enumerate(actions)
-    ]
-    return ("\n".join(lines) + "\n").encode()
+    return folder

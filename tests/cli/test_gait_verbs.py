@@ -13,6 +13,7 @@ from dynreg.errors import NoMatchError, OldWord, PictureError
 @pytest.fixture
 def asked(session):
     session.answers |= {"gait": made_up_gait.gait(), "export_gait": made_up_gait.gait()}
+    session.answers["gait_rounds"] = made_up_gait.rounds()
     return session
 
 
@@ -67,6 +68,24 @@ def test_old_words_of_a_gait_still_work(dynreg, asked) -> None:
     assert asked.asked[-1][2]["on"] == "nearest"
 
 
+def test_trials_in_turn_are_asked_for_and_told(dynreg, asked) -> None:
+    ended = dynreg(*"gait yard --on synthesised --trial trials --trials 4 --falls 2 --map m.toml".split())
+    ((verb, given, named),) = asked.asked
+    assert ended.status == 0 and (verb, given) == ("gait_rounds", ("yard", Path("trials")))
+    wanted = {"trials": 4, "falls": 2, "on": "synthesised", "log_map": Path("m.toml"), "robot": None}
+    assert wanted.items() <= named.items()
+    named["say"]("play it")
+    for words in ("3 trials on the robot, 1 with a fall", "of trial 3, reached 2.5 m", "yard_monday trial 2"):
+        assert words in ended.out
+    assert "note: the log before trial 2 did not tell where to seek" in ended.out
+    assert "next: dynreg export 2a2a2a2a2a2a --as python --to gait.py" in ended.out
+    document = json.loads(dynreg("gait", "yard", "--trial", "trials", "--json").out)
+    assert model_of(document["schema"]).model_validate(document) == asked.answers["gait_rounds"]
+    asked.answers["gait_rounds"] = made_up_gait.rounds((True, True))
+    ended = dynreg("gait", "yard", "--trial", "trials")
+    assert "2 with a fall. No gait stood." in ended.out and "next:" not in ended.out
+
+
 def test_where_nothing_is_close_the_status_is_4(dynreg, asked) -> None:
     asked.answers["gait"] = NoMatchError("nothing close", expected="a", do="run `dynreg diagnose yard`")
     ended = dynreg("gait", "yard")
@@ -87,6 +106,10 @@ def test_an_interrupted_search_exits_130(dynreg, asked) -> None:
         ("gait yard --rollouts 0", "--rollouts 0"),
         ("gait yard --film walk.mp4", "ends in .gif or .png"),
         ("gait yard --film nowhere/walk.gif", "cannot write 'nowhere/walk.gif'"),
+        ("gait yard --trials 2", "--trials 2 without --trial; expected a folder"),
+        ("gait yard --falls 1", "--falls 1 without --trial"),
+        ("gait yard --trial trials --film walk.gif", "--film 'walk.gif' with --trial"),
+        ("gait yard --trial trials --trials 0", "--trials 0"),
         ("export a b --as python --to c", "one thing"),
         ("export a --as python --licence mit --to c", "leave --licence out"),
         ("export a --as svg --to c", "svg"),

@@ -7,7 +7,7 @@ import pytest
 
 from dynreg.data.recording import Recording
 from dynreg.errors import BudgetError, LogError
-from dynreg.gait.logged import LoggedRobot, walk_of
+from dynreg.gait.logged import LoggedRobot, trial_of
 from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.sim.excitation import excitation
@@ -51,7 +51,7 @@ def changed(
 def test_a_walk_is_that_of_the_robot_and_falls_when_it_falls(quadruped, gaits, tried) -> None:
     assert [trial.fell for trial in tried] == [False, True]
     for actions, trial in zip(gaits, tried, strict=True):
-        walk = walk_of(quadruped, trial.recording, actions, RATE)
+        walk = trial_of(quadruped, trial.recording, actions, RATE).walk
         assert walk.base.shape == trial.walk.base.shape
         assert walk.fell == trial.walk.fell
         own, true = walk.base[0, 0], trial.walk.base[0, 0]
@@ -60,8 +60,8 @@ def test_a_walk_is_that_of_the_robot_and_falls_when_it_falls(quadruped, gaits, t
 
 
 def test_a_log_may_begin_before_the_gait_and_hold_places(quadruped, gaits, tried) -> None:
-    plain = walk_of(quadruped, tried[0].recording, gaits[0], RATE).base
-    early = walk_of(quadruped, changed(tried[0].recording, lead=1.5), gaits[0], RATE).base
+    plain = trial_of(quadruped, tried[0].recording, gaits[0], RATE).walk.base
+    early = trial_of(quadruped, changed(tried[0].recording, lead=1.5), gaits[0], RATE).walk.base
     assert np.abs(early[0, 0, -1, :2] - plain[0, 0, -1, :2]).max() < 0.03
 
     log, true = tried[0].recording, tried[0].walk.base[0, 0]
@@ -72,26 +72,97 @@ def test_a_log_may_begin_before_the_gait_and_hold_places(quadruped, gaits, tried
     told = changed(
         replace(log, channels=(*log.channels, *places), episodes=(seen,)), drop=("base/vx", "base/vy")
     )
-    walk = walk_of(quadruped, told, gaits[0], RATE).base[0, 0]
+    walk = trial_of(quadruped, told, gaits[0], RATE).walk.base[0, 0]
     assert np.abs(walk[-1, :2] - (true[-1, :2] - true[0, :2])).max() < 0.01
 
 
-def test_a_robot_that_was_stopped_counts_as_fallen(quadruped, gaits, tried) -> None:
-    steps = len(gaits[0])
-    for share, fell in ((0.95, steps + 1), (0.5, steps // 2)):
-        log = changed(tried[0].recording, rows=slice(0, round(share * steps)))
-        assert walk_of(quadruped, log, gaits[0], RATE).fell[0, 0] == fell
+@pytest.mark.parametrize(
+    "share, lead", [(0.95, 0.0), (0.92, 2.0), (0.85, 0.0), (0.5, 0.0), (0.4, 1.5), (0.3, 4.0)]
+)
+def test_a_robot_that_was_stopped_counts_as_fallen(
+    quadruped, gaits, tried, share: float, lead: float
+) -> None:
+    rows = round(share * len(gaits[0]))
+    log = changed(tried[0].recording, rows=slice(0, rows), lead=lead)
+    found = trial_of(quadruped, log, gaits[0], RATE)
+    assert found.walk.fell[0, 0] == (rows if share < 0.9 else len(gaits[0]) + 1)
+    assert found.fell == (share < 0.9)
+    (episode,) = found.recording.episodes  # the trial alone, without the lead
+    assert np.array_equal(episode.values, tried[0].recording.episodes[0].values[:rows])
+
+
+def test_what_a_robot_does_after_a_trial_or_a_fall_is_left_out(quadruped, gaits, tried) -> None:
+    for actions, trial in zip(gaits, tried, strict=True):
+        log = trial.recording
+        (e,) = log.episodes
+        after = e.time[-1] + np.arange(1, 60) / RATE
+        still = np.repeat(e.values[-1:], len(after), axis=0)
+        long = replace(e, time=np.r_[e.time, after], values=np.concatenate([e.values, still]))
+        found = trial_of(quadruped, replace(log, episodes=(long,)), actions, RATE)
+        assert found.walk.fell == trial.walk.fell
+        assert len(found.recording.episodes[0].time) == len(e.time)
+
+
+def test_a_log_of_another_rate_that_begins_elsewhere_and_turns_past_half_a_turn(
+    quadruped, gaits, tried
+) -> None:
+    """100 Hz, out of phase, commands rounded; its yaw begins at 3 rad, and is logged within one turn."""
+    (e,), names = tried[0].recording.episodes, tried[0].recording.names
+    time = np.arange(0.013, e.time[-1], 0.01)
+    values = np.stack([np.interp(time, e.time, column) for column in e.values.T], axis=1)
+    told = [names.index(a) for a in quadruped.actions]
+    values[:, told] = e.values[np.searchsorted(e.time, time, side="right") - 1][:, told].round(3)
+    yaw = names.index("base/yaw")
+    turning = values[:, yaw] + 3.0 + 0.3 * (time - time[0])
+    values[:, yaw] = np.arctan2(np.sin(turning), np.cos(turning))
+    log = replace(
+        tried[0].recording,
+        episodes=(
+            replace(e, name="other", time=np.array([0.0, 1.0]), values=e.values[:2]),
+            replace(e, time=time, values=values),
+        ),
+    )
+    base = trial_of(quadruped, log, gaits[0], RATE).walk.base[0, 0]
+    plain = trial_of(quadruped, tried[0].recording, gaits[0], RATE).walk.base[0, 0]
+    assert base[0, 5] == pytest.approx(0.0, abs=1e-6)  # it looks ahead when it begins
+    assert np.abs(np.diff(base[:, 5])).max() < 0.2
+    assert base[-1, 5] == pytest.approx(plain[-1, 5] + 0.3 * e.time[-1], abs=0.05)
+    assert np.hypot(*base[-1, :2]) == pytest.approx(np.hypot(*plain[-1, :2]), abs=0.2)
+    assert np.median(np.abs(base[1:-1, 6:] - plain[1:-1, 6:])) < 0.1  # velocities, as logged
+
+
+def test_rows_that_are_not_measured_are_filled_and_none_is_standing_still(quadruped, gaits, tried) -> None:
+    log = tried[0].recording
+    whole = trial_of(quadruped, log, gaits[0], RATE).walk.base[0, 0, -1, :2]
+
+    def without(names: tuple[str, ...], rows: slice) -> Recording:
+        (e,) = log.episodes
+        values = e.values.copy()
+        for name in names:
+            values[rows, log.names.index(name)] = np.nan
+        return replace(log, episodes=(replace(e, values=values),))
+
+    for names, rows in (
+        (("base/vx",), slice(30, 50)),
+        (("base/roll",), slice(20, 30)),
+        (("base/vy",), slice(0, 9)),
+    ):
+        filled = trial_of(quadruped, without(names, rows), gaits[0], RATE).walk.base[0, 0, -1, :2]
+        assert np.abs(filled - whole).max() < 0.1
+    with pytest.raises(LogError, match="in 0 of"):
+        trial_of(quadruped, without(("base/pitch",), slice(None)), gaits[0], RATE)
 
 
 def test_a_log_that_does_not_tell_is_refused(quadruped, gaits, tried) -> None:
     log = tried[0].recording
-    with pytest.raises(LogError, match="commands differ by"):
-        walk_of(quadruped, tried[1].recording, gaits[0], RATE)
+    for other in (tried[1].recording, changed(log, rows=slice(0, 1), lead=2.0)):
+        with pytest.raises(LogError, match="the log's commands"):
+            trial_of(quadruped, other, gaits[0], RATE)
     for drop in ("base/vy", "base/yaw"):
         with pytest.raises(LogError, match="does not tell how far 'quadruped' walked"):
-            walk_of(quadruped, changed(log, drop=(drop,)), gaits[0], RATE)
+            trial_of(quadruped, changed(log, drop=(drop,)), gaits[0], RATE)
     with pytest.raises(LogError, match="fl_hip/target"):
-        walk_of(quadruped, changed(log, drop=("fl_hip/target",)), gaits[0], RATE)
+        trial_of(quadruped, changed(log, drop=("fl_hip/target",)), gaits[0], RATE)
 
 
 def test_a_users_robot_is_counted_and_asked_no_more_than_its_budget_allows(quadruped, gaits, tried) -> None:
@@ -101,10 +172,21 @@ def test_a_users_robot_is_counted_and_asked_no_more_than_its_budget_allows(quadr
         asked.append((name, rate, len(actions)))
         return next(logs)
 
-    real = LoggedRobot(quadruped, played, Budget(trials=2))
+    real = LoggedRobot(quadruped, played, budget=Budget(trials=2))
     trials = [real.run(actions, RATE, f"t{i}") for i, actions in enumerate(gaits)]
     assert [t.fell for t in trials] == [False, True]
     assert real.spent.trials == 2 and real.spent.falls == 1
     with pytest.raises(BudgetError, match="2 trials"):
         real.run(gaits[0], RATE)
     assert asked == [("t0", RATE, len(gaits[0])), ("t1", RATE, len(gaits[1]))]
+
+
+def test_a_trial_whose_log_cannot_be_judged_has_moved_the_robot(quadruped, gaits, tried) -> None:
+    real = LoggedRobot(
+        quadruped, lambda *_: changed(tried[0].recording, drop=("base/yaw",)), budget=Budget(trials=1)
+    )
+    with pytest.raises(LogError):
+        real.run(gaits[0], RATE)
+    assert real.spent.trials == 1 and real.spent.seconds == pytest.approx(3.0)
+    with pytest.raises(BudgetError):
+        real.run(gaits[0], RATE)

@@ -8,7 +8,7 @@ import pytest
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import DOUBT, Finals, SearchSettings, best_again, expected, seek
+from dynreg.gait.seek import DOUBT, Finals, SearchSettings, best_again, expected, search_of, seek
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials, simulators_of
@@ -261,3 +261,16 @@ def test_a_trial_is_predicted_by_runs_that_nothing_has_seen(trials, monkeypatch)
     assert len(grades) == 40 and trials.rollouts >= 40
     *finals, (draws, how) = seen
     assert how["doubt"] == DOUBT and how["first"] > max(f["first"] + d for d, f in finals) and draws == 20
+
+
+def test_gaits_that_the_robot_has_had_are_tried_before_all_others(trials) -> None:
+    space = trials.space
+    had = space.feasible(space.from_unit(np.random.default_rng(5).uniform(size=(3, len(space)))))
+    for method in SEARCHES:
+        for packaged in (True, False):
+            settings = SearchSettings(
+                method, rollouts=600, packaged=packaged, tried=tuple(map(tuple, had.tolist()))
+            )
+            asked = search_of(trials, settings, settings.evaluations(2)).ask()
+            seen = [space.from_unit(one) for one in asked]
+            assert all(any(np.allclose(one, gait) for one in seen) for gait in had), method

@@ -11,17 +11,20 @@ import pytest
 
 from dynreg import session
 from dynreg.data.recording import Recording
-from dynreg.errors import MapError, NoMatchError, UsageError
+from dynreg.errors import LogError, MapError, NoMatchError, UsageError
+from dynreg.gait.logged import LoggedRobot
 from dynreg.gait.play import commands
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import fitness, task_of
+from dynreg.report.tables import render
 from dynreg.results import Gait, GaitRounds, Neighbour
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
-from dynreg.sim.real import Budget, SimulatedRobot
+from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
+from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
 ASKED = {"on": "synthesised", "rollouts": ROLLOUTS, "threads": 1, "progress": None}
@@ -39,7 +42,10 @@ def opened(tmp_path: Path, brief, short_log, monkeypatch: pytest.MonkeyPatch) ->
 
         def query(asked, settings, progress):
             made.queried.append(asked.name)
-            answer = made_up_results.neighbours(fits=made.fits.get(asked.name, True))
+            fits = made.fits.get(asked.name, True)
+            if isinstance(fits, LogError):
+                raise fits
+            answer = made_up_results.neighbours(fits=fits)
             told = answer.synthesised.model_copy(update={"simulator": ids[asked.name == "log"]})
             near = Neighbour(entry=ids[0], name="n", index=0, distance=1.0, parameters=configs[0].values)
             return answer.model_copy(update={"robot": brief.name, "neighbours": (near,), "synthesised": told})
@@ -73,6 +79,7 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
         assert one.name == f"log trial {number}" and one.fits
         assert opened.registry.recording(one.recording).provenance["gait"] == one.gait
         assert one.simulators == tuple(t.simulator for t in gait.trials)
+        assert (one.median, one.p5, one.p95) == (gait.expected.median, gait.expected.p5, gait.expected.p95)
         again = robot_of(brief)
         again.spent = type(again.spent)(trials=number - 1)
         trial = again.run(commands(gait)[1], gait.rate, f"trial_{number}")
@@ -81,6 +88,7 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
     stood = [one.fitness for one in found.rounds if not one.fell]
     assert found.falls == 3 - len(stood)
     assert found.best is None if not stood else found.rounds[found.best - 1].fitness == max(stood)
+    assert gaits[0].seed == 0 and len({g.seed for g in gaits}) == 3
     # those that the robot has had are tried first in the next search, the best before the others
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
     best, other = sorted((0, 1), key=lambda i: -found.rounds[i].fitness)
@@ -90,10 +98,14 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
 def test_the_budget_ends_the_trials_and_all_that_was_found_is_kept(opened, brief) -> None:
     found = opened.gait_rounds("log", robot_of(brief, trials=1), trials=3, **ASKED)
     assert len(found.rounds) == 1 and "budget of 1 trials" in found.ended
+    assert opened.queried == ["log"]  # no time is spent on a gait that cannot be tried
     fallen = lambda actions, rate, name: _cut(robot_of(brief).run(actions, rate).recording)  # noqa: E731
     found = opened.gait_rounds("log", fallen, trials=3, falls=2, **ASKED)
     assert [one.fell for one in found.rounds] == [True, True] and found.best is None
-    assert "No gait stood" in str(found) and "2 falls" in found.ended
+    assert "No gait stood" in str(found) and found.ended == "2 falls" and found.falls == 2
+    had = LoggedRobot(brief, fallen, spent=Spent(trials=7, seconds=50.0, falls=5))
+    found = opened.gait_rounds("log", had, trials=3, falls=1, **ASKED)  # those before are not of these trials
+    assert len(found.rounds) == found.falls == 1 and found.seconds == pytest.approx(0.5, abs=0.1)
 
 
 def _cut(log: Recording) -> Recording:
@@ -112,6 +124,10 @@ def test_a_log_that_no_simulator_is_close_to_leaves_those_before(opened, brief) 
     assert [one.fits for one in found.rounds] == [True, False, True]
     first = opened.registry.recording_info("log").id
     assert [one.told_by == first for one in found.rounds] == [True, True, False]
+    opened.fits["log trial 1"] = LogError("12 usable rows", expected="20", do="x")  # so of a fall at once
+    found = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
+    assert [one.fits for one in found.rounds] == [True, False]
+    assert "did not tell where to seek" in str(rendered(found))
     opened.fits["log"] = False
     with pytest.raises(NoMatchError, match="no simulator is close enough"):
         opened.gait_rounds("log", robot_of(brief), **ASKED)
@@ -123,6 +139,29 @@ def test_simulators_that_no_query_names_are_refused_before_anything_moves(opened
         with pytest.raises(UsageError, match=f"--on {on}; expected one of nearest, synthesised"):
             opened.gait_rounds("log", real, **(ASKED | {"on": on}))
     assert real.spent.trials == 0 and opened.queried == []
+
+
+def rendered(found: GaitRounds) -> str:
+    """What the command line shows."""
+    from io import StringIO
+
+    from rich.console import Console
+
+    out = StringIO()
+    Console(file=out, width=100).print(render(found))
+    return out.getvalue()
+
+
+def test_what_no_robot_is_or_no_map_is_refused_before_anything_is_sought(
+    opened, brief, tmp_path: Path
+) -> None:
+    with pytest.raises(UsageError, match="a robot of type 'int'"):
+        opened.gait_rounds("log", 3, **ASKED)
+    with pytest.raises(MapError):
+        opened.gait_rounds("log", tmp_path / "trials", log_map=tmp_path / "none.toml", **ASKED)
+    with pytest.raises(UsageError, match="--on nominal"):
+        opened.gait_rounds("log", tmp_path / "trials", **(ASKED | {"on": "nominal"}))
+    assert opened.queried == [] and not (tmp_path / "trials").exists()
 
 
 class Operator(threading.Thread):
@@ -155,6 +194,8 @@ def write_log(path: Path, log: Recording) -> None:
 def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_on(
     opened: Session, brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.3)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.05)
     folder, said = tmp_path / "trials", []
     operator = Operator(folder, robot_of(brief), 2)
     operator.start()
@@ -172,6 +213,11 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
     again = opened.gait_rounds("log", folder, trials=2, say=said.append, **ASKED)
     assert again == found and len(said) == 2
 
+    # nor is another question answered by what was found for this one
+    for other in ({"task": "turn"}, {"seed": 4}, {"on": "nearest", "k": 1}, {"accept": "mean"}):
+        with pytest.raises(UsageError, match=f"was sought with {next(iter(other))} .*the first start"):
+            opened.gait_rounds("log", folder, trials=2, **(ASKED | other))
+
     (folder / "trial_2.csv").write_text("time\n")
     with pytest.raises(UsageError, match="holds other commands than the gait"):
         opened.gait_rounds("log", folder, trials=2, **ASKED)
@@ -184,6 +230,41 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
 
 
 KINDS = (("gait", ".json"), ("trial", ".csv"), ("trial", "_log.csv"))
+
+
+def test_a_log_is_read_when_it_is_whole(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.6)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.05)
+    folder, at = TrialFolder(tmp_path, None, brief), {}
+
+    def writes() -> None:
+        (tmp_path / "trial_1_log.csv.part").write_text("time")  # of no format that can be read
+        for i in range(4):  # pauses shorter than the quiet
+            time.sleep(0.3)
+            with open(tmp_path / "trial_1_log.csv", "a") as file:
+                file.write(f"{i}\n")
+        at["csv"] = time.monotonic()
+        with open(tmp_path / "trial_2_log.mcap", "wb") as file:
+            file.write(b"some")
+        time.sleep(1.5)  # a long pause, but a file of this format has an end
+        with open(tmp_path / "trial_2_log.mcap", "ab") as file:
+            file.write(MCAP_END)
+        at["mcap"] = time.monotonic()
+        (tmp_path / "trial_3_log").mkdir()  # as a recorder makes it, before the robot moves
+        (tmp_path / "trial_3_log" / "one.db3").write_text("")
+        time.sleep(1.0)
+        (tmp_path / "trial_3_log" / "metadata.yaml").write_text("")
+        at["bag"] = time.monotonic()
+
+    writer = threading.Thread(target=writes, daemon=True)
+    writer.start()
+    for name, kind in (("trial_1", "csv"), ("trial_2", "mcap"), ("trial_3", "bag")):
+        log = folder._arrived(name)
+        assert log.name.startswith(f"{name}_log") and log.suffix != ".part"
+        assert time.monotonic() >= at[kind] + 0.5
+    writer.join()
 
 
 def test_a_folder_that_cannot_be_is_refused_before_a_search(opened: Session, tmp_path: Path) -> None:
