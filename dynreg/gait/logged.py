@@ -64,7 +64,7 @@ def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> 
         base[:, i] = _velocity(log, found, f"{base_of(robot)}/{name}", times)
     ends = int(motion.times[known][-1] * rate + 1e-6)
     attitude = Rotation.from_euler("ZYX", base[:, 5:2:-1]).as_quat(scalar_first=True)
-    fallen = np.flatnonzero(has_fallen(robot, np.concatenate([base[:, :3], attitude], axis=1))[: ends + 1])
+    fallen = np.flatnonzero(has_fallen(robot, np.concatenate([base[:, :3], attitude], axis=1)))
     stopped = ends + 1 if ends < WHOLE * steps else steps + 1
     fell = max(int(min([*fallen[:1], stopped])), 1)
     base[fell:] = base[fell - 1]  # it stays where it was before a fall

@@ -1,5 +1,6 @@
 """Gaits tried on a robot in turn: the loop through a robot, a function and a folder, its budget, and going on."""
 
+import json
 import threading
 import time
 from collections.abc import Iterator
@@ -65,6 +66,7 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
 
     def gait(asked, settings, progress, *, tried):
         had.append(tried)
+        assert settings.resume  # an interrupted search goes on
         return seek(asked, settings, progress, tried=tried)
 
     monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", gait)
@@ -183,11 +185,18 @@ class Operator(threading.Thread):
 
 
 def write_log(path: Path, log: Recording) -> None:
-    """A table of the log, whole at once."""
+    """A table of the log, whole at once, with names of its own."""
     (e,) = log.episodes
     rows = np.concatenate([e.time[:, None], e.values], axis=1)
     part = path.with_name(f".{path.name}")
-    np.savetxt(part, rows, delimiter=",", header=",".join(["time", *log.names]), comments="", fmt="%.17g")
+    np.savetxt(
+        part,
+        rows,
+        delimiter=",",
+        header=",".join(["time", *(f"my {name}" for name in log.names)]),
+        comments="",
+        fmt="%.17g",
+    )
     part.rename(path)
 
 
@@ -196,37 +205,50 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
 ) -> None:
     monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.3)
     monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.05)
-    folder, said = tmp_path / "trials", []
+    folder, said, names = tmp_path / "trials", [], opened.registry.recording("log").names
+    asked = ASKED | {"log_map": tmp_path / "map.toml"}
+    units = {c.name: c.unit for c in opened.registry.recording("log").channels}
+    lines = [f'"{name}" = {{ source = "my {name}", unit = "{units[name]}" }}' for name in names]
+    asked["log_map"].write_text("\n".join(['[map]\nrobot = "quadruped"\n\n[channels]', *lines]))
     operator = Operator(folder, robot_of(brief), 2)
     operator.start()
-    found = opened.gait_rounds("log", folder, trials=2, say=said.append, **ASKED)
+    found = opened.gait_rounds("log", folder, trials=2, say=said.append, **asked)
     operator.join()
     alone = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
     assert [one.fell for one in found.rounds] == [one.fell for one in alone.rounds]
     assert found.rounds[0].fitness == pytest.approx(alone.rounds[0].fitness, abs=0.05)
     assert len(said) == 2 and "trial_1.csv on the robot (1 s)" in said[0]
-    names = {path.name for path in folder.iterdir()}
-    assert names == {f"{kind}_{i}{end}" for i in (1, 2) for kind, end in KINDS}
+    there = {path.name for path in folder.iterdir()}
+    assert there == {f"{kind}_{i}{end}" for i in (1, 2) for kind, end in KINDS}
 
     # nothing is sought or waited for again
     monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", None)
-    again = opened.gait_rounds("log", folder, trials=2, say=said.append, **ASKED)
+    again = opened.gait_rounds("log", folder, trials=2, say=said.append, **asked)
     assert again == found and len(said) == 2
 
     # nor is another question answered by what was found for this one
     for other in ({"task": "turn"}, {"seed": 4}, {"on": "nearest", "k": 1}, {"accept": "mean"}):
         with pytest.raises(UsageError, match=f"was sought with {next(iter(other))} .*the first start"):
-            opened.gait_rounds("log", folder, trials=2, **(ASKED | other))
+            opened.gait_rounds("log", folder, trials=2, **(asked | other))
+
+    kept = json.loads((folder / "gait_2.json").read_text())
+    found_amplitude = kept["joints"][0]["amplitude"]
+    kept["joints"][0]["amplitude"] = 9.0  # changed by hand
+    (folder / "gait_2.json").write_text(json.dumps(kept))
+    with pytest.raises(UsageError, match="fl_hip/target would go from"):
+        opened.gait_rounds("log", folder, trials=2, **asked)
+    kept["joints"][0]["amplitude"] = found_amplitude
+    (folder / "gait_2.json").write_text(json.dumps(kept))
 
     (folder / "trial_2.csv").write_text("time\n")
     with pytest.raises(UsageError, match="holds other commands than the gait"):
-        opened.gait_rounds("log", folder, trials=2, **ASKED)
-    (folder / "trial_1_log.csv").write_text("time,fl_hip/position\n0,0\n1,0\n")
-    with pytest.raises(MapError, match="no column 'fl_shoulder/position'"):
-        opened.gait_rounds("log", folder, trials=2, **ASKED)
+        opened.gait_rounds("log", folder, trials=2, **asked)
+    (folder / "trial_1_log.csv").write_text("time,my fl_hip/position\n0,0\n1,0\n")
+    with pytest.raises(MapError, match="my fl_shoulder/position"):
+        opened.gait_rounds("log", folder, trials=2, **asked)
     opened.ingest(_cut(opened.registry.recording("log")), brief, name="other")
     with pytest.raises(UsageError, match="trial 1 was sought for recording"):
-        opened.gait_rounds("other", folder, trials=1, **ASKED)
+        opened.gait_rounds("other", folder, trials=1, **asked)
 
 
 KINDS = (("gait", ".json"), ("trial", ".csv"), ("trial", "_log.csv"))
