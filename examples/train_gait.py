@@ -1,4 +1,4 @@
-"""A gait for the robot of a log: nearest simulators, search, export.
+"""A gait for the robot of a log: query, search, export.
 
 python examples/train_gait.py LOG... [--registry FOLDER] [--n 1000] [--rollouts 2500] [--to gait.py]
 """
@@ -9,12 +9,12 @@ import dynreg
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Populate, ingest, seek a gait that walks in the five nearest simulators, and write what a robot can run."""
+    """Populate, ingest, seek a gait that walks in the query's answer, and write what a robot can run."""
     parser = argparse.ArgumentParser(description="Seek a gait for the quadruped of some logs.")
     parser.add_argument("logs", nargs="+")
     parser.add_argument("--robot", default="quadruped")
     parser.add_argument("--registry", default="dynreg-registry")
-    parser.add_argument("--on", default="nearest")
+    parser.add_argument("--on", default="synthesised")
     parser.add_argument("--n", type=int, default=1000)
     parser.add_argument("--rollouts", type=int, default=2500)
     parser.add_argument("--to", default="gait.py")

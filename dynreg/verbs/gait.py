@@ -1,4 +1,4 @@
-"""Gait: joint commands that make a legged robot walk in the simulators nearest to a recording."""
+"""Gait: joint commands that make a legged robot walk in the simulators that a recording tells of."""
 
 import time
 from dataclasses import dataclass, replace
@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from dynreg.verbs.subjects import Recorded
 
 SOURCES = (*WORDS, NOMINAL, "random", "population")
+# Where a gait is sought: in the one answer of the query. At equal rollouts, gaits sought in it walk on most hidden
+# quadrupeds, and those sought in the nearest five (the paper's way) creep (bench_gait_hidden).
+ON = "synthesised"
+SEVERAL = ("nearest", "random", "population")  # which mean k simulators
 OF_POPULATION = "mean"  # is maximised: some draws of the ranges cannot even stand, so the minimum would be 0
 
 
@@ -24,7 +28,7 @@ class GaitSettings(Settings):
 
     k: int = option(5, "Number of simulators in which the gait must walk.", flag="-k", least=1, shared=True)
     on: str = option(
-        SOURCES[0], f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD
+        ON, f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD
     )
     method: str = method()
     accept: str | None = option(
@@ -64,12 +68,12 @@ def gait(
     *,
     tried: tuple[tuple[float, ...], ...] = (),  # genes of gaits that the robot has had, the best first
 ) -> "Gait":
-    """Search for a gait that walks in the nearest simulators.
+    """Search for a gait that walks in the simulator that a recording tells of.
 
     The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
     and each trial's log tells in which simulators the next one is sought.
 
-    Example: dynreg gait monday -k 5 --rollouts 2500
+    Example: dynreg gait monday --rollouts 2500
 
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
@@ -87,7 +91,7 @@ def gait(
     robot = asked.robot
     task = task_of(robot, settings.task)
     gait_space(robot)  # raises its errors before the registry is read, as too few rollouts do
-    many = settings.k if settings.on in (SOURCES[0], "random", "population") else 1
+    many = settings.k if settings.on in SEVERAL else 1
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, settings.seed, progress)

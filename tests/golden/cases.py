@@ -260,7 +260,7 @@ def gait_neighbours(place: Place) -> Document:
         registry.populate(robot, 6, training=QUICK, threads=place.threads)
         registry.ingest(log("walk"), robot, name="walk")
         found = registry.query("walk", distance="replay", k=2, budget=12, threads=place.threads)
-        gait = registry.gait("walk", k=2, rollouts=22, threads=place.threads).to_dict()
+        gait = registry.gait("walk", on="nearest", k=2, rollouts=22, threads=place.threads).to_dict()
     gait["source"] = ""  # the result of its query, whose id holds how long that took
     return {"query": found.to_dict(), "gait": gait}
 

@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import made_up_results
@@ -283,7 +284,8 @@ def test_a_log_is_read_when_it_is_whole(
     writer = threading.Thread(target=writes, daemon=True)
     writer.start()
     for name, kind in (("trial_1", "csv"), ("trial_2", "mcap"), ("trial_3", "bag")):
-        log = folder._arrived(name)
+        with ThreadPoolExecutor(1) as waiting:
+            log = waiting.submit(folder._arrived, name).result(timeout=30.0)
         assert log.name.startswith(f"{name}_log") and log.suffix != ".part"
         assert time.monotonic() >= at[kind] + 0.5
     writer.join()

@@ -95,12 +95,12 @@ def test_the_joints_of_the_document_are_the_targets_of_the_genes(found: Gait, br
 
 def test_in_the_neighbours_and_in_the_synthesised_one(opened: Session, monkeypatch) -> None:
     answering(opened, monkeypatch)
-    both = opened.gait("log", k=2, rollouts=44, threads=1)
+    both = opened.gait("log", on="nearest", k=2, rollouts=44, threads=1)
     assert [t.kind for t in both.trials] == ["neighbour"] * 2
     assert {t.simulator for t in both.trials} == set(opened.registry.ids("simulator")[:2])
     assert both.source == opened.registry.latest("neighbours").id
-    one = opened.gait("log", on="synthesised", rollouts=ROLLOUTS, threads=1)
-    assert [t.kind for t in one.trials] == ["synthesised"]
+    one = opened.gait("log", rollouts=ROLLOUTS, threads=1)  # where no simulators are named
+    assert one.on == "synthesised" and [t.kind for t in one.trials] == ["synthesised"]
 
 
 def test_where_no_simulator_is_close_the_diagnosis_is_advised(opened: Session, monkeypatch) -> None:
@@ -171,6 +171,8 @@ def test_a_gait_that_mostly_falls_is_no_success(found: Gait) -> None:
 def test_too_few_rollouts_are_refused_before_a_query(opened: Session, monkeypatch) -> None:
     monkeypatch.setattr("dynreg.verbs.gait_simulators.query", lambda *a: pytest.fail("it asked"))
     with pytest.raises(UsageError, match="3 rollouts in 5 simulators"):
+        opened.gait("log", on="nearest", rollouts=3, threads=1)
+    with pytest.raises(UsageError, match="3 rollouts in 1 simulator;"):
         opened.gait("log", rollouts=3, threads=1)
 
 
