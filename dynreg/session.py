@@ -196,7 +196,8 @@ class Session:
 
         real : the robot. A `RealRobot`; a function that is called with commands (T, A), how many a second and the
         trial's name, plays them and returns the log (see `read_log`); or a folder, to which the commands are written
-        and in which the log is waited for, read with `log_map` (see `TrialFolder`). say : tells what to do there.
+        and in which the log is waited for, read with `log_map` (see `TrialFolder`).
+        say : tells what to do there, and how the trials go.
         Raises as `verbs.gait_rounds` and the robot do; what is wrong with the arguments, before anything moves.
         """
         from dynreg.data.maps import read_map
@@ -224,7 +225,7 @@ class Session:
             kept, real = {"kept": folder.kept}, folder.played
         if not isinstance(real, RealRobot):
             real = LoggedRobot(asked.robot, real)
-        found = gait_rounds(asked, settings, real, progress, **kept)
+        found = gait_rounds(asked, settings, real, progress, say=say, **kept)
         asked.keep(found)
         return found
 

@@ -98,6 +98,7 @@ def rounds(fell: tuple[bool, ...] = (True, False, False)) -> GaitRounds:
             p95=2.0,
             recording=f"{i}b" * 32,
             name=f"yard_monday trial {i + 1}",
+            packaged=3 if i == 2 else None,
             fitness=0.0 if down else 0.5 + i,
             fell=down,
         )

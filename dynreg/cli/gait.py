@@ -76,14 +76,13 @@ def _try(
     robot: str | None,
     log_map: Path | None,
 ) -> None:
+    from dynreg.report.tables import hint
+
     with call.open_for(robot, recording) as session:
         with call.progress() as progress:
             told = dict(robot=robot, log_map=log_map, say=say, progress=progress)
             found = session.gait_rounds(recording, trial, **vars(settings), **told)
-        best = (
-            found.best and f"dynreg export {found.rounds[found.best - 1].gait[:12]} --as python --to gait.py"
-        )
-        call.emit(found, hint=best)
+        call.emit(found, hint=hint(found))
 
 
 def _can_film(film: Path | None) -> None:

@@ -16,10 +16,10 @@ from dynreg.sim.real import RealRobot, RealTrial
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk
 
-LIKE = (
-    0.5  # of the speed of the trial's commands, which others that follow them in a log may have: by contract
-)
-WHOLE = 0.9  # of a trial that its log must hold, or the robot was stopped before the end: by contract
+# By contract. SAME : of the movement commanded, by which the commands of its log may differ. STILL : of their speed, at
+# which a robot that was stopped may go back to rest. WHOLE : of a trial that its log must hold, or it was stopped.
+SAME, STILL, WHOLE = 0.1, 0.2, 0.9
+ON_TIME = 0.01  # weight of commands that come one early or late: it tells the begin to the step
 
 
 @dataclass
@@ -76,8 +76,11 @@ def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> 
 def _found(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> Episode:
     """The rows of a log in which these commands were played: those that explain most of the movement that was logged.
 
-    LogError where there are none, or where others follow: somebody who stops a robot holds it, or lets it rest.
+    A command may come one early or late. LogError where there are no such rows, or where others follow: somebody who
+    stops a robot holds it, or lets it rest.
     """
+    near = np.stack([np.roll(actions, by, axis=0) for by in (-1, 0, 1)])
+    near[0, -1], near[2, 0] = actions[-1], actions[0]
     best = None
     for episode in log.episodes:
         since = episode.time - episode.time[0]
@@ -86,24 +89,19 @@ def _found(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> Ep
         logged = commands_of(robot, log, episode)[row]
         for first in range(len(logged)):
             told = logged[first : first + len(actions)]
-            moved, missed = (((told - a) ** 2).sum(axis=1) for a in (actions[0], actions[: len(told)]))
-            explained = np.cumsum(moved - missed)
+            moved = ((told - actions[0]) ** 2).sum(axis=1)
+            missed = ((told - near[:, : len(told)]) ** 2).sum(axis=2)
+            explained = np.cumsum(SAME**2 * moved - missed.min(axis=0) - ON_TIME * missed[1])
             many = len(told) - int(np.argmax(explained[::-1]))
             if best is None or explained[many - 1] > best[0]:
                 best = explained[many - 1], episode, grid[first], grid[first + many - 1], told[many:]
     explained, episode, begin, end, after = best
     moves = lambda a: float((np.diff(a, axis=0) ** 2).sum(axis=1).mean()) if len(a) > 1 else 0.0  # noqa: E731
     others = np.sqrt(moves(after) / moves(actions))
-    if explained <= 0.0 or others > LIKE:
-        what = (
-            "hold nothing of those of the trial"
-            if explained <= 0.0
-            else (
-                f"are those of the trial for {end - begin:.3g} s, then others, which move {others:.2g} times as fast"
-            )
-        )
+    if explained <= 0.0 or others > STILL:
+        what = f"are those of the trial for {end - begin:.2g} s alone, then others"
         raise LogError(
-            f"the log's commands {what}",
+            f"the log's commands {what if explained > 0.0 else 'hold nothing of those of the trial'}",
             expected=f"those of the trial for {len(actions) / rate:.3g} s, or the robot stopped",
             do="give the log of this trial, with the commands that were played",
         )

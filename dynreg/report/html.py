@@ -30,7 +30,7 @@ def page(result: Result) -> str:
     if drawn is None:
         raise UsageError(
             f"a {type(result).__name__} has no report",
-            expected="a stored query or calibration, a diagnosis, trials, a gait, a comparison or a drift",
+            expected="a stored query or calibration, a diagnosis, trials, a gait, its trials, a comparison or a drift",
             do="see `dynreg list --kind result`",
         )
     template = _environment().select_template((f"{result.schema_name()}.html", "result.html"))

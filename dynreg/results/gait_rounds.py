@@ -13,6 +13,7 @@ class GaitRound(Result):
     gait : id of the stored gait. simulators : ids of those in which it was sought. told_by : id of the recording that
     the query chose them by. fits : whether the log before told where to seek; where not, the simulators of the round
     before served. median, p5, p95 : the fitness that they predict. recording : id of the trial's log; name : its name.
+    packaged : number, from 1, of the robot's own gait that this is, unchanged; null of a new one.
     fitness : on the robot, in the task's unit, 0 for a fall.
     """
 
@@ -25,8 +26,14 @@ class GaitRound(Result):
     p95: float
     recording: str
     name: str
+    packaged: int | None
     fitness: float
     fell: bool
+
+    def outcome(self, unit: str) -> str:
+        """What the robot did, beside what was predicted."""
+        how = "fell" if self.fell else f"stood, {self.fitness:.3g} {unit}"
+        return f"the robot {how} (predicted {self.median:.3g}, 90 %: {self.p5:.3g} to {self.p95:.3g})"
 
 
 class GaitRounds(Result):

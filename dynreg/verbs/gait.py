@@ -27,9 +27,7 @@ class GaitSettings(Settings):
     """The settings of `gait`."""
 
     k: int = option(5, "Number of simulators in which the gait must walk.", flag="-k", least=1, shared=True)
-    on: str = option(
-        ON, f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD
-    )
+    on: str = option(ON, f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD)
     method: str = method()
     accept: str | None = option(
         None,

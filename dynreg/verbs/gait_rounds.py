@@ -45,6 +45,7 @@ def gait_rounds(
     real: "RealRobot",
     progress: Progress | None = None,
     kept: Kept = lambda _, sought: sought(),
+    say: Callable[[str], None] = lambda _: None,
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
 
@@ -53,6 +54,7 @@ def gait_rounds(
     close enough, or it is too short), the next gait is sought in those of the round before.
 
     kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`.
+    say : tells what a gait may bring, and what it brought.
     Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query or a kept gait was
     sought otherwise, LogError where a log does not tell the task's fitness.
     """
@@ -79,10 +81,12 @@ def gait_rounds(
         found = kept(number, lambda: sought.first_of(last, by))  # noqa: B023
         by = _told_by(found, number, each, task, (last, by))
         require_playable(found)
+        say(f"trial {number}: {found.headline} {found.prediction}")
         trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
         reached = _fitness(task, trial)
         tried.append((reached, found))
         rounds.append(_round(found, by is last, asked, number, trial, reached))
+        say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
         last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
     return _document(asked, task, rounds, real.spent.seconds - before, ended)
 
@@ -196,6 +200,7 @@ def _round(
         p95=found.expected.p95,
         recording=log.recording,
         name=name,
+        packaged=found.packaged,
         fitness=reached,
         fell=trial.fell,
     )

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 EVERY = 0.5  # s between two looks at a folder
 QUIET = 3.0  # s for which a log must stay as it is before it is read: by contract
+PATIENCE = 10.0  # s after which a log that is not whole is told
 MCAP_END = b"\x89MCAP0\r\n"  # the last bytes of a whole one
 ROUNDED = 1e-6  # rad, as tables are written
 
@@ -79,7 +81,7 @@ class TrialFolder:
 
     def _arrived(self, name: str) -> Path:
         """The log, once it is whole: it has its format's end, and has stayed as it is for `QUIET` seconds."""
-        before, since = None, time.monotonic()
+        before, since, told = None, time.monotonic(), False
         while True:
             log = self._log(name)
             now = None if log is None else _state(log)
@@ -87,6 +89,11 @@ class TrialFolder:
                 before, since = now, time.monotonic()
             elif _ended(log) and time.monotonic() - since >= QUIET:
                 return log
+            elif not told and time.monotonic() - since >= PATIENCE:
+                self.say(
+                    f"{log} is there, but its end is not written yet: close the log, or put a whole one there"
+                )
+                told = True
             time.sleep(EVERY)
 
 
@@ -124,6 +131,8 @@ def folder_of(path: str | Path) -> Path:
     folder = Path(path)
     try:
         folder.mkdir(exist_ok=True)
+        with TemporaryFile(dir=folder):  # found out before time is spent on a gait
+            pass
     except OSError as error:
         raise UsageError(
             f"no folder for trials at {str(path)!r}: {error.strerror}",

@@ -78,12 +78,14 @@ def test_trials_in_turn_are_asked_for_and_told(dynreg, asked) -> None:
     for words in ("3 trials on the robot, 1 with a fall", "of trial 3, reached 2.5 m", "yard_monday trial 2"):
         assert words in ended.out
     assert "note: the log before trial 2 did not tell where to seek" in ended.out
+    assert "note: the gait of trial 3 is number 3 of the gaits in the robot's folder" in ended.out
     assert "next: dynreg export 2a2a2a2a2a2a --as python --to gait.py" in ended.out
     document = json.loads(dynreg("gait", "yard", "--trial", "trials", "--json").out)
     assert model_of(document["schema"]).model_validate(document) == asked.answers["gait_rounds"]
     asked.answers["gait_rounds"] = made_up_gait.rounds((True, True))
     ended = dynreg("gait", "yard", "--trial", "trials")
-    assert "2 with a fall. No gait stood." in ended.out and "next:" not in ended.out
+    assert "2 with a fall. No gait stood." in ended.out
+    assert "next: dynreg diagnose 'yard_monday trial 2'" in ended.out
 
 
 def test_where_nothing_is_close_the_status_is_4(dynreg, asked) -> None:

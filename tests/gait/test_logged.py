@@ -156,9 +156,23 @@ def test_rows_that_are_not_measured_are_filled_and_none_is_standing_still(quadru
         trial_of(quadruped, without(("base/pitch",), slice(None)), gaits[0], RATE)
 
 
+def _excited(robot: Robot) -> list[RealTrial]:
+    """Trials of other commands, as a query's log has them."""
+    real = SimulatedRobot(robot, robot.space.nominal, seed=3, threads=1)
+    return [real.run(actions, RATE) for actions in excitation(robot, seed=7).actions[:8]]
+
+
 def test_a_log_that_does_not_tell_is_refused(quadruped, gaits, tried) -> None:
     log = tried[0].recording
-    for other in (tried[1].recording, changed(log, rows=slice(0, 1), lead=2.0)):
+    (e,) = log.episodes
+    alike = e.values.copy()  # another gait: the same joints a fifth further
+    alike[:, log.columns(quadruped.actions)] *= 1.2
+    for other in (
+        tried[1].recording,
+        changed(log, rows=slice(0, 1), lead=2.0),
+        replace(log, episodes=(replace(e, values=alike),)),
+        *(one.recording for one in _excited(quadruped)),
+    ):
         with pytest.raises(LogError, match="the log's commands"):
             trial_of(quadruped, other, gaits[0], RATE)
     for drop in ("base/vy", "base/yaw"):

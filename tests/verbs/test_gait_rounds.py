@@ -218,14 +218,17 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
     alone = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
     assert [one.fell for one in found.rounds] == [one.fell for one in alone.rounds]
     assert found.rounds[0].fitness == pytest.approx(alone.rounds[0].fitness, abs=0.05)
-    assert len(said) == 2 and "trial_1.csv on the robot (1 s)" in said[0]
+    assert [line.split()[0] for line in said] == ["trial", "play", "trial"] * 2
+    assert "A trial on the robot may bring" in said[0] and "trial_1.csv on the robot (1 s)" in said[1]
+    one = found.rounds[0]
+    assert f"predicted {one.median:.3g}" in said[2] and "its log is 'log trial 1'" in said[2]
     there = {path.name for path in folder.iterdir()}
     assert there == {f"{kind}_{i}{end}" for i in (1, 2) for kind, end in KINDS}
 
     # nothing is sought or waited for again
     monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", None)
     again = opened.gait_rounds("log", folder, trials=2, say=said.append, **asked)
-    assert again == found and len(said) == 2
+    assert again == found and [line.split()[0] for line in said[6:]] == ["trial", "trial"] * 2
 
     # nor is another question answered by what was found for this one
     for other in ({"task": "turn"}, {"seed": 4}, {"on": "nearest", "k": 1}, {"accept": "mean"}):
@@ -260,7 +263,9 @@ def test_a_log_is_read_when_it_is_whole(
 ) -> None:
     monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.6)
     monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.05)
-    folder, at = TrialFolder(tmp_path, None, brief), {}
+    monkeypatch.setattr("dynreg.verbs.trial_folder.PATIENCE", 0.8)
+    said, at = [], {}
+    folder = TrialFolder(tmp_path, None, brief, say=said.append)
 
     def writes() -> None:
         (tmp_path / "trial_1_log.csv.part").write_text("time")  # of no format that can be read
@@ -289,11 +294,12 @@ def test_a_log_is_read_when_it_is_whole(
         assert log.name.startswith(f"{name}_log") and log.suffix != ".part"
         assert time.monotonic() >= at[kind] + 0.5
     writer.join()
+    assert sum("trial_2_log.mcap is there, but its end is not written" in line for line in said) == 1
 
 
 def test_a_folder_that_cannot_be_is_refused_before_a_search(opened: Session, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    for path in (tmp_path / "file", tmp_path / "nowhere" / "trials"):
+    for path in (tmp_path / "file", tmp_path / "nowhere" / "trials", Path("/proc/self")):
         with pytest.raises(UsageError, match="no folder for trials at"):
             opened.gait_rounds("log", path, **ASKED)
     assert opened.queried == []
