@@ -81,7 +81,7 @@ def gait_rounds(
         found = kept(number, lambda: sought.first_of(last, by))  # noqa: B023
         by = _told_by(found, number, each, task, (last, by))
         require_playable(found)
-        say(f"trial {number}: {found.headline} {found.prediction}")
+        say(f"trial {number}: {found.prediction}")
         trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
         reached = _fitness(task, trial)
         tried.append((reached, found))
