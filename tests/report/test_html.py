@@ -45,6 +45,7 @@ RESULTS = {
     "trials": made_up_diagnosis.trials(),
     "gait": made_up_gait.gait(),
     "gait that falls": made_up_gait.gait(fell=True),
+    "trials of gaits": made_up_gait.rounds(),
     "comparison": made_up_comparison.comparison(),
     "comparison without paths": made_up_comparison.comparison(paths=False),
     "no trials": TrialTable.of("leg", []),
