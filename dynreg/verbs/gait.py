@@ -66,7 +66,7 @@ def gait(
     *,
     tried: tuple[tuple[float, ...], ...] = (),  # genes of gaits that the robot has had, the best first
 ) -> "Gait":
-    """Search for a gait that walks in the simulator that a recording tells of.
+    """Search for a gait that walks in the query's simulator.
 
     The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
     and each trial's log tells in which simulators the next one is sought.
