@@ -119,9 +119,10 @@ def _ended(log: Path) -> bool:
 
 def _holds(path: Path, actions: np.ndarray) -> bool:
     """Whether a table holds these commands (T, A)."""
+    rows = path.read_text(encoding="utf-8", errors="replace").splitlines()[1:]
     try:
-        told = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)[:, 1:]
-    except (ValueError, IndexError):
+        told = np.array([row.split(",")[1:] for row in rows], dtype=float)
+    except ValueError:
         return False
     return told.shape == actions.shape and bool(np.abs(told - actions).max() <= ROUNDED)
 

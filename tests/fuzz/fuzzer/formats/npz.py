@@ -18,12 +18,13 @@ def make_npz(rng: random.Random) -> bytes:
     rows = rng.choice((1, 5, 5, 24))
     packed = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2))
     with zipfile.ZipFile(out, "w", packed) as archive:
-        archive.writestr("time.npy", _array(rng, "<f8", (rows,), True))
+        put = lambda name, data: archive.writestr(zipfile.ZipInfo(name), data, packed)  # noqa: E731  of no date
+        put("time.npy", _array(rng, "<f8", (rows,), True))
         for k in range(rng.randrange(4)):
             shape = rng.choice(((rows,), (rows, 2), (2, rows), (), (3,), (0,), (2**40, 2**40), (-1,)))
             name = rng.choice((f"q{k}", "kp", "time", rng.choice(ODD_TEXT)))
             name = name.encode("utf-8", "replace").decode().replace("\0", "0")
-            archive.writestr(f"{name}.npy", _array(rng, rng.choice(_KINDS), shape, rng.random() < 0.8))
+            put(f"{name}.npy", _array(rng, rng.choice(_KINDS), shape, rng.random() < 0.8))
     data = out.getvalue()
     return raw(rng, data) if rng.random() < 0.4 else data
 
