@@ -97,7 +97,7 @@ def _found(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> Ep
                 best = explained[many - 1], episode, grid[first], grid[first + many - 1], told[many:]
     explained, episode, begin, end, after = best
     moves = lambda a: float((np.diff(a, axis=0) ** 2).sum(axis=1).mean()) if len(a) > 1 else 0.0  # noqa: E731
-    others = np.sqrt(moves(after) / moves(actions))
+    others = np.sqrt(moves(after) / moves(actions)) if explained > 0.0 else 0.0
     if explained <= 0.0 or others > STILL:
         what = f"are those of the trial for {end - begin:.2g} s alone, then others"
         raise LogError(
