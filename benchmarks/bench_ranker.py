@@ -156,6 +156,7 @@ def main() -> None:
     parser.add_argument("--truth", choices=("own", "independent"), default="own")
     parser.add_argument("--sizes", nargs="*", default=list(SIZES), choices=SIZES)
     parser.add_argument("--robots", type=int, default=1, help="for each cause and size")
+    parser.add_argument("--entries", type=int, help=f"of the population ({EACH} a term, {MOST} at most)")
     parser.add_argument("--none", type=int, default=20, help="robots with nothing hidden")
     parser.add_argument("--diagnose", action="store_true", help="also diagnose, with the ranking and without")
     parser.add_argument("--tune", action="store_true", help="the seeds of the development; writes nothing")
@@ -164,12 +165,12 @@ def main() -> None:
     robot, seed = load_robot(given.robot), TUNE if given.tune else REPORT
     trials = Trials(robot, protocol(robot, seed=TUNE), threads=1, seed=TUNE, ranker="make", truth=given.truth)
     began = time.process_time()
-    trials = trials.guided()
+    trials = trials.guided(count=given.entries)
     count, spent = len(trials.guide.population), time.process_time() - began
-    print(
-        f"{count} entries ({EACH} a term, {MOST} at most): {spent:.1f} s, {1e3 * spent / count:.1f} ms each"
+    print(f"{count} entries: {spent:.1f} s, {1e3 * spent / count:.1f} ms each", flush=True)
+    journal = Journal(
+        given.journal, {"robot": robot.hash, "seed": seed, "truth": given.truth, "entries": count}
     )
-    journal = Journal(given.journal, {"robot": robot.hash, "seed": seed, "truth": given.truth})
     journal.begin()
     done = {(x["cause"], x["size_of"], x["number"]) for x in journal.lines()}
     for cause, size, number, trial in wanted(given, trials, seed):

@@ -30,14 +30,18 @@ def guided(
     options: DiagnosisOptions,
     cache: Cache | None = None,
     progress: Progress | None = None,
+    count: int | None = None,
 ) -> Search[Problem]:
-    """The problem with a guide, as far as the options ask for one; one that is made is kept in the cache."""
+    """The problem with a guide, as far as the options ask for one; one that is made is kept in the cache.
+
+    count : entries of one that is made; None for the usual number.
+    """
     if options.ranker == "off":
         return problem
     noise = own_noise(problem.model.robot, recording)
     found = kept(problem, noise, cache)
     if found is None and options.ranker == "make":
-        count, report = usual_count(problem), progress or (lambda *_: None)
+        count, report = count or usual_count(problem), progress or (lambda *_: None)
         report("entries", 0, count)
         robot = noisier(problem.model.robot, noise)
         found = yield from populated(

@@ -72,13 +72,18 @@ class Trials:
             ranker=self.ranker,
         )
 
-    def guided(self, cache: Cache | None = None, progress: Progress | None = None) -> "Trials":
-        """The same with their guide, if their plan has one: a population under the protocol's commands."""
+    def guided(
+        self, cache: Cache | None = None, progress: Progress | None = None, count: int | None = None
+    ) -> "Trials":
+        """The same with their guide, if their plan has one: a population under the protocol's commands.
+
+        count : its entries; None for the usual number.
+        """
         recording, options = _without_effect(self)
 
         def made() -> Search[Problem]:
             problem = yield from posed(self, recording, options)
-            return (yield from guided(problem, recording, options, cache, progress))
+            return (yield from guided(problem, recording, options, cache, progress, count))
 
         return replace(self, guide=run(made(), threads=self.threads).guide)
 
