@@ -50,7 +50,7 @@ from dynreg.verbs.populations import load_population
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.subjects import Recorded
 
-TUNE, REPORT = 61, 20261227
+TUNE, REPORT = 61, 20261228
 RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "gait_hidden.json"
 SOURCES = (
