@@ -64,7 +64,7 @@ def screened(problem: Problem) -> Search[list[str]]:
     return list(dict.fromkeys(p.hypothesis.key for p in best_of(begun, cost)))
 
 
-def told(trials: Trials, trial: Trial, diagnose: bool) -> dict:
+def told(trials: Trials, trial: Trial, by_screening: bool, diagnose: bool) -> dict:
     """What is found of one robot."""
     hidden, recording = hidden_log(trials, trial)
     options = trials.options()
@@ -77,11 +77,14 @@ def told(trials: Trials, trial: Trial, diagnose: bool) -> dict:
         "inside": bool(right),
         "rank": _place(ranking.keys, right),
         "first": ranking.keys[0],
-        "screen": _place(run(screened(problem), threads=1), right),
         "resemblance": ranking.resemblance,
         "outside": ranking.outside,
         "size": ranking.size / ranking.noise,
     }
+    if by_screening:
+        began = time.process_time()
+        out["screen"] = _place(run(screened(problem), threads=1), right)
+        out["screen seconds"] = time.process_time() - began
     for how, guide in (("with", problem.guide), ("without", None)) if diagnose else ():
         began = time.process_time()
         own = Problem(problem.model, problem.data, problem.terms, problem.plan, guide)
@@ -114,14 +117,17 @@ def table(lines: list[dict]) -> dict:
         of_size = [x["found"] for x in lines if x["size_of"] == size]
         inside = [x for x in of_size if x["inside"]]
         row = {}
-        for what in ("rank", "screen") if inside else ():
-            for k in (1, 3, 5):
-                row[f"{what}, first {k}"] = share(sum(x[what] < k for x in inside), len(inside))
+        for what in ("rank", "screen"):
+            known_place = [x[what] for x in inside if what in x]
+            for k in (1, 3, 5) if known_place else ():
+                row[f"{what}, first {k}"] = share(sum(place < k for place in known_place), len(known_place))
         for name, some in (("in the library", inside), ("not", [x for x in of_size if not x["inside"]])):
             if some:
                 row[f"flagged, {name}"] = share(sum(x["outside"] for x in some), len(some))
         out |= {size: row} if row else {}
     out["seconds"] = {"a ranking": float(np.median([x["found"]["seconds"] for x in lines]))}
+    spent = [x["found"]["screen seconds"] for x in lines if "screen seconds" in x["found"]]
+    out["seconds"] |= {"a screening": float(np.median(spent))} if spent else {}
     both = [x["found"] for x in lines if "with" in x["found"]]
     for how in ("without", "with") if both else ():
         own = [x[how] for x in both]
@@ -158,6 +164,9 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=1, help="for each cause and size")
     parser.add_argument("--entries", type=int, help=f"of the population ({EACH} a term, {MOST} at most)")
     parser.add_argument("--none", type=int, default=20, help="robots with nothing hidden")
+    parser.add_argument(
+        "--screened", type=int, help="robots whose causes are also ordered by screening [all]"
+    )
     parser.add_argument("--diagnose", action="store_true", help="also diagnose, with the ranking and without")
     parser.add_argument("--tune", action="store_true", help="the seeds of the development; writes nothing")
     parser.add_argument("--journal", type=Path, required=True, help="of the robots: a second start goes on")
@@ -173,9 +182,9 @@ def main() -> None:
     )
     journal.begin()
     done = {(x["cause"], x["size_of"], x["number"]) for x in journal.lines()}
-    for cause, size, number, trial in wanted(given, trials, seed):
+    for i, (cause, size, number, trial) in enumerate(wanted(given, trials, seed)):
         if (cause, size, number) not in done:
-            found = told(trials, trial, given.diagnose)
+            found = told(trials, trial, given.screened is None or i < given.screened, given.diagnose)
             print(cause or "nothing", size, json.dumps(found), flush=True)
             journal.add({"cause": cause, "size_of": size, "number": number, "found": found})
     out = table(journal.lines())
