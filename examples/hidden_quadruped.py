@@ -32,7 +32,8 @@ from dynreg.verbs.export_gait import write_new
 
 MAP = Path(__file__).parent / "maps" / "quadruped.toml"
 DRAWS = 200  # of a robot, until one can walk; a third can
-START = 1_700_000_000_000_000_000  # [ns] first stamp
+START = 1_700_000_000_000_000_000  # [ns] first stamp of the first trial
+APART = 60_000_000_000  # [ns] from the begin of one trial to that of the next
 ON_TIME = 1e-3  # [s] by which a command may be early or late
 SLACK = 1e-6  # [rad] that a table's rounding may add
 
@@ -57,7 +58,7 @@ def record(folder: Path, *, seed: int = 7, episodes: int = 0) -> HiddenQuadruped
     _require_room(folder, logs)
     real = hidden_robot(seed, past(folder))
     for path, actions in zip(logs, told, strict=True):
-        write_new(path, _mcap(real.run(actions, robot.rate, path.stem).recording))
+        write_new(path, _mcap(real.run(actions, robot.rate, path.stem).recording, real.spent.trials))
     return HiddenQuadruped(logs, MAP, robot.space.as_dict(real.parameters))
 
 
@@ -72,7 +73,7 @@ def play(folder: Path, gait: Path, *, seed: int = 7, log: Path | None = None) ->
     _require_room(log.parent, (log,))
     real = hidden_robot(seed, past(*sorted({folder.resolve(), log.parent.resolve()})))
     trial = real.run(actions, robot.rate, log.stem)
-    write_new(log, _mcap(trial.recording))
+    write_new(log, _mcap(trial.recording, real.spent.trials))
     return trial, real.spent
 
 
@@ -188,7 +189,8 @@ def _messages(recording: Recording) -> Iterator[tuple[float, str, dict]]:
         yield time, "/joint_commands", {"name": joints, "position": target}
 
 
-def _mcap(recording: Recording) -> bytes:
+def _mcap(recording: Recording, number: int) -> bytes:
+    """The log of trial `number` of the robot, from 1 on."""
     from mcap.writer import Writer
 
     file = BytesIO()
@@ -199,7 +201,7 @@ def _mcap(recording: Recording) -> bytes:
     for time, topic, message in _messages(recording):
         if topic not in topics:
             topics[topic] = writer.register_channel(topic, "json", schema)
-        stamp = START + round(time * 1e9)
+        stamp = START + (number - 1) * APART + round(time * 1e9)
         writer.add_message(topics[topic], stamp, json.dumps(message).encode(), stamp)
     writer.finish()
     return file.getvalue()

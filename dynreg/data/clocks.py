@@ -12,7 +12,7 @@ TOLERANCE = 1e-3  # [s] by which one run may begin before another ends: absolute
 ABSOLUTE = (
     1e8  # [s] stamps beyond it count from a common epoch (1970, 1980); nobody's bench runs for three years
 )
-TOLD = 3  # rests that a finding spells out
+TOLD = 3  # rests that a finding spells out, and overlaps that are told one by one
 MOVED = "the logs are ordered by their clocks, not as they were given"
 ANEW = (
     "each clock starts anew, so the rests between the episodes are not known: they follow each other in the order "
@@ -86,7 +86,7 @@ def laid(spans: Sequence[Span]) -> Laid:
     by_begin = sorted(range(len(logs)), key=lambda n: whole[n].begin)
     over = [(whole[a], whole[b]) for a, b in pairwise(by_begin) if _overlaps(whole[a], whole[b])]
     order = [k for n in by_begin for k in _in_log(spans, logs[n])]
-    return _told(spans, order, True, *(_overlapping(*pair) for pair in over))
+    return _told(spans, order, True, *_overlapping(over))
 
 
 def _overlaps(one: Span, other: Span) -> bool:
@@ -115,12 +115,15 @@ def _mixed(spans: Sequence[Span]) -> Finding:
     return Finding("warning", "clock", own.name, text)
 
 
-def _overlapping(one: Span, other: Span) -> Finding:
-    text = (
-        f"they overlap by {min(one.end, other.end) - other.begin:.4g} s: the rest between these two is not known, and "
-        "the second follows the first"
-    )
-    return Finding("warning", "clock", f"{one.name} and {other.name}", text)
+def _overlapping(over: Sequence[tuple[Span, Span]]) -> Iterator[Finding]:
+    """One finding for each pair, as long as these are few; else one that names the first."""
+    for one, other in over if len(over) <= TOLD else over[:1]:
+        like = "" if len(over) <= TOLD else f", and so do {len(over) - 1} more pairs of logs"
+        text = (
+            f"they overlap by {min(one.end, other.end) - other.begin:.4g} s{like}: the rest between two such logs is "
+            "not known, and the second follows the first"
+        )
+        yield Finding("warning", "clock", f"{one.name} and {other.name}", text)
 
 
 def _told(spans: Sequence[Span], order: Sequence[int], comparable: bool, *findings: Finding) -> Laid:

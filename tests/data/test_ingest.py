@@ -346,6 +346,17 @@ def test_of_two_clocks_that_overlap_only_the_rest_between_these_is_lost(tmp_path
     assert told["where"] == "c.csv and d.csv"
 
 
+def test_many_logs_that_overlap_are_told_in_one_line(tmp_path: Path, servo_spec):
+    """Each of three pairs by itself; of four the first, and how many more there are."""
+    logs = [clocked(tmp_path, f"{k}.csv", 1.7e9 + 0.5 * k) for k in range(5)]
+    for many, expected in ((4, ["", "", ""]), (5, ["3 more pairs of logs"])):
+        found = read_recording(logs[:many], free(servo_spec)).provenance["findings"]
+        told = [f for f in found if "overlap" in f["message"]]
+        assert len(told) == len(expected) and told[0]["where"] == "0.csv and 1.csv"
+        assert all(more in f["message"] for f, more in zip(told, expected, strict=True))
+        assert ("more pairs" in told[0]["message"]) == (many == 5)
+
+
 def test_a_clock_from_zero_is_not_compared_with_an_absolute_one(tmp_path: Path, servo_spec):
     """By their numbers alone the log from zero would be the first, and the rest before the other 54 years."""
     logs = [
