@@ -29,9 +29,7 @@ def navigate(
     can_write(report)
     can_write(out)
     with call.open_for(robot, recording) as session, call.progress() as progress:
-        found = session.navigate(
-            recording, **vars(settings), robot=robot, log_map=log_map, progress=progress
-        )
+        found = session.navigate(recording, **vars(settings), robot=robot, log_map=log_map, progress=progress)
     if out is not None:
         _write(found, out)
     call.emit_and_write(found, report)

@@ -32,9 +32,8 @@ def tables(result: Navigation) -> RenderableType:
 
 def end_words(result: Navigation) -> str:
     """Where drives end."""
-    goal = "the start" if result.back else "the nearest place"
     low, high = (f"{100 * bound:.2g}" for bound in (result.end.low, result.end.high))
-    return f"The middle 90 % of the drives end {low} to {high} cm from {goal}."
+    return f"The middle 90 % of the drives end {low} to {high} cm from {result.goal}."
 
 
 def error_words(result: Navigation) -> str:

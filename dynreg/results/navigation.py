@@ -48,9 +48,9 @@ class Navigation(Result):
     {axis: the model's errors on the commands to test}. size : of the squares [m]. area : lowest x and y, highest x and
     y, where the path should stay [m]. back : whether it ends at the start; else in one of the places. actions, units :
     of the values of the commands. seconds : that the plan takes. end : metres from where it should end, in the model
-    and, with 90 %, in the simulated drives. drives : simulated ones, each command with an error that the model made on
-    a command to test; all_visited : how many of them visit every place. way : of the model; ways : of some drives.
-    generations : of the search.
+    and, with 90 %, in the simulated drives. drives : simulated ones, their commands with the errors that the model made
+    on as many commands to test in a row; all_visited : how many of them visit every place. way : of the model; ways :
+    of some drives. generations : of the search.
     """
 
     schema_: Literal["dynreg/navigation/1"] = Field(default="dynreg/navigation/1", alias="schema")
@@ -80,6 +80,11 @@ class Navigation(Result):
     notes: tuple[str, ...] = ()
     cost: Cost
 
+    @property
+    def goal(self) -> str:
+        """Where the path should end, in words."""
+        return "the start" if self.back else "the nearest place" if len(self.places) > 1 else "the place"
+
     def rows(self) -> list[dict[str, Any]]:
         """The table that a robot plays: a row for each command, and one that stops it in the end."""
         stop = TimedCommand(time=self.seconds, seconds=0.0, values=(0.0, 0.0))
@@ -100,16 +105,17 @@ class Navigation(Result):
         for square in self.places:
             place.plot(*square.outline(self.size), color="#3f8f5b" if square.visited else "#c2255c")
         place.plot(0.0, 0.0, "o", color="#1b1f24")
-        place.set(xlabel="ahead [m]", ylabel="to the left [m]", title=f"plan for {self.robot}", aspect="equal")
+        place.set(
+            xlabel="ahead [m]", ylabel="to the left [m]", title=f"plan for {self.robot}", aspect="equal"
+        )
         place.legend(fontsize="small")
         return places
 
     def __str__(self) -> str:
         there, every = sum(place.visited for place in self.places), len(self.places)
-        goal = "the start" if self.back else "a place"
         return (
             f"{self.recording_name}: {len(self.commands)} commands ({self.seconds:.3g} s) visit {there} of {every}"
-            f" {'place' if every == 1 else 'places'} and end {100 * self.end.value:.2g} cm from {goal}, says"
+            f" {'place' if every == 1 else 'places'} and end {100 * self.end.value:.2g} cm from {self.goal}, says"
             f" {self.on}. With its held-out errors, {self.all_visited} of {self.drives} drives visit"
             f" {'it' if every == 1 else 'all'}."
         )

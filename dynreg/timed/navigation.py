@@ -48,7 +48,11 @@ class Course:
 
     @classmethod
     def around(
-        cls, places: Sequence[tuple[float, float]], side: float, area: np.ndarray | None = None, back: bool = True
+        cls,
+        places: Sequence[tuple[float, float]],
+        side: float,
+        area: np.ndarray | None = None,
+        back: bool = True,
     ) -> "Course":
         """Squares around places; the area is, unless given, the smallest one that holds them and the start."""
         centres = np.array(places, dtype=float)
@@ -183,7 +187,9 @@ def fitness(path: Path, within: float = 0.0, course: Course = CORNERS) -> tuple[
     left = np.where(found, np.inf, missed).min(axis=1)
     left = np.where(count == len(course.centres), short(path, course), left)
     where, (low, high) = _points(path), course.area
-    outside = np.nansum(np.linalg.norm(np.maximum(np.maximum(low - where, where - high), 0.0), axis=2), axis=1)
+    outside = np.nansum(
+        np.linalg.norm(np.maximum(np.maximum(low - where, where - high), 0.0), axis=2), axis=1
+    )
     return REWARD * count - SLOWNESS * path.time - CM * (MISS * left + OUTSIDE * outside), count
 
 
@@ -223,7 +229,9 @@ def evolve(
     """
     if not 0.0 <= within < course.side / 2:
         raise UsageError(
-            f"within = {within:g} m", expected=f"0 to less than {course.side / 2:g}, half a side", do="correct it"
+            f"within = {within:g} m",
+            expected=f"0 to less than {course.side / 2:g}, half a side",
+            do="correct it",
         )
     rules = Rules(population, tournament, mutation=mutation, width=np.tile(WIDTHS, commands))
     search = Genetic(4 * commands, rng=stream(seed, "navigation"), rules=rules)

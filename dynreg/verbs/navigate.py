@@ -22,7 +22,10 @@ class NavigateSettings(Settings):
     """What `navigate` can be told. Raises UsageError for places, an area or times that cannot be."""
 
     visit: tuple[tuple[float, float], ...] = option(
-        MISSING, "A place to visit: metres ahead, metres to the left; repeat it for more.", metavar="X,Y", repeated=True
+        MISSING,
+        "A place to visit: metres ahead, metres to the left; repeat it for more.",
+        metavar="X,Y",
+        repeated=True,
     )
     size: float = option(0.3, "Side of the square around a place [m].", above=0.0)
     back: bool = option(True, "Come back to the start; else end in a place.", flag="--back/--no-back")
@@ -86,7 +89,7 @@ def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress |
     algorithm seeks the commands in it (Pretorius et al.). The robot drives them without looking: it begins at rest,
     x is ahead and y to the left of where it stands. Commands stay within what most of the recording's were.
 
-    The drives that judge the plan repeat the model's errors on the last 16 % of the commands.
+    The drives that judge the plan repeat the model's errors in the last 16 % of the commands, as many in a row.
 
     Example: dynreg navigate monday --visit 0.5,0.2 --visit 0.5,-0.2 -o plan.csv
 

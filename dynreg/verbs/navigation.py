@@ -80,8 +80,9 @@ def planned(
     )
     genes = best.genes[None]
     plan = Plan.of(genes, ranges)
-    unseen, moved = found.commands.take(test), found.moved[test]
-    erring = Erring.of(model.model, unseen, moved, stream(settings.seed, "drives"))
+    errors = found.moved[test] - model.model.predict(found.commands.take(test))
+    each = max(int((~plan.null).sum()), 1)
+    erring = Erring(model.model, errors, each, stream(settings.seed, "drives"))
     return Planned(
         told=found,
         parts=(fit, validation, test),
@@ -90,7 +91,7 @@ def planned(
         ranges=ranges,
         plan=plan,
         values=ranges.told(genes)[0],
-        errors=erring.off,
+        errors=errors,
         alone=driven(plan, model.model),
         drives=driven(Plan.of(np.repeat(genes, settings.drives, 0), ranges), erring),
     )
@@ -192,7 +193,7 @@ def _notes(found: Planned) -> tuple[str, ...]:
     if not visited(found.alone, course).all() or short(found.alone, course)[0] > course.side / 2:
         out.append(
             "this is the best plan found, and it does not do all that was asked: try more --generations, another"
-            " --seed, more --commands, or places that are nearer"
+            " --seed, more --commands, longer --seconds, or places that are nearer"
         )
     usual, longest = float(np.quantile(found.told.commands.seconds, NINETY[1])), found.ranges.seconds[1]
     if longest > usual + found.ranges.tick:
