@@ -26,7 +26,7 @@ def tables(result: Navigation) -> RenderableType:
         Text(f"\n{end_words(result)}"),
         Text(error_words(result)),
         *(Text(f"note: {note}") for note in result.notes),
-        Text(f"{result.cost.rollouts} plans tried in the model, {result.cost.seconds:.1f} s"),
+        Text(f"cost: {result.cost.rollouts} plans tried in the model, {result.cost.seconds:.1f} s"),
     )
 
 
