@@ -38,5 +38,5 @@ def navigate(
 def _write(found: "Navigation", out: Path) -> None:
     from dynreg.verbs.written import write_out
 
-    write_out(out, found.to_frame().to_csv(index=False, lineterminator="\n").encode())
+    write_out(out, found.csv.encode())
     say(f"{out}: written")

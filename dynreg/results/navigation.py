@@ -93,6 +93,11 @@ class Navigation(Result):
             for c in (*self.commands, stop)
         ]
 
+    @property
+    def csv(self) -> str:
+        """The rows as the text of a CSV file."""
+        return self.to_frame().to_csv(index=False, lineterminator="\n")
+
     def tables(self) -> dict[str, list[dict[str, Any]]]:
         return {"commands": self.rows(), "places": [place.to_dict() for place in self.places]}
 
