@@ -13,6 +13,7 @@ from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite, excite_legs
 from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.gait_rounds import GaitRoundsSettings, gait_rounds
+from dynreg.verbs.navigate import NavigateSettings, navigate
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
@@ -177,6 +178,8 @@ class Session:
             for one in (recording, against)
         )
         return drift(recent, earlier, settings, out=out, progress=progress)
+
+    navigate = about_recording(navigate, NavigateSettings)
 
     gait = about_recording(gait, GaitSettings, ingest=True)
 

@@ -49,6 +49,7 @@ VERBS = (
     "robots_list",
     "robots_check",
     "drift",
+    "navigate",
     "verify",
     "gc",
     "rm",

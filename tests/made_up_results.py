@@ -7,6 +7,7 @@ import made_up_comparison
 import made_up_diagnosis
 import made_up_drift
 import made_up_gait
+import made_up_navigation
 
 from dynreg.results import (
     Calibration,
@@ -437,6 +438,7 @@ def every_kind() -> tuple[Result, ...]:
         made_up_changes.changes(),
         made_up_drift.drift(),
         made_up_comparison.comparison(),
+        made_up_navigation.navigation(),
         RobotList(
             robots=(
                 RobotLine(

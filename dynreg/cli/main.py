@@ -20,6 +20,7 @@ from dynreg.cli import (
     info,
     ingest,
     listing,
+    navigate,
     ordinary,
     populate,
     removing,
@@ -119,6 +120,7 @@ ordinary.register(
             "export": export.export,
             "view": view.view,
             "gait": gait.gait,
+            "navigate": navigate.navigate,
         },
         "Effects and experiments": {
             "effects": effects.effects,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # for editors, which cannot run `_public`
     from dynreg.results.gait import *
     from dynreg.results.gait_rounds import *
     from dynreg.results.helped import *
+    from dynreg.results.navigation import *
     from dynreg.results.neighbours import *
     from dynreg.results.posterior import *
     from dynreg.results.protocol import *

@@ -1,12 +1,14 @@
-"""The navigation task of the paper on wheeled robots: visit four corners in any order and come back, in ten commands.
+"""Open-loop navigation of a robot on wheels: a few timed commands that visit places in any order, and come back.
 
-Pretorius et al., equation 10. What it leaves open is ours: where blocks stand, that a block is visited by a point of
-the path inside it, how long commands last, a gene that leaves a command out, and that plans are sought by whose path
-the whole robot gets into each block: the best path that just touches one misses it on every robot but its simulator.
+Pretorius et al., equation 10: four corners of a table and ten commands, which are what is usual here. What the paper
+leaves open is ours: where its blocks stand, that a place is visited by a point of the path inside its square, how long
+commands last, a gene that leaves a command out, that a path without a way back ends in one of its places, and that
+plans are sought by whose path gets well into each square: the best path that just touches one misses it on every robot
+but its simulator.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,29 +20,100 @@ from dynreg.timed.commands import Commands, pose_after
 from dynreg.timed.models import Model, along
 
 COMMANDS = 10
-SPEED = 0.22  # m/s
-SECONDS = (0.1, 2.0)
 SAMPLE = 0.1  # s between points of a path
-AREA = np.array([1.2, 0.7])  # m
-BLOCK = 0.3  # m, a side
-ROBOT = 0.065  # m, its radius
-COLUMNS, ROWS = (
-    np.array([-1.0, 1.0]) * (side - BLOCK) / 2 for side in AREA
-)  # m, x and y of the blocks' middles
-CENTRES = np.array([[x, y] for x in COLUMNS for y in ROWS])
-REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a block, k2 a second, k3 and k4 a centimetre
+ROBOT = 0.065  # m, radius of the paper's robot
+REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a place, k2 a second, k3 and k4 a centimetre
 CM = 100.0
+MOST = (0.05, 0.95)  # quantiles between which most commands of a recording lie
 WIDTHS = (
     0.2,
     0.2,
     0.2,
     1.0,
-)  # of mutations: of speeds and time by up to so much; whether it is left out, anew
+)  # of mutations: of what is told and its time by up to so much; whether it is left out, anew
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Places to visit, seen from the robot before its first command: x ahead of it, y to its left [m].
+
+    centres : (P, 2) middles of squares. side : of the squares. area : (2, 2) lowest and highest x and y; a path should
+    stay there. back : whether it ends at the start; else in the middle of one of the squares.
+    """
+
+    centres: np.ndarray
+    side: float
+    area: np.ndarray
+    back: bool = True
+
+    @classmethod
+    def around(
+        cls,
+        places: Sequence[tuple[float, float]],
+        side: float,
+        area: np.ndarray | None = None,
+        back: bool = True,
+    ) -> "Course":
+        """Squares around places; the area is, unless given, the smallest one that holds them and the start."""
+        centres = np.array(places, dtype=float)
+        corners = np.concatenate([centres - side / 2, centres + side / 2, np.zeros((1, 2))])
+        usual = np.stack([corners.min(axis=0), corners.max(axis=0)])
+        return cls(centres, side, usual if area is None else area, back)
+
+    @property
+    def ends(self) -> np.ndarray:
+        """(E, 2) where a path that visited all may end."""
+        return np.zeros((1, 2)) if self.back else self.centres
+
+
+SIZE, BLOCK = np.array([1.2, 0.7]), 0.3  # m, of the paper's table and of its blocks
+COLUMNS, ROWS = (np.array([-1.0, 1.0]) * (side - BLOCK) / 2 for side in SIZE)
+CORNERS = Course(np.array([[x, y] for x in COLUMNS for y in ROWS]), BLOCK, np.stack([-SIZE / 2, SIZE / 2]))
+
+
+@dataclass(frozen=True, eq=False)
+class CommandRange:
+    """What a command may say: two numbers, each from low (2,) to high (2,), and how long they hold [s].
+
+    seconds : shortest and longest; tick : of which times are multiples, 0 for any. wheels : (2, 2) that makes speeds of
+    the left and the right wheel on the ground [m/s] of the two numbers.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    seconds: tuple[float, float]
+    tick: float = 0.0
+    wheels: np.ndarray = field(default_factory=lambda: np.eye(2))
+
+    @classmethod
+    def used(cls, commands: Commands, wheels: np.ndarray, tick: float, limits: np.ndarray) -> "CommandRange":
+        """What most commands of a recording said, from their 5 % to their 95 % quantile; numbers within limits (2, 2).
+
+        limits : the lowest and the highest that the robot takes.
+        """
+        numbers = np.stack([commands.left, commands.right], axis=1) @ np.linalg.inv(wheels).T
+        low, high = np.clip(np.quantile(numbers, MOST, axis=0), *limits)
+        shortest, longest = map(float, np.quantile(commands.seconds, MOST))
+        return cls(low, high, (shortest, longest), tick, wheels)
+
+    def told(self, unit: np.ndarray) -> np.ndarray:
+        """(B, n, 2) the two numbers of n commands, of genes (B, 4 n) in the unit cube."""
+        half = 0.5 * (self.high - self.low)
+        return 0.5 * (self.high + self.low) + half * (2.0 * _by_command(unit)[..., :2] - 1.0)
+
+
+SPEED = 0.22  # m/s
+KHEPERA = CommandRange(np.full(2, -SPEED), np.full(2, SPEED), (0.1, 2.0))
+
+
+def _by_command(unit: np.ndarray) -> np.ndarray:
+    """(B, n, 4) genes of commands: the two numbers, the time, and whether it is left out."""
+    return unit.reshape(len(unit), -1, 4)
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """B sequences of ten commands; left, right [m/s], seconds, and which are left out: (B, 10)."""
+    """B sequences of n commands; left, right [m/s], seconds, and which are left out: (B, n)."""
 
     left: np.ndarray
     right: np.ndarray
@@ -48,20 +121,19 @@ class Plan:
     null: np.ndarray
 
     @classmethod
-    def of(cls, unit: np.ndarray) -> "Plan":
-        """Of genes (B, 40) in the unit cube: four for each command."""
-        left, right, seconds, null = np.moveaxis(unit.reshape(len(unit), COMMANDS, 4), -1, 0)
-        return cls(
-            SPEED * (2.0 * left - 1.0),
-            SPEED * (2.0 * right - 1.0),
-            SECONDS[0] + seconds * (SECONDS[1] - SECONDS[0]),
-            null > 0.5,
-        )
+    def of(cls, unit: np.ndarray, ranges: CommandRange = KHEPERA) -> "Plan":
+        """Of genes (B, 4 n) in the unit cube: four for each command."""
+        genes, (shortest, longest) = _by_command(unit), ranges.seconds
+        left, right = np.moveaxis(ranges.told(unit) @ ranges.wheels.T, -1, 0)
+        seconds = shortest + genes[..., 2] * (longest - shortest)
+        if ranges.tick:
+            seconds = ranges.tick * np.maximum(np.round(seconds / ranges.tick), 1.0)
+        return cls(left, right, seconds, genes[..., 3] > 0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where B robots went: points (B, 10, S, 3) of each command, NaN after its end; end (B, 3); time (B,) [s]."""
+    """Where B robots went: points (B, n, S, 3) of each command, NaN after its end; end (B, 3); time (B,) [s]."""
 
     points: np.ndarray
     end: np.ndarray
@@ -69,8 +141,9 @@ class Path:
 
 
 def driven(plan: Plan, model: Model) -> Path:
-    """The path that a model predicts, from the middle, looking along x: points every 0.1 s, and each end."""
-    many, told = len(plan.left), ~plan.null
+    """The path that a model predicts, from the origin, looking along x: points every 0.1 s, and each end."""
+    many, commands = plan.left.shape
+    told = ~plan.null
     left, right, seconds = (column[told] for column in (plan.left, plan.right, plan.seconds))
     follows = (
         np.diff(np.nonzero(told)[0], prepend=-1) == 0
@@ -78,40 +151,56 @@ def driven(plan: Plan, model: Model) -> Path:
     before = (np.where(follows, np.roll(side, 1), 0.0) for side in (left, right))
     asked = Commands(left, right, seconds, *before)
     found = along(model, asked, SAMPLE)
-    moved = np.full((many, COMMANDS, found.shape[1], 3), np.nan)
+    moved = np.full((many, commands, found.shape[1], 3), np.nan)
     moved[told] = found
     last = np.maximum(np.ceil(asked.seconds / SAMPLE - 1e-9).astype(int), 1) - 1
-    whole = np.zeros((many, COMMANDS, 3))
+    whole = np.zeros((many, commands, 3))
     whole[told] = found[np.arange(len(found)), last]
     points, pose = np.empty_like(moved), np.zeros((many, 3))
-    for i in range(COMMANDS):
+    for i in range(commands):
         points[:, i] = pose_after(pose[:, None], moved[:, i])
         pose = pose_after(pose, whole[:, i])
     return Path(points, pose, np.where(plan.null, 0.0, plan.seconds).sum(axis=1))
 
 
-def fitness(path: Path, within: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """(B,) fitness of paths, and the blocks that each visited, by a point inside, `within` [m] from its sides.
+def visited(path: Path, course: Course = CORNERS, within: float = 0.0) -> np.ndarray:
+    """(B, P) which places paths visit, by a point inside the square, `within` [m] from its sides."""
+    where, reach = _points(path), course.side / 2 - within
+    across, along_it = (np.abs(where[..., i, None] - course.centres[:, i]) <= reach for i in range(2))
+    return (across & along_it).any(axis=1)  # NaN is in no square
 
-    k1 n - k2 t - k3 f - k4 e: n blocks, t seconds, f [cm] from the end to the middle where all four were visited, else
+
+def short(path: Path, course: Course = CORNERS) -> np.ndarray:
+    """(B,) metres from the ends of paths to where they should be when all is visited."""
+    return np.linalg.norm(path.end[:, None, :2] - course.ends, axis=2).min(axis=1)
+
+
+def fitness(path: Path, within: float = 0.0, course: Course = CORNERS) -> tuple[np.ndarray, np.ndarray]:
+    """(B,) fitness of paths, and how many places each visits; see `visited`.
+
+    k1 n - k2 t - k3 f - k4 e: n places, t seconds, f [cm] from the end to where it should be if all were visited, else
     to the middle of the nearest that was not, e [cm] the sum over points of how far outside the area they lie.
     """
-    where = path.points[..., :2].reshape(len(path.end), -1, 2)
-    reach = BLOCK / 2 - within
-    columns, rows = (np.abs(where[..., i, None] - at) <= reach for i, at in enumerate((COLUMNS, ROWS)))
-    visited = (columns[..., :, None] & rows[..., None, :]).any(axis=1).reshape(-1, 4)  # NaN is in no block
-    count = visited.sum(axis=1)
-    missed = np.linalg.norm(path.end[:, None, :2] - CENTRES, axis=2)
-    short = np.where(visited, np.inf, missed).min(axis=1)
-    short = np.where(count == 4, np.linalg.norm(path.end[:, :2], axis=1), short)
-    beyond = np.linalg.norm(np.maximum(np.abs(where) - AREA / 2, 0.0), axis=2)
-    outside = np.nansum(beyond, axis=1)
-    return REWARD * count - SLOWNESS * path.time - CM * (MISS * short + OUTSIDE * outside), count
+    found = visited(path, course, within)
+    count = found.sum(axis=1)
+    missed = np.linalg.norm(path.end[:, None, :2] - course.centres, axis=2)
+    left = np.where(found, np.inf, missed).min(axis=1)
+    left = np.where(count == len(course.centres), short(path, course), left)
+    where, (low, high) = _points(path), course.area
+    outside = np.nansum(
+        np.linalg.norm(np.maximum(np.maximum(low - where, where - high), 0.0), axis=2), axis=1
+    )
+    return REWARD * count - SLOWNESS * path.time - CM * (MISS * left + OUTSIDE * outside), count
+
+
+def _points(path: Path) -> np.ndarray:
+    """(B, n S, 2) places on the way."""
+    return path.points[..., :2].reshape(len(path.end), -1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Evolved:
-    """The best genes (40,) of an evolution, their fitness in the model and the blocks that it got into there."""
+    """The best genes (4 n,) of an evolution, their fitness in the model and the places that it got well into there."""
 
     genes: np.ndarray
     fitness: float
@@ -120,7 +209,10 @@ class Evolved:
 
 def evolve(
     model: Model,
+    course: Course = CORNERS,
+    ranges: CommandRange = KHEPERA,
     *,
+    commands: int = COMMANDS,
     generations: int = 10_000,
     population: int = 200,
     tournament: int = 40,
@@ -129,19 +221,22 @@ def evolve(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Evolved:
-    """Ten commands that do best in a model, by the genetic algorithm; `within` as in `fitness`.
+    """Commands, so many at most, that do best in a model, by the genetic algorithm; `within` as in `visited`.
 
     progress : called with candidates tried and all.
 
-    Raises UsageError where no point of a block is so far within.
+    Raises UsageError where no point of a square is so far within.
     """
-    if not 0.0 <= within < BLOCK / 2:
+    if not 0.0 <= within < course.side / 2:
         raise UsageError(
-            f"within = {within:g} m", expected=f"0 to less than {BLOCK / 2:g}, half a block", do="correct it"
+            f"within = {within:g} m",
+            expected=f"0 to less than {course.side / 2:g}, half a side",
+            do="correct it",
         )
-    rules = Rules(population, tournament, mutation=mutation, width=np.tile(WIDTHS, COMMANDS))
-    search = Genetic(4 * COMMANDS, rng=stream(seed, "navigation"), rules=rules)
-    grades = lambda unit: np.stack(fitness(driven(Plan.of(unit), model), within), axis=1)  # noqa: E731
+    rules = Rules(population, tournament, mutation=mutation, width=np.tile(WIDTHS, commands))
+    search = Genetic(4 * commands, rng=stream(seed, "navigation"), rules=rules)
+    paths = lambda unit: driven(Plan.of(unit, ranges), model)  # noqa: E731
+    grades = lambda unit: np.stack(fitness(paths(unit), within, course), axis=1)  # noqa: E731
     judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
     found = drive(search, grades, judge, Limits(generations * population), progress=progress)
     return Evolved(found.best, found.value, int(found.grades[1]))

@@ -38,6 +38,13 @@ class Wheels:
         speed, half = told[:, :1], 0.5 * self.track * told[:, 1:]
         return np.concatenate([speed - half, speed + half], axis=1)
 
+    @property
+    def matrix(self) -> np.ndarray:
+        """(2, 2) that makes speeds of the wheels on the ground [m/s] of the two commands."""
+        if self.radius is not None:
+            return self.radius * np.eye(2)
+        return np.array([[1.0, -0.5 * self.track], [1.0, 0.5 * self.track]])
+
 
 def steering(robot: Robot) -> tuple[str, str] | None:
     """The two commands that drive a base: of its wheels, or speed and yaw rate; None for a robot without wheels."""

@@ -8,6 +8,7 @@ import made_up_comparison
 import made_up_diagnosis
 import made_up_drift
 import made_up_gait
+import made_up_navigation
 import made_up_results
 import numpy as np
 import pytest
@@ -143,3 +144,14 @@ def test_a_drift_draws_factors_with_their_intervals_and_a_map() -> None:
 def test_nothing_is_drawn_with_before_something_is_drawn() -> None:
     code = "import sys, dynreg.results, dynreg.data.recording, dynreg.session; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_a_plan_draws_its_path_some_drives_and_its_places() -> None:
+    found = made_up_navigation.navigation(missed=True)
+    (place,) = found.plot()
+    drive, model, visited, missed, _ = place.lines
+    assert np.array_equal(model.get_xdata(), found.way.x) and model.get_label() == "dynamic"
+    assert np.array_equal(drive.get_ydata(), found.ways[0].y)
+    assert [*visited.get_xdata()] == pytest.approx([0.35, 0.65, 0.65, 0.35, 0.35])
+    assert [*missed.get_ydata()] == pytest.approx([-0.35, -0.35, -0.05, -0.05, -0.35])
+    assert visited.get_color() != missed.get_color() and place.get_ylabel() == "to the left [m]"

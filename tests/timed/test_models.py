@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.timed.commands import Commands
-from dynreg.timed.models import Continuous, Kinematic, Model, Unicycle, along
+from dynreg.timed.models import Continuous, Kinematic, Model, Unicycle, along, coarse
 from dynreg.timed.unicycle import KHEPERA
 
 TRACK = 0.0884
@@ -40,3 +40,12 @@ def test_both_ways_have_a_point_at_every_end_also_of_a_command_of_no_time(comman
 def test_who_knows_the_way_is_told_by_a_protocol() -> None:
     models: list[Model] = [Unicycle(KHEPERA, TRACK), Kinematic(TRACK), Asked(0.01)]
     assert [isinstance(model, Continuous) for model in models] == [True, False, False]
+
+
+def test_a_search_asks_the_unicycle_in_steps_that_its_lags_allow() -> None:
+    plain = Kinematic(TRACK)
+    assert coarse(plain) is plain
+    for lag, step in ((0.087, 0.0435), (0.3, 0.05), (0.01, 0.01)):
+        parameters = KHEPERA.copy()
+        parameters[0], parameters[1] = lag, 0.4
+        assert coarse(Unicycle(parameters, TRACK)).step == pytest.approx(step)

@@ -5,11 +5,26 @@ import pytest
 
 from dynreg.errors import UsageError
 from dynreg.rng import stream
+from dynreg.timed.commands import Commands
 from dynreg.timed.models import Kinematic, Unicycle
-from dynreg.timed.navigation import AREA, CENTRES, COMMANDS, ROBOT, Path, Plan, driven, evolve, fitness
+from dynreg.timed.navigation import (
+    COMMANDS,
+    CORNERS,
+    ROBOT,
+    CommandRange,
+    Course,
+    Path,
+    Plan,
+    driven,
+    evolve,
+    fitness,
+    short,
+    visited,
+)
 from dynreg.timed.unicycle import KHEPERA
 
 TRACK = 0.0884
+CENTRES, AREA = CORNERS.centres, np.ptp(CORNERS.area, axis=0)
 MODEL = Kinematic(TRACK)
 
 
@@ -82,7 +97,7 @@ def test_a_plan_is_sought_by_the_blocks_that_the_whole_robot_gets_into() -> None
     edge = path((0.31, 0.2), (0.0, 0.0))
     assert fitness(edge)[1][0] == 1 and fitness(edge, ROBOT)[1][0] == 0
     assert fitness(path((0.37, 0.2), (0.0, 0.0)), ROBOT)[1][0] == 1
-    with pytest.raises(UsageError, match="half a block"):
+    with pytest.raises(UsageError, match="half a side"):
         evolve(MODEL, within=0.15)
     found = evolve(MODEL, generations=30, population=60, tournament=12, within=0.0)
     assert found.blocks > evolve(MODEL, generations=30, population=60, tournament=12, within=0.149).blocks
@@ -105,3 +120,68 @@ def test_a_model_that_diverges_on_the_way_is_worth_nothing() -> None:
     plans = plan((0.1, 0.1, 2.0))
     assert np.isfinite(driven(plans, wild).points[0, 0, 0]).all()
     assert np.isnan(fitness(driven(plans, wild))[0]).all()
+
+
+def test_the_papers_course_is_the_smallest_area_around_its_corners() -> None:
+    around = Course.around([tuple(c) for c in CENTRES], CORNERS.side)
+    assert np.array_equal(around.centres, CENTRES) and around.back
+    assert around.area == pytest.approx(np.array([[-0.6, -0.35], [0.6, 0.35]])) == CORNERS.area
+    assert AREA == pytest.approx([1.2, 0.7]) and CORNERS.back
+
+
+def test_the_start_lies_in_the_usual_area() -> None:
+    assert Course.around([(1.0, 0.5)], 0.2).area == pytest.approx(np.array([[0.0, 0.0], [1.1, 0.6]]))
+    given = np.array([[-1.0, -1.0], [2.0, 2.0]])
+    assert Course.around([(1.0, 0.5)], 0.2, given).area is given
+
+
+def test_a_course_without_a_way_back_ends_in_a_place() -> None:
+    course = Course.around([(1.0, 0.0), (1.0, 1.0)], 0.2, back=False)
+    way = path((1.0, 0.05), (1.0, 0.5), (1.0, 0.97))
+    assert visited(way, course).tolist() == [[True, True]] and short(way, course)[0] == pytest.approx(0.03)
+    value, count = fitness(way, 0.0, course)
+    assert count[0] == 2 and value[0] == pytest.approx(2000.0 - 2.5 * 10.0 - 5.0 * 3.0)
+    home = Course.around([(1.0, 0.0), (1.0, 1.0)], 0.2)
+    assert fitness(way, 0.0, home)[0][0] == pytest.approx(2000.0 - 2.5 * 10.0 - 500.0 * np.hypot(1.0, 0.97))
+
+
+def test_points_below_and_above_an_area_count_as_outside() -> None:
+    course = Course.around([(1.0, 0.0)], 0.2, np.array([[-0.1, -0.2], [1.1, 0.2]]))
+    inside, below, above = (
+        path((1.0, 0.0), point, (0.0, 0.0)) for point in ((0.5, 0.0), (-0.2, -0.2), (1.1, 0.5))
+    )
+    values = [fitness(way, 0.0, course)[0][0] for way in (inside, below, above)]
+    assert values[0] - values[1] == pytest.approx(2.5 * 10.0) and values[0] - values[2] == pytest.approx(
+        2.5 * 30.0
+    )
+
+
+def test_commands_are_told_in_the_robots_own_numbers() -> None:
+    """Speed and yaw rate become speeds of the wheels, and times are multiples of the robot's period."""
+    wheels = np.array([[1.0, -0.1], [1.0, 0.1]])
+    ranges = CommandRange(np.array([0.1, -1.0]), np.array([0.3, 2.0]), (0.1, 0.5), 0.04, wheels)
+    unit = np.array([[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]])
+    assert ranges.told(unit)[0] == pytest.approx(np.array([[0.1, -1.0], [0.3, 2.0]]))
+    made = Plan.of(unit, ranges)
+    assert made.left[0] == pytest.approx([0.2, 0.1]) and made.right[0] == pytest.approx([0.0, 0.5])
+    assert made.seconds[0] == pytest.approx([0.08, 0.48]) and made.null[0].tolist() == [False, True]
+    brief = CommandRange(np.zeros(2), np.ones(2), (0.001, 0.002), 0.04)
+    assert Plan.of(unit, brief).seconds[0] == pytest.approx([0.04, 0.04])
+
+
+def test_a_range_is_what_most_commands_of_a_recording_said_and_the_robot_takes() -> None:
+    many, wheels = np.arange(101), np.array([[1.0, -0.1], [1.0, 0.1]])
+    speed, turn = 0.01 * many - 0.5, 0.02 * many - 1.0
+    sides = np.stack([speed, turn], axis=1) @ wheels.T
+    told = Commands(*sides.T, 0.01 * (1 + many), *np.zeros((2, 101)))
+    found = CommandRange.used(told, wheels, 0.02, np.array([[-0.3, -2.0], [0.5, 2.0]]))
+    assert found.low == pytest.approx([-0.3, -0.9]) and found.high == pytest.approx([0.45, 0.9])
+    assert found.seconds == pytest.approx((0.06, 0.96)) and found.tick == 0.02
+
+
+def test_a_plan_of_some_commands_reaches_one_place() -> None:
+    course = Course.around([(0.3, 0.1)], 0.1, back=False)
+    given = {"commands": 3, "generations": 40, "population": 60, "tournament": 12, "within": 0.025}
+    found = evolve(MODEL, course, **given)
+    assert found.genes.shape == (12,) and found.blocks == 1
+    assert short(driven(Plan.of(found.genes[None]), MODEL), course)[0] < 0.025

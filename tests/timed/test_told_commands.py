@@ -15,7 +15,7 @@ from dynreg.timed.commands import Commands, chained, drawn
 from dynreg.timed.kinematic import kinematic
 from dynreg.timed.told import told
 from dynreg.timed.unicycle import PIONEER, unicycle
-from dynreg.timed.wheels import POSE
+from dynreg.timed.wheels import POSE, Wheels
 
 
 @pytest.fixture(scope="module")
@@ -178,3 +178,10 @@ def test_logs_without_commands_are_refused(robot: Robot) -> None:
     )
     with pytest.raises(LogError, match="no channel 'right_wheel/velocity_command'"):
         told(robot, mute)
+
+
+@pytest.mark.parametrize("radius", [0.03, None])
+def test_a_matrix_makes_the_speeds_of_wheels(radius: float | None) -> None:
+    wheels = Wheels(np.array([2, 0]), radius, 0.4)
+    values = np.array([[0.3, 9.0, -1.0], [2.0, 9.0, 0.5]])
+    assert wheels.speeds(values) == pytest.approx(values[:, [2, 0]] @ wheels.matrix.T)

@@ -1,0 +1,139 @@
+"""Plans made from a recording of a robot whose truth is known: they are driven on it, stored, and the same again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from driven_robot import PERIOD, commands, config, logged
+
+import dynreg
+from dynreg.cli.main import main
+from dynreg.errors import LogError, RobotError, UsageError
+from dynreg.results import Navigation
+from dynreg.session import Session
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.timed.commands import AXES
+from dynreg.timed.compare import FACTORS
+from dynreg.timed.models import Kinematic
+from dynreg.timed.told import told
+from dynreg.verbs.navigate import NavigateSettings
+from dynreg.verbs.navigation import planned
+
+QUICK = {"generations": 25, "drives": 200, "threads": 1}
+LAGS = {
+    "speed_lag": 0.15,
+    "yaw_lag": 0.18,
+    "yaw_drag": 1.04,
+}  # of the hidden robot: the closed form knows none
+PLACE = (0.5, 0.1)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("diffdrive")
+
+
+@pytest.fixture(scope="module")
+def registry(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Session:
+    session = dynreg.open(tmp_path_factory.mktemp("navigate") / "registry")
+    log = logged(robot, config(robot, LAGS), [commands(robot, 150, 1)], engine="unicycle", noise=0.1)
+    session.ingest(log, "diffdrive", name="monday")
+    session.ingest(logged(robot, config(robot), [commands(robot, 20, 2)]), "diffdrive", name="short")
+    yield session
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def found(registry: Session) -> Navigation:
+    return registry.navigate("monday", visit=[PLACE], back=False, on="kinematic", **QUICK)
+
+
+def test_a_plan_keeps_to_what_the_recording_and_the_robot_can(found: Navigation, robot: Robot) -> None:
+    assert found.places[0].visited and found.end.value < 0.075 and 1 <= len(found.commands) <= 10
+    values = np.array([c.values for c in found.commands])
+    assert np.abs(values).max() <= 0.7 * robot.file.actions[0].high
+    lasts = np.array([c.seconds for c in found.commands])
+    assert (
+        lasts.min() >= 0.1
+        and lasts.max() <= 0.5
+        and lasts / PERIOD == pytest.approx(np.round(lasts / PERIOD))
+    )
+    begins = [c.time for c in found.commands]
+    assert begins == pytest.approx([0.0, *np.cumsum(lasts)[:-1]]) and found.seconds == pytest.approx(
+        lasts.sum()
+    )
+    assert found.parts == {"fit": 103, "validation": 23, "test": 24} and found.recording_name == "monday"
+
+
+def test_the_table_drives_the_robot_as_far_off_as_the_drives_say(found: Navigation, robot: Robot) -> None:
+    """The hidden robot lags behind the closed form, which made the plan."""
+    table = found.to_frame()
+    assert table["seconds"].iloc[-1] == 0.0 and not table[list(robot.actions)].iloc[-1].any()
+    rows = np.round(table["seconds"] / PERIOD).astype(int)
+    driven = table[list(robot.actions)].to_numpy().repeat(rows, axis=0)
+    log = logged(robot, config(robot, LAGS), [driven], engine="unicycle")
+    end = log.episodes[0].values[-1, log.columns(["base/x", "base/y"])]
+    assert found.end.value < np.hypot(*(end - PLACE)) < found.end.high and found.end.value < found.end.low
+    assert [way.x[0] for way in (found.way, *found.ways)] == [0.0] * 7 and len(
+        {way.x for way in found.ways}
+    ) > 1
+    assert found.places[0].drives == found.all_visited <= found.drives == 200
+
+
+def test_a_plan_is_stored_and_the_same_seed_makes_it_again(registry: Session, found: Navigation) -> None:
+    again = registry.navigate("monday", visit=PLACE, back=False, on="kinematic", **QUICK | {"threads": 2})
+    assert again.model_dump(exclude={"cost"}) == found.model_dump(exclude={"cost"})
+    assert registry.result("@last") == again
+    other = registry.navigate("monday", visit=[PLACE], back=False, on="kinematic", seed=1, **QUICK)
+    assert other.commands != found.commands
+
+
+def test_a_plan_comes_back_by_more_commands_and_says_what_it_misses(registry: Session) -> None:
+    far = registry.navigate("monday", visit=[(9.0, 0.0)], on="kinematic", **QUICK)
+    assert (
+        not far.places[0].visited
+        and far.all_visited == 0
+        and "does not do all that was asked" in far.notes[0]
+    )
+    assert far.area == pytest.approx((0.0, -0.15, 9.15, 0.15)) and far.goal == "the start"
+    brief = registry.navigate(
+        "monday", visit=[PLACE], seconds=(0.1, 0.2), commands=3, on="kinematic", **QUICK
+    )
+    assert max(c.seconds for c in brief.commands) <= 0.2 and len(brief.commands) <= 3
+
+
+def test_commands_that_are_left_out_are_in_no_table(registry: Session) -> None:
+    near = registry.navigate("monday", visit=[(0.05, 0.0)], back=False, on="kinematic", **QUICK)
+    assert 1 <= len(near.commands) < 10 and near.places[0].visited
+    assert near.seconds == pytest.approx(sum(c.seconds for c in near.commands)) and near.end.value < 0.05
+
+
+def test_the_models_errors_are_of_the_commands_at_the_end(
+    registry: Session, found: Navigation, robot: Robot
+) -> None:
+    known = told(robot, registry.recording("monday"), longest=2.0)
+    last = slice(-found.parts["test"], None)
+    off = np.abs(known.moved[last] - Kinematic(known.track).predict(known.commands.take(last))).mean(axis=0)
+    assert [found.errors[axis].mean for axis in AXES] == pytest.approx(off * FACTORS)
+
+
+def test_what_cannot_be_planned_is_refused(registry: Session) -> None:
+    with pytest.raises(UsageError, match="longest command lasts 0.5 s"):
+        registry.navigate("monday", visit=[PLACE], seconds=(0.1, 3.0), on="kinematic", **QUICK)
+    with pytest.raises(LogError, match="20 commands, 3 of them to test"):
+        registry.navigate("short", visit=[PLACE], **QUICK)
+    with pytest.raises(LogError, match="fit model 'network'"):
+        registry.navigate("monday", visit=[PLACE], on="network", **QUICK)
+    with pytest.raises(RobotError, match="has no wheels"):
+        planned(load_robot("servo_pendulum"), registry.recording("monday"), NavigateSettings(visit=[PLACE]))
+    for wrong in ((), (1.0,), ("a", 1.0), (float("inf"), 0.0), None):
+        with pytest.raises(UsageError, match="visit"):
+            registry.navigate("monday", visit=wrong)
+
+
+def test_the_command_goes_the_whole_way(registry: Session, found: Navigation, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "plan.csv"
+    line = f"--registry {registry.path} navigate monday --visit 0.5,0.1 --no-back --on kinematic --generations 25"
+    assert main([*line.split(), "--drives", "200", "--threads", "1", "--quiet", "-o", str(out)]) == 0
+    assert str(found) in " ".join(capsys.readouterr().out.split())
+    assert out.read_text(encoding="utf-8") == found.to_frame().to_csv(index=False)
