@@ -39,9 +39,9 @@ def seen(pose: np.ndarray) -> np.ndarray:
     each = np.arange(len(pose))
     sector = np.floor(np.mod(bearing / (2.0 * np.pi) * SECTORS + 0.5, SECTORS)).astype(int)
     _fill(target, each, sector, np.hypot(*away.T) - REACHED)
-    for sector in range(SECTORS):
-        heading = pose[:, 2] + 2.0 * np.pi * sector / SECTORS
-        _fill(walls, each, np.full(len(pose), sector), _to_wall(pose[:, :2], heading))
+    every = np.arange(SECTORS)
+    heading = pose[:, 2:] + 2.0 * np.pi * every / SECTORS
+    _fill(walls, each[:, None], every, _to_wall(pose[:, None, :2], heading))
     return np.concatenate([target.reshape(len(pose), -1), walls.reshape(len(pose), -1)], axis=1)
 
 
@@ -52,11 +52,11 @@ def _fill(image: np.ndarray, which: np.ndarray, sector: np.ndarray, distance: np
 
 
 def _to_wall(where: np.ndarray, heading: np.ndarray) -> np.ndarray:
-    """(n,) metres from points (n, 2) straight on to a wall."""
-    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    """(n, S) metres from points (n, 1, 2) straight on, along headings (n, S) [rad], to a wall."""
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     room = np.where(direction > 0, FIELD - where, where)
     with np.errstate(divide="ignore"):
-        return (room / np.abs(direction)).min(axis=1)
+        return (room / np.abs(direction)).min(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ SINCE = np.arange(TICKS) - DELAY
 # (ticks,) what a spike adds so many ticks later, to who hears it and to the neuron itself
 HEARD = np.where(SINCE >= 0, np.exp(-SINCE / MEMBRANE) * (1.0 - np.exp(-SINCE / SYNAPSE)), 0.0)
 SILENCE = -np.exp(-np.arange(TICKS) / MEMBRANE)
+FADES = np.exp([-1.0 / MEMBRANE, -1.0 / MEMBRANE - 1.0 / SYNAPSE])  # a tick, of their exponentials
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +53,16 @@ class Controllers:
 
         Every window begins at rest. No spike at all is the lowest command, too.
         """
-        steady = np.cumsum(HEARD)  # of an input that spikes at every tick
-        drive = np.einsum("bni,bi->bn", self.inputs, seen.astype(float))
-        spikes = np.zeros((len(seen), NEURONS, TICKS))
+        drive = (self.inputs @ seen.astype(float)[:, :, None])[:, :, 0, None]
+        driven = np.moveaxis(drive * np.cumsum(HEARD), -1, 0)  # inputs spike at every tick
+        spikes = np.zeros((TICKS, len(seen), NEURONS))
+        slow, quick, own = np.zeros((3, len(seen), NEURONS))  # sums over spikes: both parts of HEARD, SILENCE
         for tick in range(TICKS):
-            ago = HEARD[1 : tick + 1][::-1]  # of the spikes at 0 to tick - 1
-            told = np.einsum("bnm,bmt,t->bn", self.neurons, spikes[:, :, :tick], ago)
-            own = spikes[:, :, :tick] @ SILENCE[1 : tick + 1][::-1]
-            spikes[:, :, tick] = drive * steady[tick] + told + own > self.thresholds
-        return np.clip(spikes[:, :MOTORS].sum(axis=2).astype(int) - 1, 0, SPEEDS - 1)
+            if tick:
+                own = FADES[0] * (own - spikes[tick - 1])
+            if tick >= DELAY:
+                new = spikes[tick - int(DELAY)]
+                slow, quick = FADES[0] * slow + new, FADES[1] * quick + new
+            told = (self.neurons @ (slow - quick)[:, :, None])[:, :, 0]
+            spikes[tick] = driven[tick] + told + own > self.thresholds
+        return np.clip(spikes[:, :, :MOTORS].sum(axis=0).astype(int) - 1, 0, SPEEDS - 1)
