@@ -13,7 +13,7 @@ from dynreg.timed.pulsed import GENES, INPUTS, Controllers
 TRACK = 0.09
 
 
-def mover(cell: np.ndarray) -> np.ndarray:
+def mover(cell: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Half a second of the closed form."""
     left, right = (side[cell] for side in cells())
     return kinematic(Commands(left, right, np.full(len(cell), 0.5), left, right), TRACK)
@@ -71,7 +71,7 @@ def test_who_drives_to_the_target_gets_there_and_the_trial_ends() -> None:
 
 def test_walls_hold_and_who_does_not_arrive_has_used_all_steps() -> None:
     straight = tried(
-        Controllers.of(np.zeros((1, GENES))), lambda cell: np.tile([0.0, 0.2, 0.0], (len(cell), 1))
+        Controllers.of(np.zeros((1, GENES))), lambda cell, _: np.tile([0.0, 0.2, 0.0], (len(cell), 1))
     )
     assert (straight.steps == STEPS).all() and straight.fitness[0] == 0.0 and not straight.reached.any()
     up, right = straight.ways[0, 0, -1], straight.ways[0, 2, -1]
