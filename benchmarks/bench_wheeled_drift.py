@@ -41,7 +41,10 @@ TUNE, REPORT = 63, {"changing": 20261211, "static": 20261218}
 GIVES = (0.6, 0.8)  # of what the wheel is told
 CHANGES = 0.4  # of the evolution: generation 800 of 2000
 ENOUGH = 0.7  # of the trials
-PUBLISHED = {True: (40, 100, 70), False: (10, 0, 5)}  # % of trials, up, right and all, with update and without
+PUBLISHED = {
+    True: (40, 100, 70),
+    False: (10, 0, 5),
+}  # % of trials, up, right and all, with update and without
 TIMES = 10  # trials for each heading
 DRAWS = 4000  # of the bootstrap
 
@@ -121,7 +124,7 @@ def _ways(trials: Trials) -> list[list[list[int]]]:
 
 
 def _led(robot: HiddenWheels, found: Evolution) -> list[float]:
-    """Share of trials, one for each of four, in which the best at the time reaches the target on the robot as it was."""
+    """Share of four trials in which the best at the time reaches the target on the robot as it was then."""
     out = []
     for count, genes in enumerate(found.leaders, start=1):
         robot.generation = count * EVERY - 1

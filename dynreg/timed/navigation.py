@@ -7,6 +7,7 @@ the whole robot gets into each block: the best path that just touches one misses
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from dynreg.timed.models import Model, along
 COMMANDS = 10
 SPEED = 0.22  # m/s
 SECONDS = (0.1, 2.0)
+TICK = 0.02  # s: a command lasts so many of them, of the clock of a robot that is told 50 times a second
 SAMPLE = 0.1  # s between points of a path
 AREA = np.array([1.2, 0.7])  # m
 BLOCK = 0.3  # m, a side
@@ -51,12 +53,23 @@ class Plan:
     def of(cls, unit: np.ndarray) -> "Plan":
         """Of genes (B, 40) in the unit cube: four for each command."""
         left, right, seconds, null = np.moveaxis(unit.reshape(len(unit), COMMANDS, 4), -1, 0)
+        asked = SECONDS[0] + seconds * (SECONDS[1] - SECONDS[0])
         return cls(
             SPEED * (2.0 * left - 1.0),
             SPEED * (2.0 * right - 1.0),
-            SECONDS[0] + seconds * (SECONDS[1] - SECONDS[0]),
+            TICK * np.round(asked / TICK),
             null > 0.5,
         )
+
+    @property
+    def ticks(self) -> np.ndarray:
+        """(B, 10) how many ticks each command lasts; 0 of those that are left out."""
+        return np.where(self.null, 0, np.round(self.seconds / TICK)).astype(int)
+
+    def speeds(self, number: int) -> np.ndarray:
+        """(T, 2) what the wheels of one plan are told [m/s], left and right, at every tick."""
+        sides = np.stack([self.left[number], self.right[number]], axis=1)
+        return np.repeat(sides, self.ticks[number], axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +81,33 @@ class Path:
     time: np.ndarray
 
 
-def driven(plan: Plan, model: Model) -> Path:
+@runtime_checkable
+class Drives(Protocol):
+    """What drives whole plans: a robot, or a simulator whose state goes on from one command to the next."""
+
+    def drive(self, plan: Plan) -> Path:
+        """The paths of B plans; see `driven`."""
+
+
+def path_along(plan: Plan, poses: np.ndarray) -> Path:
+    """The path of poses (B, T + 1, 3) at every tick of B plans, those of shorter ones padded: as `driven` cuts it."""
+    ticks = plan.ticks
+    begin = np.cumsum(ticks, axis=1) - ticks
+    each = round(SAMPLE / TICK)
+    number = np.arange(-(-int(ticks.max(initial=0)) // each))
+    after = np.minimum(each * (number + 1), ticks[..., None])
+    which = np.arange(len(poses))
+    points = poses[which[:, None, None], begin[..., None] + after]
+    there = each * number < ticks[..., None]
+    return Path(
+        np.where(there[..., None], points, np.nan), poses[which, ticks.sum(axis=1)], TICK * ticks.sum(axis=1)
+    )
+
+
+def driven(plan: Plan, model: Model | Drives) -> Path:
     """The path that a model predicts, from the middle, looking along x: points every 0.1 s, and each end."""
+    if isinstance(model, Drives):
+        return model.drive(plan)
     many, told = len(plan.left), ~plan.null
     left, right, seconds = (column[told] for column in (plan.left, plan.right, plan.seconds))
     follows = (
@@ -111,15 +149,19 @@ def fitness(path: Path, within: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Evolved:
-    """The best genes (40,) of an evolution, their fitness in the model and the blocks that it got into there."""
+    """The best genes (40,) of an evolution, their fitness in the model and the blocks that it got into there.
+
+    history : (candidates tried, best fitness) whenever it rose.
+    """
 
     genes: np.ndarray
     fitness: float
     blocks: int
+    history: tuple[tuple[int, float], ...]
 
 
 def evolve(
-    model: Model,
+    model: Model | Drives,
     *,
     generations: int = 10_000,
     population: int = 200,
@@ -144,4 +186,4 @@ def evolve(
     grades = lambda unit: np.stack(fitness(driven(Plan.of(unit), model), within), axis=1)  # noqa: E731
     judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
     found = drive(search, grades, judge, Limits(generations * population), progress=progress)
-    return Evolved(found.best, found.value, int(found.grades[1]))
+    return Evolved(found.best, found.value, int(found.grades[1]), found.history)
