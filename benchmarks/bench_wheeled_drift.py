@@ -13,7 +13,7 @@ distance between where the controller is in the last table and on the robot at t
 reject where nothing changed: one by one at 5 %, with the false-discovery rate controlled, and the tests as printed (new
 samples held against all, themselves among them).
 
-Every finished evolution is a line of the journal (`--journal`); a second start goes on. `docs/hooks/plots.py` draws
+Every finished evolution is a line of the journal (`--journal`); a second start goes on. `wheeled_pictures.py` draws
 what the result keeps.
 """
 

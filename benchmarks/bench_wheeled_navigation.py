@@ -21,7 +21,7 @@ simulators' counts of plans that miss no block.
 By default at the paper's size, 20 evolutions of 10,000 generations of 200 in each simulator; `--small` takes 12 of 500.
 `--tune` prints how much fitness grows after that.
 
-Every finished robot and evolution is a line of the journal (`--journal`); a second start goes on. `docs/hooks/plots.py`
+Every finished robot and evolution is a line of the journal (`--journal`); a second start goes on. `wheeled_pictures.py`
 draws the paths that the result keeps.
 """
 
@@ -190,8 +190,8 @@ def _told(kind: str, of: dict, many: int) -> None:
         f" (published {gap}); {of['missed'][0]} of {many} miss no block"
         f" [{of['success'][0]:.2f}, {of['success'][1]:.2f}], {of['missed'][1:]} miss 1, 2, 3, 4 (published {missed});"
         f" {of['core']:.0f} core s\n"
-        f"{'':10s} {of['four in the simulator']} visit all four in their simulator, {of['kept of those']} of them on the robot;"
-        f" driven {AGAIN} times:"
+        f"{'':10s} {of['four in the simulator']} visit all four in their simulator, {of['kept of those']} of them"
+        f" on the robot; driven {AGAIN} times:"
         f" {_shown([100 * v for v in of['again']['success']])} % miss no block, gap {_shown(of['again']['gap'])};"
         f" by effect {of['by effect']}; fitness after"
         f" {', '.join(f'{c} generations {v:.0f}' for c, v in of['after'].items())}"

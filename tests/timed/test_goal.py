@@ -93,3 +93,30 @@ def test_every_cell_is_a_pair_of_speeds_and_controllers_move_the_robot() -> None
     both = tried(some.take(np.array([2])), mover).ways
     assert np.allclose(both[0], ways[2])
     assert goal.DRAWS == 2
+
+
+def test_a_mover_is_told_the_command_before() -> None:
+    """Standstill at first; then what the step before told, and in the second half of a step the same command."""
+    asked = []
+
+    def moved(cell: np.ndarray, before: np.ndarray) -> np.ndarray:
+        asked.append((cell.copy(), before.copy()))
+        return mover(cell, before)
+
+    tried(Driver.many(1), moved)
+    cells_told, before = zip(*asked[: 2 * 8], strict=True)
+    assert (before[0] == -1).all()
+    for half in range(1, 16):
+        assert np.array_equal(before[half], cells_told[half - 1])
+    assert len({int(c[0]) for c in cells_told}) > 1
+
+
+def test_walls_are_as_far_as_a_line_that_is_followed_to_them() -> None:
+    rng = stream(6, "poses")
+    where, heading = rng.uniform([0.1, 0.1], FIELD - 0.1, (20, 2)), rng.uniform(-np.pi, np.pi, (20, 16))
+    found = goal._to_wall(where[:, None], heading)
+    for at, row, far in zip(where, heading, found, strict=True):
+        for angle, distance in zip(row, far, strict=True):
+            along = at + np.arange(0.0, 4.0, 1e-3)[:, None] * [np.cos(angle), np.sin(angle)]
+            outside = ((along < 0) | (along > FIELD)).any(axis=1)
+            assert distance == pytest.approx(1e-3 * int(outside.argmax()), abs=2e-3)
