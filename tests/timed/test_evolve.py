@@ -99,3 +99,17 @@ def test_a_table_draws_around_its_cells_whatever_was_told_before() -> None:
         own = moved[cell == which]
         assert np.allclose(own.mean(axis=0), mean[which], atol=4 * deviation[which].max() / np.sqrt(4000))
         assert np.allclose(own.std(axis=0), deviation[which], rtol=0.05)
+
+
+def test_the_leader_is_the_best_of_its_generation_and_the_robot_is_told_what_came_before() -> None:
+    asked = []
+
+    class Watched(HiddenWheels):
+        def move(self, cell: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
+            asked.append(before)
+            return super().move(cell, before)
+
+    first = measured(HiddenWheels(seed=6))
+    found = evolve(Watched(seed=4), first=first, generations=1, every=1, population=20)
+    assert np.array_equal(found.leaders, found.genes[None])
+    assert (asked[0] == -1).all() and all((before >= 0).all() for before in asked[1:])

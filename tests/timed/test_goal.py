@@ -120,3 +120,15 @@ def test_walls_are_as_far_as_a_line_that_is_followed_to_them() -> None:
             along = at + np.arange(0.0, 4.0, 1e-3)[:, None] * [np.cos(angle), np.sin(angle)]
             outside = ((along < 0) | (along > FIELD)).any(axis=1)
             assert distance == pytest.approx(1e-3 * int(outside.argmax()), abs=2e-3)
+
+
+def test_each_sector_sees_the_wall_that_lies_its_way() -> None:
+    """Sixteen equal angles from straight ahead, each in the ring of its distance and in the next."""
+    pose = stream(8, "poses").uniform([0.1, 0.1, -np.pi], [*(FIELD - 0.1), np.pi], (30, 3))
+    image = seen(pose)[:, 64:].reshape(30, 16, 4)
+    for sector in range(16):
+        far = goal._to_wall(pose[:, None, :2], pose[:, 2:] + sector * np.pi / 8)[:, 0]
+        ring = np.searchsorted(goal.RINGS, far, side="right")
+        wanted = np.zeros((30, 4), dtype=bool)
+        wanted[np.arange(30), ring] = wanted[np.arange(30), np.minimum(ring + 1, 3)] = True
+        assert np.array_equal(image[:, sector], wanted)
