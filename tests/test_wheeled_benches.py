@@ -256,3 +256,23 @@ def test_the_drift_table_and_both_pictures(
     for name in ("navigation.png", "displacements.png"):
         drawn_ = (tmp_path / "docs" / name).read_bytes()
         assert drawn_.startswith(b"\x89PNG") and len(drawn_) < 150_000
+
+
+def test_no_generations_get_below_the_minimum(robots: ModuleType, capsys) -> None:
+    import bench_wheeled_ga as ga
+
+    commands, moved = ga.log_of(SEED, "Laut")
+    part = commands.take(slice(0, 60))
+    clean = unicycle(part, LAUT, 0.0884, step=0.02)
+    assert ga.cost(part, clean, LAUT) == 0.0
+    scaled = clean + 0.1 * clean.std(axis=0)
+    assert ga.cost(part, scaled, LAUT) == pytest.approx(0.03)
+    assert ga.errors(
+        part, unicycle(part, LAUT, 0.0884) + [0.01, 0.02, np.radians(3.0)], LAUT
+    ) == pytest.approx([1.0, 2.0, 3.0])
+    found = ga.bred("Laut", SEED, (3, 8))
+    assert list(found) == ["least squares", "3 generations", "8 generations"]
+    least, few, more = (found[name]["cost"] for name in found)
+    assert least < more < few and len(found["3 generations"]["errors"]) == 3
+    ga.show("Laut", found)
+    assert "least squares" in capsys.readouterr().out
