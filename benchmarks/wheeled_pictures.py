@@ -38,8 +38,8 @@ ARMS = {"with update": "with the table's update", "without": "without"}
 def draw_way(axes: Axes, simulated: np.ndarray, real: np.ndarray) -> None:
     """Two paths (n, 2) [mm], in a simulator and on the robot."""
     for way, color, width, dashes, label in (
-        (simulated, SIMULATED, 1.4, (0, (4, 2)), "in the simulator"),
-        (real, REAL, 1.8, "-", "on the robot"),
+        (real, REAL, 2.6, "-", "on the robot"),
+        (simulated, SIMULATED, 1.3, (0, (4, 2)), "in the simulator"),
     ):
         x, y = np.asarray(way, float).T / 1000.0
         axes.plot(x, y, color=color, linewidth=width, linestyle=dashes, label=label)
