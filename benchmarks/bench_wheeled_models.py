@@ -25,7 +25,7 @@ from journal import Journal
 
 from dynreg.results.comparison import Errors
 from dynreg.rng import stream
-from dynreg.timed.commands import AXES, drawn
+from dynreg.timed.commands import AXES, Commands, drawn
 from dynreg.timed.compare import FACTORS, compared
 from dynreg.timed.fit import Breeding, fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
@@ -98,12 +98,18 @@ def main() -> None:
         FILE.write_text(json.dumps(figures, indent=1) + "\n")
 
 
+def log_of(seed: int, name: str) -> tuple[Commands, np.ndarray]:
+    """Commands (n,) of a hidden robot, and its displacements (n, 3) as they are measured."""
+    number = list(TRUTHS).index(name)
+    commands = drawn(CUT[-1].stop, stream(seed, "commands", number))
+    moved = unicycle(commands, TRUTHS[name], TRACK)
+    return commands, moved + NOISE * stream(seed, "tracker", number).standard_normal(moved.shape)
+
+
 def work(plan: Plan, name: str, path: Path) -> str:
     """One hidden robot, on one core; its name and what it took."""
     number, truth = list(TRUTHS).index(name), TRUTHS[name]
-    commands = drawn(CUT[-1].stop, stream(plan.seed, "commands", number))
-    moved = unicycle(commands, truth, TRACK)
-    moved += NOISE * stream(plan.seed, "tracker", number).standard_normal(moved.shape)
+    commands, moved = log_of(plan.seed, name)
     known, unseen, rest = ((commands.take(c), moved[c]) for c in CUT)
     began = time.process_time()
     fitted = fit_unicycle(*known, unseen, TRACK, Breeding(generations=plan.generations, seed=number))

@@ -17,6 +17,7 @@ from dynreg.timed.goal import HEADINGS, Mover, Trials, cells, tried
 from dynreg.timed.kinematic import kinematic
 from dynreg.timed.pulsed import GENES, SPEEDS, Controllers
 from dynreg.timed.table import DisplacementTable, Rules, Tested, updated
+from dynreg.timed.worn import WornWheels
 
 SAMPLE = 0.5  # s of a displacement
 FIRST = 10  # samples of every command, before anything evolves
@@ -39,10 +40,12 @@ class HiddenWheels:
     """The door to a robot on wheels with a secret: what it does to commands, and how that changes.
 
     track [m]; scatter (3,) standard deviations of half a second's displacement [m, m, rad]; drifts in order of time.
+    worn : wheels that make a command depend on the one before it; by default it drives arcs, as told.
     budget : steps in all, None without a limit; `steps` counts them.
     """
 
     drifts: tuple[Drift, ...] = ()
+    worn: WornWheels | None = None
     track: float = 0.0884
     scatter: tuple[float, float, float] = (0.002, 0.002, 0.03)
     seed: int = 0
@@ -54,8 +57,11 @@ class HiddenWheels:
     def __post_init__(self):
         self._rng = stream(self.seed, "hidden wheels")
 
-    def move(self, cell: np.ndarray) -> np.ndarray:
-        """(n, 3) displacements of half a second of commands (n,); BudgetError, before anything moves."""
+    def move(self, cell: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
+        """(n, 3) displacements of half a second of commands (n,); BudgetError, before anything moves.
+
+        before : (n,) as in `truth`.
+        """
         if self.budget is not None and self.steps + len(cell) > self.budget:
             raise BudgetError(
                 f"{self.steps} of {self.budget} steps on the robot are spent",
@@ -63,15 +69,25 @@ class HiddenWheels:
                 do="work with the samples that there are, or grant a larger budget",
             )
         self.steps += len(cell)
-        return self.truth(cell) + self._rng.standard_normal((len(cell), 3)) * self.scatter
+        return self.truth(cell, before) + self._rng.standard_normal((len(cell), 3)) * self.scatter
 
-    def truth(self, cell: np.ndarray) -> np.ndarray:
-        """(n, 3) what commands (n,) do on average now: for judging, and no search may see it."""
-        left, right = (side[cell] for side in cells())
+    def truth(self, cell: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
+        """(n, 3) what commands (n,) do on average now: for judging, and no search may see it.
+
+        before : (n,) the commands before them, -1 for standstill; by default they were held before, too.
+        """
+        left, right = self._speeds(cell)
+        earlier = (left, right) if before is None else self._speeds(before)
+        told = Commands(left, right, np.full(len(cell), SAMPLE), *earlier)
+        return self.worn.moved(told, self.track) if self.worn else kinematic(told, self.track)
+
+    def _speeds(self, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) and (n,) [m/s] of the left and the right wheel now; 0 where the cell is -1."""
+        left, right = (np.where(cell < 0, 0.0, side[cell]) for side in cells())
         for drift in self.drifts:
             if self.generation >= drift.generation:
                 left, right = drift.left * left, drift.right * right
-        return kinematic(Commands(left, right, np.full(len(cell), SAMPLE), left, right), self.track)
+        return left, right
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +96,8 @@ class Evolution:
 
     error : (updates + 1,) mean distance [m] between the table's and the robot's mean displacement, over all commands.
     apart : (2, cells) that distance [m] at the end for every command, of the first table and of the last.
-    visited : (cells,) commands that the robot was given in trials.
+    visited : (cells,) commands that the robot was given in trials. history : (generations,) the best fitness in the
+    table as it was then. leaders : (updates, 396) the best controller every so many generations, with update or not.
     """
 
     genes: np.ndarray
@@ -90,10 +107,12 @@ class Evolution:
     error: np.ndarray
     apart: np.ndarray
     visited: np.ndarray
+    history: np.ndarray
+    leaders: np.ndarray
 
 
 def measured(robot: HiddenWheels, each: int = FIRST) -> DisplacementTable:
-    """Every command of the robot, `each` times."""
+    """Every command of the robot, `each` times, held before as well."""
     cell = np.repeat(np.arange(SPEEDS**2), each)
     return DisplacementTable.of(SPEEDS**2, cell, robot.move(cell))
 
@@ -101,6 +120,7 @@ def measured(robot: HiddenWheels, each: int = FIRST) -> DisplacementTable:
 def evolve(
     robot: HiddenWheels,
     *,
+    first: DisplacementTable | None = None,
     update: bool = True,
     rules: Rules | None = None,
     method: str = "operon",
@@ -110,20 +130,27 @@ def evolve(
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
 ) -> Evolution:
-    """Controllers for the robot as it is at the end; without `update` the table stays what it was at the beginning."""
-    first = table = measured(robot)
+    """Controllers for the robot as it is at the end; without `update` the table stays what it was at the beginning.
+
+    first : the table at the beginning, such as another robot's; by default it is measured on this one.
+    progress : called with generations done and the best fitness.
+    """
+    first = table = measured(robot) if first is None else first
     rng = stream(seed, "evolution", "draws")
     search = METHODS[method](GENES, rng=stream(seed, "evolution", method), population=population)
-    updates, errors = [], [_error(table, robot)]
+    updates, errors, history, leaders = [], [_error(table, robot)], [], []
     visited = np.zeros(table.cells, dtype=bool)
     for generation in range(generations):
         robot.generation = generation
         asked = search.ask()
-        found = tried(Controllers.of(asked), _mover(table, rng)).fitness
+        found = tried(Controllers.of(asked), mover_of(table, rng)).fitness
         search.tell(-found)
         order = np.argsort(-found, kind="stable")
+        history.append(float(found[order[0]]))
         if progress:
-            progress(generation + 1, float(found[order[0]]))
+            progress(generation + 1, history[-1])
+        if (generation + 1) % every == 0:
+            leaders.append(asked[order[0]])
         if update and (generation + 1) % every == 0:
             cell, values = _tried_on(robot, asked[order[:TRIED]])
             visited[cell] = True
@@ -133,7 +160,17 @@ def evolve(
     errors.append(_error(table, robot))
     apart = np.array([_apart(t, robot) for t in (first, table)])
     best = int(order[0])
-    return Evolution(asked[best], float(found[best]), table, tuple(updates), np.array(errors), apart, visited)
+    return Evolution(
+        asked[best],
+        float(found[best]),
+        table,
+        tuple(updates),
+        np.array(errors),
+        apart,
+        visited,
+        np.array(history),
+        np.array(leaders).reshape(-1, GENES),
+    )
 
 
 def judged(robot: HiddenWheels, genes: np.ndarray, times: int = 10) -> Trials:
@@ -147,18 +184,19 @@ def _tried_on(robot: HiddenWheels, genes: np.ndarray) -> tuple[np.ndarray, np.nd
     told: list[np.ndarray] = []
     moved: list[np.ndarray] = []
 
-    def logged(cell: np.ndarray) -> np.ndarray:
+    def logged(cell: np.ndarray, before: np.ndarray) -> np.ndarray:
         told.append(cell)
-        moved.append(robot.move(cell))
+        moved.append(robot.move(cell, before))
         return moved[-1]
 
     tried(Controllers.of(genes), logged)
     return np.concatenate(told), np.concatenate(moved)
 
 
-def _mover(table: DisplacementTable, rng: np.random.Generator) -> Mover:
+def mover_of(table: DisplacementTable, rng: np.random.Generator) -> Mover:
+    """What commands do by a table: each draw from the normal distribution of its cell, whatever was told before."""
     _, mean, deviation = table.moments()
-    return lambda cell: mean[cell] + deviation[cell] * rng.standard_normal((len(cell), 3))
+    return lambda cell, _: mean[cell] + deviation[cell] * rng.standard_normal((len(cell), 3))
 
 
 def _error(table: DisplacementTable, robot: HiddenWheels) -> float:

@@ -25,7 +25,8 @@ LEVELS = np.linspace(
 )  # m/s of a wheel: all drive on, or few controllers ever see the far corner
 SECTORS = 16
 RINGS = np.array([0.3, 0.7, 1.3])  # m: between four rings
-Mover = Callable[[np.ndarray], np.ndarray]  # cells (n,) of commands to displacements (n, 3) of half a second
+# cells (n,) of commands, and of those before them (-1 at standstill), to displacements (n, 3) of half a second
+Mover = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def seen(pose: np.ndarray) -> np.ndarray:
@@ -39,9 +40,9 @@ def seen(pose: np.ndarray) -> np.ndarray:
     each = np.arange(len(pose))
     sector = np.floor(np.mod(bearing / (2.0 * np.pi) * SECTORS + 0.5, SECTORS)).astype(int)
     _fill(target, each, sector, np.hypot(*away.T) - REACHED)
-    for sector in range(SECTORS):
-        heading = pose[:, 2] + 2.0 * np.pi * sector / SECTORS
-        _fill(walls, each, np.full(len(pose), sector), _to_wall(pose[:, :2], heading))
+    every = np.arange(SECTORS)
+    heading = pose[:, 2:] + 2.0 * np.pi * every / SECTORS
+    _fill(walls, each[:, None], every, _to_wall(pose[:, None, :2], heading))
     return np.concatenate([target.reshape(len(pose), -1), walls.reshape(len(pose), -1)], axis=1)
 
 
@@ -52,11 +53,11 @@ def _fill(image: np.ndarray, which: np.ndarray, sector: np.ndarray, distance: np
 
 
 def _to_wall(where: np.ndarray, heading: np.ndarray) -> np.ndarray:
-    """(n,) metres from points (n, 2) straight on to a wall."""
-    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    """(n, S) metres from points (n, 1, 2) straight on, along headings (n, S) [rad], to a wall."""
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     room = np.where(direction > 0, FIELD - where, where)
     with np.errstate(divide="ignore"):
-        return (room / np.abs(direction)).min(axis=1)
+        return (room / np.abs(direction)).min(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +82,16 @@ def tried(controllers: Controllers, mover: Mover) -> Trials:
     pose = np.tile(np.concatenate([np.tile(START, (each, 1)), HEADINGS[:, None]], axis=1), (many, 1))
     drives = controllers.take(np.repeat(np.arange(many), each))
     reached, steps = np.zeros(many * each, dtype=bool), np.full(many * each, STEPS)
+    before = np.full(many * each, -1)
     ways = np.empty((many * each, STEPS + 1, 3))
     ways[:, 0] = pose
     for step in range(1, STEPS + 1):
         going = np.flatnonzero(~reached)
         if len(going):
             told = drives.take(going).commands(seen(pose[going]))
-            pose[going] = _moved(pose[going], told[:, 0] * SPEEDS + told[:, 1], mover)
+            cell = told[:, 0] * SPEEDS + told[:, 1]
+            pose[going] = _moved(pose[going], cell, before[going], mover)
+            before[going] = cell
             there = going[np.linalg.norm(pose[going, :2] - TARGET, axis=1) <= REACHED]
             reached[there], steps[there] = True, step
         ways[:, step] = pose
@@ -95,11 +99,12 @@ def tried(controllers: Controllers, mover: Mover) -> Trials:
     return Trials(reached.reshape(shape), steps.reshape(shape), ways.reshape(*shape, STEPS + 1, 3))
 
 
-def _moved(pose: np.ndarray, cell: np.ndarray, mover: Mover) -> np.ndarray:
+def _moved(pose: np.ndarray, cell: np.ndarray, before: np.ndarray, mover: Mover) -> np.ndarray:
     """(n, 3) poses after a step; at a wall the robot slides along it."""
     for _ in range(DRAWS):
-        pose = pose_after(pose, mover(cell))
+        pose = pose_after(pose, mover(cell, before))
         pose[:, :2] = np.clip(pose[:, :2], ROBOT, FIELD - ROBOT)
+        before = cell
     return pose
 
 

@@ -9,6 +9,7 @@ but its simulator.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from dynreg.timed.commands import Commands, pose_after
 from dynreg.timed.models import Model, along
 
 COMMANDS = 10
+TICK = 0.02  # s: the paper's commands last so many of them, of the clock of a robot that is told 50 times a second
 SAMPLE = 0.1  # s between points of a path
 ROBOT = 0.065  # m, radius of the paper's robot
 REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a place, k2 a second, k3 and k4 a centimetre
@@ -103,7 +105,7 @@ class CommandRange:
 
 
 SPEED = 0.22  # m/s
-KHEPERA = CommandRange(np.full(2, -SPEED), np.full(2, SPEED), (0.1, 2.0))
+KHEPERA = CommandRange(np.full(2, -SPEED), np.full(2, SPEED), (0.1, 2.0), TICK)
 
 
 def _by_command(unit: np.ndarray) -> np.ndarray:
@@ -130,6 +132,16 @@ class Plan:
             seconds = ranges.tick * np.maximum(np.round(seconds / ranges.tick), 1.0)
         return cls(left, right, seconds, genes[..., 3] > 0.5)
 
+    @property
+    def ticks(self) -> np.ndarray:
+        """(B, n) how many times `TICK` each command lasts; 0 of those that are left out."""
+        return np.where(self.null, 0, np.round(self.seconds / TICK)).astype(int)
+
+    def speeds(self, number: int) -> np.ndarray:
+        """(T, 2) what the wheels of one plan are told [m/s], left and right, at every tick."""
+        sides = np.stack([self.left[number], self.right[number]], axis=1)
+        return np.repeat(sides, self.ticks[number], axis=0)
+
 
 @dataclass(frozen=True, eq=False)
 class Path:
@@ -140,8 +152,33 @@ class Path:
     time: np.ndarray
 
 
-def driven(plan: Plan, model: Model) -> Path:
+@runtime_checkable
+class Drives(Protocol):
+    """What drives whole plans: a robot, or a simulator whose state goes on from one command to the next."""
+
+    def drive(self, plan: Plan) -> Path:
+        """The paths of B plans; see `driven`."""
+
+
+def path_along(plan: Plan, poses: np.ndarray) -> Path:
+    """The path of poses (B, T + 1, 3) at every tick of B plans, those of shorter ones padded: as `driven` cuts it."""
+    ticks = plan.ticks
+    begin = np.cumsum(ticks, axis=1) - ticks
+    each = round(SAMPLE / TICK)
+    number = np.arange(-(-int(ticks.max(initial=0)) // each))
+    after = np.minimum(each * (number + 1), ticks[..., None])
+    which = np.arange(len(poses))
+    points = poses[which[:, None, None], begin[..., None] + after]
+    there = each * number < ticks[..., None]
+    return Path(
+        np.where(there[..., None], points, np.nan), poses[which, ticks.sum(axis=1)], TICK * ticks.sum(axis=1)
+    )
+
+
+def driven(plan: Plan, model: Model | Drives) -> Path:
     """The path that a model predicts, from the origin, looking along x: points every 0.1 s, and each end."""
+    if isinstance(model, Drives):
+        return model.drive(plan)
     many, commands = plan.left.shape
     told = ~plan.null
     left, right, seconds = (column[told] for column in (plan.left, plan.right, plan.seconds))
@@ -200,15 +237,19 @@ def _points(path: Path) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Evolved:
-    """The best genes (4 n,) of an evolution, their fitness in the model and the places that it got well into there."""
+    """The best genes (4 n,) of an evolution, their fitness in the model and the places that it got well into there.
+
+    history : (candidates tried, best fitness) whenever it rose.
+    """
 
     genes: np.ndarray
     fitness: float
     blocks: int
+    history: tuple[tuple[int, float], ...]
 
 
 def evolve(
-    model: Model,
+    model: Model | Drives,
     course: Course = CORNERS,
     ranges: CommandRange = KHEPERA,
     *,
@@ -239,4 +280,4 @@ def evolve(
     grades = lambda unit: np.stack(fitness(paths(unit), within, course), axis=1)  # noqa: E731
     judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
     found = drive(search, grades, judge, Limits(generations * population), progress=progress)
-    return Evolved(found.best, found.value, int(found.grades[1]))
+    return Evolved(found.best, found.value, int(found.grades[1]), found.history)

@@ -1,8 +1,8 @@
 """A controller of pulsed neurons: 128 inputs, two motor neurons and a hidden one, which hear each other (396 numbers).
 
 Paper C. Neurons follow the spike response model (Gerstner): what comes in adds up through the kernel `HEARD`, a spike
-of its own silences a neuron for a while (`SILENCE`), and it spikes where the sum is above its threshold. An input that
-is on spikes at every tick; the spikes of a motor neuron in one window are the number of its command.
+of its own silences a neuron for a while, and it spikes where the sum is above its threshold. An input that is
+on spikes at every tick; the spikes of a motor neuron in one window are the number of its command.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ MEMBRANE, SYNAPSE, DELAY = 4.0, 10.0, 2.0  # ms
 THRESHOLD = 3.9  # the highest
 SPEEDS = 20  # commands of a motor
 SINCE = np.arange(TICKS) - DELAY
-# (ticks,) what a spike adds so many ticks later, to who hears it and to the neuron itself
+# (ticks,) what a spike adds so many ticks later to who hears it; to the neuron itself it adds -exp(-ticks / MEMBRANE)
 HEARD = np.where(SINCE >= 0, np.exp(-SINCE / MEMBRANE) * (1.0 - np.exp(-SINCE / SYNAPSE)), 0.0)
-SILENCE = -np.exp(-np.arange(TICKS) / MEMBRANE)
+FADES = np.exp([-1.0 / MEMBRANE, -1.0 / MEMBRANE - 1.0 / SYNAPSE])  # a tick, of the two exponentials of HEARD
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +52,16 @@ class Controllers:
 
         Every window begins at rest. No spike at all is the lowest command, too.
         """
-        steady = np.cumsum(HEARD)  # of an input that spikes at every tick
-        drive = np.einsum("bni,bi->bn", self.inputs, seen.astype(float))
-        spikes = np.zeros((len(seen), NEURONS, TICKS))
+        drive = (self.inputs @ seen.astype(float)[:, :, None])[:, :, 0, None]
+        driven = np.moveaxis(drive * np.cumsum(HEARD), -1, 0)  # inputs spike at every tick
+        spikes = np.zeros((TICKS, len(seen), NEURONS))
+        slow, quick, own = np.zeros((3, len(seen), NEURONS))  # sums over spikes: the first two make HEARD
         for tick in range(TICKS):
-            ago = HEARD[1 : tick + 1][::-1]  # of the spikes at 0 to tick - 1
-            told = np.einsum("bnm,bmt,t->bn", self.neurons, spikes[:, :, :tick], ago)
-            own = spikes[:, :, :tick] @ SILENCE[1 : tick + 1][::-1]
-            spikes[:, :, tick] = drive * steady[tick] + told + own > self.thresholds
-        return np.clip(spikes[:, :MOTORS].sum(axis=2).astype(int) - 1, 0, SPEEDS - 1)
+            if tick:
+                own = FADES[0] * (own - spikes[tick - 1])
+            if tick >= DELAY:
+                new = spikes[tick - int(DELAY)]
+                slow, quick = FADES[0] * slow + new, FADES[1] * quick + new
+            told = (self.neurons @ (slow - quick)[:, :, None])[:, :, 0]
+            spikes[tick] = driven[tick] + told + own > self.thresholds
+        return np.clip(spikes[:, :, :MOTORS].sum(axis=0).astype(int) - 1, 0, SPEEDS - 1)

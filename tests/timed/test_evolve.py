@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from dynreg.errors import BudgetError
-from dynreg.timed.evolve import Drift, HiddenWheels, evolve, judged, measured
+from dynreg.rng import stream
+from dynreg.timed.evolve import Drift, HiddenWheels, evolve, judged, measured, mover_of
 from dynreg.timed.goal import cells
 from dynreg.timed.table import Rules
+from dynreg.timed.worn import WornWheels
 
 
 def test_a_hidden_robot_changes_when_its_time_comes_and_counts_its_steps() -> None:
@@ -63,3 +65,51 @@ def test_the_same_evolution_again_and_its_trials() -> None:
     robot = HiddenWheels(seed=1)
     found = judged(robot, first.genes, times=10)
     assert found.reached.size == 20 and robot.steps > 0
+
+
+def test_a_hidden_robot_with_worn_wheels_remembers_the_command_before() -> None:
+    robot = HiddenWheels(worn=WornWheels(0.7, 1.0), scatter=(0.0, 0.0, 0.0))
+    told, slow, fast = np.array([210]), np.array([0]), np.array([399])
+    assert np.array_equal(robot.move(told), robot.truth(told, told))
+    ahead = [robot.move(told, before)[0, 1] for before in (np.array([-1]), slow, told, fast)]
+    assert np.all(np.diff(ahead) > 0.002)
+    drifted = HiddenWheels((Drift(0, 0.5, 0.5),), worn=WornWheels(1.0, 1.0), scatter=(0.0, 0.0, 0.0))
+    assert drifted.move(told, told)[0, 1] == pytest.approx(
+        0.5 * HiddenWheels(worn=WornWheels(1.0, 1.0)).truth(told)[0, 1], rel=1e-3
+    )
+
+
+def test_an_evolution_begins_with_the_table_that_it_is_given() -> None:
+    robot, another = HiddenWheels(worn=WornWheels(0.6, 1.0), seed=4), measured(HiddenWheels(seed=5))
+    given = {"generations": 9, "every": 3, "population": 8, "first": another}
+    found = evolve(robot, update=False, **given)
+    assert robot.steps == 0 and found.table is another and found.error[0] == found.error[-1] > 0.004
+    assert found.history.shape == (9,) and found.leaders.shape == (3, 396)
+    assert found.history[-1] == found.fitness and np.array_equal(found.leaders[-1], found.genes)
+    with_it = evolve(robot, **given)
+    assert 0 < robot.steps <= 3 * 8 * 80 and with_it.error[-1] < with_it.error[0]
+
+
+def test_a_table_draws_around_its_cells_whatever_was_told_before() -> None:
+    table = measured(HiddenWheels(seed=3))
+    cell = np.repeat([7, 300], 4000)
+    moved = mover_of(table, stream(1, "draws"))(cell, np.full(8000, -1))
+    _, mean, deviation = table.moments()
+    for which in (7, 300):
+        own = moved[cell == which]
+        assert np.allclose(own.mean(axis=0), mean[which], atol=4 * deviation[which].max() / np.sqrt(4000))
+        assert np.allclose(own.std(axis=0), deviation[which], rtol=0.05)
+
+
+def test_the_leader_is_the_best_of_its_generation_and_the_robot_is_told_what_came_before() -> None:
+    asked = []
+
+    class Watched(HiddenWheels):
+        def move(self, cell: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
+            asked.append(before)
+            return super().move(cell, before)
+
+    first = measured(HiddenWheels(seed=6))
+    found = evolve(Watched(seed=4), first=first, generations=1, every=1, population=20)
+    assert np.array_equal(found.leaders, found.genes[None])
+    assert (asked[0] == -1).all() and all((before >= 0).all() for before in asked[1:])

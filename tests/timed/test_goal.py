@@ -13,7 +13,7 @@ from dynreg.timed.pulsed import GENES, INPUTS, Controllers
 TRACK = 0.09
 
 
-def mover(cell: np.ndarray) -> np.ndarray:
+def mover(cell: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Half a second of the closed form."""
     left, right = (side[cell] for side in cells())
     return kinematic(Commands(left, right, np.full(len(cell), 0.5), left, right), TRACK)
@@ -71,7 +71,7 @@ def test_who_drives_to_the_target_gets_there_and_the_trial_ends() -> None:
 
 def test_walls_hold_and_who_does_not_arrive_has_used_all_steps() -> None:
     straight = tried(
-        Controllers.of(np.zeros((1, GENES))), lambda cell: np.tile([0.0, 0.2, 0.0], (len(cell), 1))
+        Controllers.of(np.zeros((1, GENES))), lambda cell, _: np.tile([0.0, 0.2, 0.0], (len(cell), 1))
     )
     assert (straight.steps == STEPS).all() and straight.fitness[0] == 0.0 and not straight.reached.any()
     up, right = straight.ways[0, 0, -1], straight.ways[0, 2, -1]
@@ -93,3 +93,42 @@ def test_every_cell_is_a_pair_of_speeds_and_controllers_move_the_robot() -> None
     both = tried(some.take(np.array([2])), mover).ways
     assert np.allclose(both[0], ways[2])
     assert goal.DRAWS == 2
+
+
+def test_a_mover_is_told_the_command_before() -> None:
+    """Standstill at first; then what the step before told, and in the second half of a step the same command."""
+    asked = []
+
+    def moved(cell: np.ndarray, before: np.ndarray) -> np.ndarray:
+        asked.append((cell.copy(), before.copy()))
+        return mover(cell, before)
+
+    tried(Driver.many(1), moved)
+    cells_told, before = zip(*asked[: 2 * 8], strict=True)
+    assert (before[0] == -1).all()
+    for half in range(1, 16):
+        assert np.array_equal(before[half], cells_told[half - 1])
+    assert len({int(c[0]) for c in cells_told}) > 1
+
+
+def test_walls_are_as_far_as_a_line_that_is_followed_to_them() -> None:
+    rng = stream(6, "poses")
+    where, heading = rng.uniform([0.1, 0.1], FIELD - 0.1, (20, 2)), rng.uniform(-np.pi, np.pi, (20, 16))
+    found = goal._to_wall(where[:, None], heading)
+    for at, row, far in zip(where, heading, found, strict=True):
+        for angle, distance in zip(row, far, strict=True):
+            along = at + np.arange(0.0, 4.0, 1e-3)[:, None] * [np.cos(angle), np.sin(angle)]
+            outside = ((along < 0) | (along > FIELD)).any(axis=1)
+            assert distance == pytest.approx(1e-3 * int(outside.argmax()), abs=2e-3)
+
+
+def test_each_sector_sees_the_wall_that_lies_its_way() -> None:
+    """Sixteen equal angles from straight ahead, each in the ring of its distance and in the next."""
+    pose = stream(8, "poses").uniform([0.1, 0.1, -np.pi], [*(FIELD - 0.1), np.pi], (30, 3))
+    image = seen(pose)[:, 64:].reshape(30, 16, 4)
+    for sector in range(16):
+        far = goal._to_wall(pose[:, None, :2], pose[:, 2:] + sector * np.pi / 8)[:, 0]
+        ring = np.searchsorted(goal.RINGS, far, side="right")
+        wanted = np.zeros((30, 4), dtype=bool)
+        wanted[np.arange(30), ring] = wanted[np.arange(30), np.minimum(ring + 1, 3)] = True
+        assert np.array_equal(image[:, sector], wanted)

@@ -5,12 +5,14 @@ import pytest
 
 from dynreg.errors import UsageError
 from dynreg.rng import stream
-from dynreg.timed.commands import Commands
+from dynreg.timed.commands import Commands, chained, in_a_row
 from dynreg.timed.models import Kinematic, Unicycle
 from dynreg.timed.navigation import (
     COMMANDS,
     CORNERS,
     ROBOT,
+    SAMPLE,
+    TICK,
     CommandRange,
     Course,
     Path,
@@ -18,6 +20,7 @@ from dynreg.timed.navigation import (
     driven,
     evolve,
     fitness,
+    path_along,
     short,
     visited,
 )
@@ -185,3 +188,53 @@ def test_a_plan_of_some_commands_reaches_one_place() -> None:
     found = evolve(MODEL, course, **given)
     assert found.genes.shape == (12,) and found.blocks == 1
     assert short(driven(Plan.of(found.genes[None]), MODEL), course)[0] < 0.025
+
+
+def test_commands_last_whole_ticks_of_the_robots_clock() -> None:
+    found = Plan.of(stream(2, "genes").uniform(size=(30, 40)))
+    assert found.seconds == pytest.approx(TICK * np.round(found.seconds / TICK), abs=1e-12)
+    assert len(np.unique(np.round(found.seconds / TICK))) > 50
+    assert (found.ticks[found.null] == 0).all()
+    assert TICK * found.ticks[~found.null] == pytest.approx(found.seconds[~found.null])
+    rows = found.speeds(3)
+    assert rows.shape == (found.ticks[3].sum(), 2)
+    first = int(np.flatnonzero(~found.null[3])[0])
+    assert np.array_equal(rows[0], [found.left[3, first], found.right[3, first]])
+
+
+class Ticking:
+    """The closed form, tick by tick: its state goes on from command to command."""
+
+    def drive(self, plans: Plan) -> Path:
+        poses = np.zeros((len(plans.left), plans.ticks.sum(axis=1).max() + 1, 3))
+        for number, way in enumerate(poses):
+            told = plans.speeds(number)
+            moved = MODEL.predict(in_a_row(*told.T, np.full(len(told), TICK)))
+            way[: len(told) + 1] = chained(moved)
+        return path_along(plans, poses)
+
+
+def test_what_drives_whole_plans_is_asked_to_and_cut_the_same() -> None:
+    plans = Plan.of(stream(3, "genes").uniform(size=(12, 40)))
+    ticking, found = driven(plans, Ticking()), driven(plans, MODEL)
+    assert ticking.end == pytest.approx(found.end, abs=1e-9) and ticking.time == pytest.approx(found.time)
+    width = min(ticking.points.shape[2], found.points.shape[2])
+    assert np.allclose(ticking.points[:, :, :width], found.points[:, :, :width], atol=1e-9, equal_nan=True)
+    assert not np.isfinite(found.points[:, :, width:]).any()
+    longest = np.isfinite(ticking.points[..., 0]).sum(axis=2).max()
+    assert longest == round(np.ceil(plans.seconds[~plans.null].max() / SAMPLE - 1e-9))
+    assert fitness(ticking)[0] == pytest.approx(fitness(found)[0], abs=1e-6)
+
+
+def test_a_plan_without_commands_stays_where_it_is() -> None:
+    found = driven(Plan.of(np.ones((1, 40))), Ticking())
+    assert np.array_equal(found.end, np.zeros((1, 3))) and found.time[0] == 0.0 and fitness(found)[1][0] == 0
+
+
+def test_an_evolution_tells_when_its_fitness_rose() -> None:
+    given = {"population": 40, "tournament": 8, "seed": 4}
+    found = evolve(MODEL, generations=30, **given)
+    tried, values = zip(*found.history, strict=True)
+    assert list(tried) == sorted(tried) and list(values) == sorted(values) and values[-1] == found.fitness
+    part = evolve(MODEL, generations=10, **given)
+    assert part.fitness == [v for n, v in found.history if n <= 400][-1]
