@@ -21,7 +21,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from dynreg.timed.evolve import EVERY
 from dynreg.timed.goal import FIELD, REACHED, TARGET
-from dynreg.timed.navigation import AREA, BLOCK, CENTRES
+from dynreg.timed.navigation import CORNERS
 
 HERE = Path(__file__).parent / "results"
 SIMULATED, REAL, QUIET = "#0b63ce", "#d9822b", "#e4e6e8"
@@ -60,9 +60,10 @@ def navigation(found: dict) -> plt.Figure:
     kinds = [kind for kind in TITLES if kind in found]
     figure, panels = plt.subplots(1, len(kinds), figsize=(2.5 * len(kinds), 2.3), layout="constrained")
     for axes, kind in zip(np.atleast_1d(panels), kinds, strict=True):
-        for x, y in CENTRES:
-            axes.add_patch(Rectangle((x - BLOCK / 2, y - BLOCK / 2), BLOCK, BLOCK, color=QUIET, linewidth=0))
-        axes.add_patch(Rectangle(-AREA / 2, *AREA, fill=False, color="#a4a7aa", linewidth=0.8))
+        side, (low, high) = CORNERS.side, CORNERS.area
+        for x, y in CORNERS.centres:
+            axes.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=QUIET, linewidth=0))
+        axes.add_patch(Rectangle(low, *(high - low), fill=False, color="#a4a7aa", linewidth=0.8))
         draw_way(axes, found[kind]["ways"]["simulator"], found[kind]["ways"]["robot"])
         tidy(axes, TITLES[kind])
     handles, labels = np.atleast_1d(panels)[0].get_legend_handles_labels()
