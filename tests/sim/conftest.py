@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from arm_robot import ARM_TOML, ARM_XML
 
+from dynreg.sim.engines import compiling
+
 
 @pytest.fixture
 def write_robot(tmp_path: Path) -> Callable[..., Path]:
@@ -25,3 +27,12 @@ def write_robot(tmp_path: Path) -> Callable[..., Path]:
         return folder
 
     return write
+
+
+@pytest.fixture
+def own_effects_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A test's effects are compiled without the packaged ones, which it does not need: seconds, not a quarter minute.
+
+    The same numbers: what else is in a kernel changes no rollout.
+    """
+    monkeypatch.setattr(compiling, "_table", tuple)

@@ -54,6 +54,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator:
     effects.cache_clear()
 
 
+@pytest.mark.usefixtures("own_effects_alone")
 def test_the_documented_plugin_is_listed_and_works_on_both_engines(install, documented):
     install(documented)
     assert list(effects())[-1] == "cable_drag"
@@ -86,6 +87,7 @@ def test_an_installed_package_is_found_by_its_entry_point(tmp_path: Path, monkey
         effects.cache_clear()
 
 
+@pytest.mark.usefixtures("own_effects_alone")
 def test_a_plugin_composes_with_the_packaged_effects(install, documented):
     install(documented)
     b, drag = bench("air"), effect("cable_drag")

@@ -108,6 +108,7 @@ def many(torque, x: Moment, size):
     return np.where(off, same, np.inf) + still + np.clip(turned, -1e-9, 1e-9) + np.float64(0.0) * twice * -1.0
 
 
+@pytest.mark.usefixtures("own_effects_alone")
 def test_numpy_says_the_same_to_a_joint_as_to_arrays():
     for name in ("servo_short", "servo_mujoco"):
         b = bench(name)

@@ -59,6 +59,7 @@ class Levelled(Idle):
         return (torque + x.load - p["tip"] * np.sin(x.q)) * (x.inertia / (0.49 * 0.1**2 + 1e-6 + 0.0018))
 
 
+@pytest.mark.usefixtures("own_effects_alone")
 @pytest.mark.parametrize("name", BENCHES)
 def test_an_effect_that_does_nothing_changes_no_bit(name: str):
     """One time step at a time is as many at once, and a drive's torque is what the engine itself makes of it."""
@@ -71,6 +72,7 @@ def _tip(b: Bench) -> float:
     return b.robot.space.as_dict(b.robot.space.nominal)["tip_mass"] * 9.80665 * 0.1
 
 
+@pytest.mark.usefixtures("own_effects_alone")
 def test_the_load_and_the_inertia_of_the_servo_are_its_pendulum_s():
     b = bench("servo")
     run = replace(b.run, begin=None)
