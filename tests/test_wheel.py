@@ -14,9 +14,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "dynreg"
 TESTS = ROOT / "tests"
 OFFLINE = ("--no-deps", "--no-index", "--disable-pip-version-check", "-q")
-# rooms of which some tests are run each time: package data is read, a child process is begun, a log goes the whole way
+# tests that are run each time: package data is read, a child process is begun, a log goes the whole way to its page
 QUICK = (
-    "report",
     "results",
     "cli/test_choices.py",
     "cli/test_whole_way.py",

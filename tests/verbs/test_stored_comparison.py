@@ -81,24 +81,23 @@ def _leaves(part: object, place: str = "") -> dict[str, object]:
 
 
 def test_the_same_seed_gives_the_same_numbers_on_any_threads(registry: Session, found: Comparison) -> None:
-    """The same bytes but for the networks, whose MINPACK rounds differently from run to run."""
-    known = ["kinematic", "dynamic", "table", "mlp"]
-    one, two = (
-        registry.compare("monday", models=known, simulators=["nominal"], **QUICK | {"threads": threads})
-        for threads in (1, 2)
-    )
-    first, second = (
-        _leaves(result.model_dump(exclude={"commands": {"paces"}, "cost": True})) for result in (one, two)
-    )
-    assert first == second
+    """Byte for byte, but for networks and what is held against them: MINPACK rounds differently from run to run."""
     again = registry.compare("monday", simulators=["nominal"], **QUICK | {"threads": 2})
     first, second = (
         _leaves(result.model_dump(exclude={"commands": {"paces"}, "cost": True})) for result in (found, again)
     )
     assert first.keys() == second.keys()
+    exact = [
+        place
+        for place in first
+        if any(f".models.{name}." in place for name in found.commands.names if name != "network")
+    ]
+    assert {place.split(".models.")[1].split(".")[0] for place in exact} == {*found.commands.names} - {
+        "network"
+    }
     for place, value in first.items():
-        same = pytest.approx(value, rel=1e-3, abs=1e-6) if isinstance(value, float) else value
-        assert second[place] == same, place
+        rounded = isinstance(value, float) and place not in exact
+        assert second[place] == (pytest.approx(value, rel=1e-3, abs=1e-6) if rounded else value), place
     other = registry.compare("monday", models=["kinematic", "network"], seed=1, starts=1)
     assert other.commands.errors.models["network"] != found.commands.errors.models["network"]
     assert other.commands.errors.models["kinematic"] == found.commands.errors.models["kinematic"]
