@@ -29,13 +29,18 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
 
 
+@cache
+def walked(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree(path)))
+
+
 def where(path: Path, node: ast.AST) -> str:
     return f"{path.relative_to(ROOT)}:{node.lineno}"
 
 
 def nodes() -> Iterator[tuple[Path, ast.AST]]:
     for path in SOURCES:
-        for node in ast.walk(tree(path)):
+        for node in walked(path):
             yield path, node
 
 
@@ -173,7 +178,7 @@ def test_nothing_runs_code_out_of_a_file():
     folders = ("dynreg", "benchmarks", "examples", "tests")
     every = [p for f in folders for p in (ROOT / f).rglob("*.py") if not p.is_relative_to(kept)]
     assert len(every) > len(SOURCES) > 100
-    found = [(path, node) for path in every for node in ast.walk(tree(path)) if unsafe(node)]
+    found = [(path, node) for path in every for node in walked(path) if unsafe(node)]
     assert not [f"{where(path, node)} {unsafe(node)}" for path, node in found]
 
 

@@ -69,7 +69,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("notebook")
 
 
-@pytest.mark.parametrize("source", ["hidden", "measured"])
+@pytest.mark.parametrize("source", ["hidden", pytest.param("measured", marks=pytest.mark.slow)])
 def test_the_query_notebook(
     source: str, place: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
@@ -90,7 +90,7 @@ def test_the_query_notebook(
     assert ("secret" in text) == (source == "hidden")
 
 
-@pytest.mark.parametrize("source", ["hidden", "measured"])
+@pytest.mark.parametrize("source", [pytest.param("hidden", marks=pytest.mark.slow), "measured"])
 def test_the_diagnosis_notebook(
     source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:

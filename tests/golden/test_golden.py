@@ -24,7 +24,7 @@ CHAOTIC = {
     "diagnose_quadruped": ("schema", "verdict", "causes", "channels", "recordings"),
     "gait_neighbours": ("gait",),
 }
-LONG = ("diagnose_quadruped",)
+LONG = ("diagnose_quadruped", "diagnose_leg_air")
 
 
 def stored(name: str) -> dict:
