@@ -19,6 +19,14 @@ settings.register_profile("dynreg", deadline=None, derandomize=True, print_blob=
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dynreg"))
 
 
+LONGEST = ("test_pages.py", "test_wheel.py", "test_optional_parts.py", "test_examples.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest first: where several processes share the tests, none is left with one of them at the end."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 @pytest.fixture(autouse=True)
 def _fixed_seeds() -> None:
     """The sources of chance that dynreg does not use itself; a library may."""
