@@ -191,7 +191,7 @@ def main() -> None:
     show(out)
     if not given.tune:
         kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-        kept |= {f"{given.robot}, {given.truth}": out}
+        kept |= {f"{given.robot}, {given.truth}": {"plan": {"entries": count, "seed": seed}, **out}}
         FILE.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 

@@ -41,7 +41,8 @@ def guided(
     noise = own_noise(problem.model.robot, recording)
     found = kept(problem, noise, cache)
     if found is None and options.ranker == "make":
-        count, report = count or usual_count(problem), progress or (lambda *_: None)
+        count = usual_count(problem) if count is None else count
+        report = progress or (lambda *_: None)
         report("entries", 0, count)
         robot = noisier(problem.model.robot, noise)
         found = yield from populated(

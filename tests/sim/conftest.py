@@ -31,8 +31,5 @@ def write_robot(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def own_effects_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A test's effects are compiled without the packaged ones, which it does not need: seconds, not a quarter minute.
-
-    The same numbers: what else is in a kernel changes no rollout.
-    """
+    """A test's effects are compiled without the packaged ones, which it does not need: in less time."""
     monkeypatch.setattr(compiling, "_table", tuple)
