@@ -18,7 +18,8 @@ from dynreg.verbs.compare import CompareSettings
 
 QUICK = {"starts": 1, "generations": 4, "threads": 1}
 CLOCK = {"commands": {"paces"}, "cost": True}  # what differs from run to run
-POOLED = {"tukey", "f", "p"}  # what an analysis of variance says is of all models
+# of all models together: what an analysis of variance says of an axis, and of a pair
+POOLED, POOLED_OF_PAIR = {"f", "p"}, {"low", "high", "tukey", "paired"}
 LAGS = {"speed_lag": 0.15, "yaw_lag": 0.18, "yaw_drag": 1.04}  # of the hidden robot
 
 
@@ -86,8 +87,8 @@ def _of_networks(place: str, first: dict[str, object]) -> bool:
     parts = place.split(".")
     if "pairs" in parts:
         pair = ".".join(parts[: parts.index("pairs") + 2])
-        return "network" in (first[f"{pair}.first"], first[f"{pair}.second"]) or parts[-1] in POOLED
-    return "network" in parts or parts[-1] in POOLED
+        return "network" in (first[f"{pair}.first"], first[f"{pair}.second"]) or parts[-1] in POOLED_OF_PAIR
+    return "network" in parts or ("variance" in parts and parts[-1] in POOLED)
 
 
 def test_the_same_seed_gives_the_same_numbers_on_any_threads(registry: Session, found: Comparison) -> None:
