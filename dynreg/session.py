@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from dynreg.results.experiment import Experiment
     from dynreg.results.gait import Gait
     from dynreg.results.gait_rounds import GaitRounds
+    from dynreg.results.navigation import Navigation
     from dynreg.results.protocol import LegProtocol
     from dynreg.results.ranges import RangesFile
     from dynreg.results.result import Result
@@ -421,6 +422,12 @@ class Session:
         from dynreg.verbs.export_gait import export_gait
 
         return export_gait(self.registry, ref, Path(destination), form)
+
+    def export_plan(self, ref: str, destination: str | Path) -> "Navigation":
+        """Write the commands of a stored plan, by its id, to a new CSV file; see `verbs.export_plan`."""
+        from dynreg.verbs.export_plan import export_plan
+
+        return export_plan(self.registry, ref, Path(destination))
 
     def export_run(
         self, ref: str, destination: str | Path, form: str = "rerun", simulator: str | None = None

@@ -40,6 +40,13 @@ def _is_dataset(session: "Session", refs: list[str], form: Form) -> bool:
     return form not in _GAITS or len(refs) > 1 or not is_gait(session.registry, refs[0])
 
 
+def _is_plan(session: "Session", ref: str) -> bool:
+    """Whether a plan of `navigate` is meant; @last is the last gait."""
+    from dynreg.verbs.export_plan import is_plan
+
+    return ref != "@last" and is_plan(session.registry, ref)
+
+
 def _check(refs: list[str], form: Form, simulator: str | None, licence: str | None) -> None:
     """UsageError for options that do not go together."""
     if form not in (Form.registry, *FORMATS) and len(refs) != 1:
@@ -118,6 +125,8 @@ def export(
 
     --as csv, mcap, python of a gait: its joint commands. ID is the gait's id, its JSON file or @last, the last gait.
 
+    --as csv of a plan of `dynreg navigate`, by its id: its commands, with when each begins and how long it holds.
+
     --as gif, png: a picture of a gait in the simulator in which it walks least. A gait as foxglove is its run there.
 
     @last is the last recording, but for gaits. `dynreg list --kind result` shows the ids of results.
@@ -131,6 +140,9 @@ def export(
         if form is Form.rerun or (form is Form.foxglove and _is_run(session, refs[0], simulator)):
             session.export_run(refs[0], to, form.value, simulator)
             call.emit(session.show(refs[0]), f"{to}: written", hint=_OPENED[form])
+            return
+        if form is Form.csv and len(refs) == 1 and _is_plan(session, refs[0]):
+            call.emit(session.export_plan(refs[0], to), f"{to}: written")
             return
         if _is_dataset(session, refs, form):
             call.emit(session.export_dataset(refs, to, form.value, licence))
