@@ -2,8 +2,8 @@
 
 Quadrupeds of the bench population, n = 250 to 2000 in the index, a hundred more as queries. Distances are the
 paper's cross-loss with held-out own losses, all pairs measured once as the oracle; each method then asks for
-as few of them as it can. Quality is the paper's comparison with brute force: the true nearest's mean excess d - 1 over
-that of what was found (paper D, "about 90 %").
+as few of them as it can. Quality is the share of what brute force gains over nodes at random (paper D, "about 90 %" of
+brute force, says not of what).
 """
 
 import argparse

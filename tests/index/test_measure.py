@@ -34,9 +34,14 @@ def test_a_missing_answer_costs_recall():
     assert recall(_found(0), TRUTH, 2) == 0.5
 
 
-def test_quality_is_the_ratio_of_excesses():
+def test_quality_is_the_share_of_what_brute_force_gains_over_chance():
+    """In log d: 1 for the nearest, 0 for what a node at random has, below 0 for what is worse."""
     assert quality(_found(0, 1), TRUTH, 2) == pytest.approx(1.0)
-    assert quality(_found(3, 4), TRUTH, 2) == pytest.approx(0.15 / 0.75)
+    every, best, worst = (np.log(TRUTH[0, ids]).mean() for ids in ([0, 1, 2, 3, 4], [0, 1], [3, 4]))
+    far = quality(_found(3, 4), TRUTH, 2)
+    assert far == pytest.approx((every - worst) / (every - best)) and far < 0.0
+    half = np.exp(0.5 * (every + best))
+    assert quality([Found(np.array([0, 1]), np.full(2, half), 5)], TRUTH, 2) == pytest.approx(0.5)
 
 
 def test_hubness_of_an_even_ring_and_of_one_hub():
