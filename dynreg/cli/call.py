@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -190,11 +191,20 @@ def call_of(shared: Shared) -> Call:
     return Call(shared, read_settings(shared.settings_file))
 
 
-def can_write(out: Path | None) -> None:
-    """UsageError for a file that could not be written, before time is spent on it."""
-    if out is not None and (out.is_dir() or not out.absolute().parent.is_dir()):
+def can_write(*files: Path | None) -> None:
+    """UsageError for files that could not be written, or are one and the same, before time is spent on them."""
+    named = [file for file in files if file is not None]
+    for out in named:
+        folder = out.absolute().parent
+        if out.is_dir() or not folder.is_dir() or not os.access(out if out.exists() else folder, os.W_OK):
+            raise UsageError(
+                f"cannot write {str(out)!r}",
+                expected="a file that may be written, in an existing folder",
+                do="name another file",
+            )
+    if len({out.resolve() for out in named}) < len(named):
         raise UsageError(
-            f"cannot write {str(out)!r}", expected="a file name in an existing folder", do="name another file"
+            f"{str(named[0])!r} is named twice", expected="a file for each", do="name another one"
         )
 
 

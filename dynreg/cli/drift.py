@@ -47,8 +47,7 @@ def drift(
 
     Example: dynreg drift friday --against monday --report friday.html
     """
-    can_write(report)
-    can_write(out)
+    can_write(report, out)
     with call.open_for(robot, recording, against) as session, call.progress() as progress:
         result = session.drift(
             recording,

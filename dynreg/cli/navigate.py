@@ -26,8 +26,7 @@ def navigate(
     report: Page = None,
 ) -> None:
     """Seek a plan, and write it where a file is named."""
-    can_write(report)
-    can_write(out)
+    can_write(report, out)
     with call.open_for(robot, recording) as session, call.progress() as progress:
         found = session.navigate(recording, **vars(settings), robot=robot, log_map=log_map, progress=progress)
     if out is not None:
