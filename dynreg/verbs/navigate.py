@@ -41,6 +41,7 @@ class NavigateSettings(Settings):
     seconds: tuple[float, ...] | None = option(
         None, "Shortest and longest command [s].", usual="as most of the recording", metavar="A,B"
     )
+    # 2000 generations and 1000 drives are choices: enough for the plans of docs/wheeled.md, in a minute or two
     generations: int = option(2000, f"Generations of the search, of {POPULATION} plans each.", least=1)
     drives: int = option(1000, "Simulated drives that judge the plan.", least=1)
     seed: int = seed()
