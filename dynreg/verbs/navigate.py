@@ -89,8 +89,8 @@ def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress |
 
     A model is made from the first 84 % of the recording's commands, as `dynreg compare` makes it, and a genetic
     algorithm seeks the commands in it (Pretorius et al.). The robot drives them without looking: it begins at rest,
-    x is ahead and y to the left of where it stands. Speeds and times stay
-    within those of most commands of the recording.
+    x is ahead and y to the left of where it stands. Speeds and times stay within those of most commands of the
+    recording.
 
     Simulated drives judge the plan. Each adds the model's errors on consecutive commands from the last 16 %, as many as
     the plan has.
