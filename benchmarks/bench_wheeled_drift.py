@@ -26,6 +26,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from bootstrap import interval
 from journal import Journal
 from scipy.stats import binomtest
 
@@ -41,12 +42,9 @@ TUNE, REPORT = 63, {"changing": 20261211, "static": 20261218}
 GIVES = (0.6, 0.8)  # of what the wheel is told
 CHANGES = 0.4  # of the evolution: generation 800 of 2000
 ENOUGH = 0.7  # of the trials
-PUBLISHED = {
-    True: (40, 100, 70),
-    False: (10, 0, 5),
-}  # % of trials, up, right and all, with update and without
+# % of trials, up, right and all, with update and without
+PUBLISHED = {True: (40, 100, 70), False: (10, 0, 5)}
 TIMES = 10  # trials for each heading
-DRAWS = 4000  # of the bootstrap
 
 
 @dataclass(frozen=True)
@@ -175,21 +173,21 @@ def _figures(own: list[dict]) -> dict:
     trials = np.array([[np.mean(r["up"]), np.mean(r["right"])] for r in own])
     whole = trials.mean(axis=1)
     good = int((whole >= ENOUGH - 1e-9).sum())
-    interval = binomtest(good, len(own)).proportion_ci(0.9)
+    share = binomtest(good, len(own)).proportion_ci(0.9)
     before, after = np.array([r["error"] for r in own]).T
     rejected, tests = np.array([t for r in own for t in r["tests"]] or [[0, 0]]).sum(axis=0)
     apart = np.array([r["apart"] for r in own if r["apart"]])
     inside = np.array([r["in the table"] for r in own]).reshape(-1, 2, 2).mean(axis=2)
     return {
         "evolutions": len(own),
-        "success": _interval(whole),
+        "success": interval(whole),
         "by evolution": whole.tolist(),
-        "up": _interval(trials[:, 0]),
-        "right": _interval(trials[:, 1]),
+        "up": interval(trials[:, 0]),
+        "right": interval(trials[:, 1]),
         "in the table, up and right": inside.mean(axis=0).tolist(),
         "good": good,
-        "good interval": [interval.low, interval.high],
-        "gap, up and right [mm]": [_interval(1e3 * g) for g in np.array([r["gap"] for r in own]).T],
+        "good interval": [share.low, share.high],
+        "gap, up and right [mm]": [interval(1e3 * g) for g in np.array([r["gap"] for r in own]).T],
         "error at the beginning [mm]": float(1e3 * before.mean()),
         "error at the end [mm]": float(1e3 * after.mean()),
         "visited commands": float(np.mean([r["visited"] for r in own])),
@@ -228,12 +226,6 @@ def _told(name: str, of: dict, published: tuple[int, int, int]) -> None:
         )
 
 
-def _interval(values: np.ndarray) -> list[float]:
-    """The mean over evolutions, and where it lies with 90 %."""
-    drawn = stream(0, "bootstrap").integers(len(values), size=(DRAWS, len(values)))
-    return [float(values.mean()), *map(float, np.quantile(values[drawn].mean(axis=1), [0.05, 0.95]))]
-
-
 def main() -> None:
     """Fill in what is left, print, and keep the figures."""
     parser = argparse.ArgumentParser(
@@ -245,12 +237,12 @@ def main() -> None:
     parser.add_argument("--robots", choices=tuple(REPORT), default="changing")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--journal", type=Path)
-    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no result")
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT[given.robots]
     plan = Plan(seed, given.evolutions, given.generations, given.method, given.robots)
     name = f"wheeled_{'static' if plan.robots == 'static' else 'drift'}_{plan.method}"
-    path = given.journal or HERE / f"{name}.jsonl"
+    path = given.journal or HERE / f"{name}{'_tune' if given.tune else ''}.jsonl"
     journal = Journal(path, {"plan": asdict(plan)})
     journal.begin()
     done = {(row["number"], row["update"]) for row in journal.lines()}

@@ -12,14 +12,15 @@ in the robot itself, shows what the noise alone takes. A delay is none of the ef
 For each robot: 1460 commands; 1000 to fit, 230 to validate, 230 to test. The diagnosis sees the first 12 minutes. The
 unicycle is fitted by least squares, the minimum that the genetic algorithm comes to (`bench_wheeled_ga.py`). Plans
 evolve in the closed form, the unicycle in steps of 50 ms, the networks, and, in compiled equations in steps of 20 ms,
-in the diagnosed and extended simulator and in the truth; what each simulator says of its best plan is by steps of 10 ms
-and, for the extended one, by the registry's own engine. The best plan of each evolution is driven once by the robot.
-Success is by blocks missed; the gap is the absolute difference between fitness in the simulator and on the robot.
-Intervals are of 90 %: bootstrap over evolutions, of counts Clopper and Pearson's; Fisher's exact test between
-simulators' counts of plans that miss no block.
+in the diagnosed and extended simulator and in the truth. What a simulator says of its best plan is, for the unicycle,
+by steps of 10 ms, for the extended one by the registry's own engine, for the truth by its own steps of 1 ms. The best
+plan of each evolution is driven once by the robot. Success is by blocks missed; the gap is the absolute difference
+between fitness in the simulator and on the robot. Intervals are of 90 %: bootstrap over evolutions, of counts Clopper
+and Pearson's; Fisher's exact test between simulators' counts of plans that miss no block.
 
 By default at the paper's size, 20 evolutions of 10,000 generations of 200 in each simulator; `--small` takes 12 of 500.
-`--tune` prints how much fitness grows after that.
+How much fitness grows with generations is printed as well. `--tune` takes the robots of the development, with a journal
+of its own, and writes no result.
 
 Every finished robot and evolution is a line of the journal (`--journal`); a second start goes on. `wheeled_pictures.py`
 draws the paths that the result keeps.
@@ -35,20 +36,22 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from bootstrap import interval
 from journal import Journal
 from scipy.stats import binomtest, fisher_exact
 from wheeled_robots import Exact, hidden, made, sayers_of, simulators_of, truth_of
 
-from dynreg.rng import stream, stream_seed
+from dynreg.rng import stream_seed
 from dynreg.timed.commands import AXES
 from dynreg.timed.navigation import COMMANDS, Plan, driven, evolve, fitness
 from dynreg.timed.navigation import Path as Way
+from dynreg.timed.task import POPULATION
 
 HERE = Path(__file__).parent / "results"
 TUNE, REPORT = 65, 20261230
 SMALL = (12, 500)  # evolutions in each simulator, generations
 AGAIN = 40  # times that a plan is driven once more
-AFTER = (250, 500, 1000, 2000, 5000, 10_000)  # generations at which `--tune` prints fitness
+AFTER = (250, 500, 1000, 2000, 5000, 10_000)  # generations at which fitness is printed
 KINDS = ("kinematic", "dynamic", "network", "extended", "truth")
 PUBLISHED = {  # gap: mean, least, most; plans that miss 0, 1, 2 blocks
     "network": ((328.91, 13.90, 2299.27), (17, 1, 2)),
@@ -60,7 +63,6 @@ ERRORS = {  # Table III, mean and standard deviation: cm, cm, degrees
     "dynamic": ((0.3467, 0.6586), (0.3628, 0.4363), (4.1985, 3.9652)),
     "kinematic": ((1.0093, 1.7967), (1.2788, 1.5346), (13.2385, 10.1716)),
 }
-DRAWS = 4000
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,9 @@ def work(table: Table, kind: str, number: int, path: Path) -> str:
         "share": float((visited == 4).mean()),
         "often": float(np.abs(often - simulated[0]).mean()),
         "commands": COMMANDS - int(plan.null.sum()),
-        "after": [_reached(best.history, 200 * count) for count in AFTER if count <= table.generations],
+        "after": [
+            _reached(best.history, POPULATION * count) for count in AFTER if count <= table.generations
+        ],
         "ways": {"simulator": _way(here), "robot": _way(there)},
         "core": time.process_time() - began,
     }
@@ -164,9 +168,9 @@ def _figures(own: list[dict]) -> dict:
     gaps = np.array([abs(r["simulated"] - r["real"]) for r in own])
     missed, kinds = np.bincount([4 - r["blocks"] for r in own], minlength=5), [r["hidden"] for r in own]
     share = binomtest(int(missed[0]), len(own)).proportion_ci(0.9)
-    again, often = (_interval(np.array([r[key] for r in own])) for key in ("share", "often"))
+    again, often = (interval(np.array([r[key] for r in own])) for key in ("share", "often"))
     return {
-        "gap": _interval(gaps),
+        "gap": interval(gaps),
         "least and most": [float(gaps.min()), float(gaps.max())],
         "missed": missed.tolist(),
         "four in the simulator": sum(r["thought"] == 4 for r in own),
@@ -198,12 +202,6 @@ def _told(kind: str, of: dict, many: int) -> None:
     )
 
 
-def _interval(values: np.ndarray) -> list[float]:
-    """The mean, and where it lies with 90 %."""
-    drawn = stream(0, "bootstrap").integers(len(values), size=(DRAWS, len(values)))
-    return [float(values.mean()), *map(float, np.quantile(values[drawn].mean(axis=1), [0.05, 0.95]))]
-
-
 def _shown(found: list[float]) -> str:
     return f"{found[0]:.1f} [{found[1]:.1f}, {found[2]:.1f}]"
 
@@ -222,7 +220,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=KINDS)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--journal", type=Path)
-    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no result")
     given = parser.parse_args()
     size = SMALL if given.small else (20, 10_000)
     table = Table(
@@ -233,7 +231,7 @@ def main() -> None:
         given.starts,
         given.threshold_runs,
     )
-    path = given.journal or HERE / "wheeled_navigation.jsonl"
+    path = given.journal or HERE / f"wheeled_navigation{'_tune' if given.tune else ''}.jsonl"
     journal = Journal(path, {"table": asdict(table)})
     journal.begin()
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:

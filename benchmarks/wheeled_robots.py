@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 import dynreg
 from dynreg.compare.compare import compare
-from dynreg.compare.contenders import Plan as Making
+from dynreg.compare.contenders import Plan as ModelPlan
 from dynreg.data.recording import Recording
 from dynreg.evidence.truth import Protocol, hide, recorded
 from dynreg.rng import stream, stream_seed
@@ -20,14 +20,14 @@ from dynreg.sim.run import Run
 from dynreg.timed.commands import Commands, drawn
 from dynreg.timed.compare import compared
 from dynreg.timed.fit import RANGES
-from dynreg.timed.models import Kinematic, Model, Unicycle
+from dynreg.timed.models import COARSE, Kinematic, Model, Unicycle
 from dynreg.timed.navigation import TICK, Path, Plan, path_along
 from dynreg.timed.networks import Networks
 from dynreg.timed.unicycle import KHEPERA, unicycle
 from dynreg.truths import table as truths
 from dynreg.truths.kernels import rolling
 from dynreg.truths.rolling import ENDLESS, ROWS
-from dynreg.truths.truth import Commands as Told
+from dynreg.truths.truth import Commands as TruthCommands
 from dynreg.truths.truth import Truth
 
 COMMANDS = 1460  # 1000 to fit, 230 to validate, 230 to test
@@ -85,7 +85,7 @@ def log_of(truth: Truth) -> Recording:
     actions = rows[: len(rows) // steps * steps].reshape(-1, steps, 2)
     names = tuple(f"drive_{i:02d}" for i in range(len(actions)))
     run = Run(actions, period=TICK, begin=np.arange(len(actions)) * (steps + 1) * TICK)
-    states = truths.log(truth, Told(run.actions, run.period, run.begin))
+    states = truths.log(truth, TruthCommands(run.actions, run.period, run.begin))
     return recorded(robot, Protocol(run, names), states)
 
 
@@ -114,7 +114,7 @@ def made(truth: Truth, *, starts: int, threshold_runs: int) -> dict:
         found = session.diagnose(part, hold_out=held, threshold_runs=threshold_runs, threads=1)
         stored = session.registry.simulator(found.extended_simulator or found.calibrated_simulator)
     config = SimConfig.from_dict(stored)
-    plan = Making(("kinematic", "network"), np.inf, starts, 1, seed=truth.seed, threads=1)
+    plan = ModelPlan(("kinematic", "network"), np.inf, starts, 1, seed=truth.seed, threads=1)
     done = compare(robot, log, {"extended": (robot, config)}, plan)
     fit, _, test = done.parts
     commands, moved, track = done.told.commands, done.told.moved, done.told.track
@@ -156,7 +156,7 @@ def simulators_of(row: dict) -> dict[str, "Model | Rolling"]:
     networks = Networks(**{field: np.array(values) for field, values in row["network"].items()})
     return {
         "kinematic": Kinematic(track),
-        "dynamic": Unicycle(np.array(row["dynamic"]), track, 0.05),
+        "dynamic": Unicycle(np.array(row["dynamic"]), track, COARSE),
         "network": networks,
         "extended": Rolling(rows_of(config.values, config.effects)),
         "truth": Rolling(rows_of(row["parameters"], dict([row["hidden"]]))),
@@ -166,9 +166,8 @@ def simulators_of(row: dict) -> dict[str, "Model | Rolling"]:
 def sayers_of(row: dict) -> dict[str, "Model | Extended | Exact"]:
     """What says of the best plans how they end in each simulator: in full resolution, the extended by its engine."""
     robot, config = load_robot("diffdrive"), SimConfig.from_dict(row["extended"])
-    coarse = simulators_of(row)
-    return coarse | {
-        "dynamic": replace(coarse["dynamic"], step=0.01),
+    return simulators_of(row) | {
+        "dynamic": Unicycle(np.array(row["dynamic"]), robot.file.base.track),
         "extended": Extended(robot, config),
         "truth": Exact(truth_of(row)),
     }
@@ -216,7 +215,7 @@ class Rolling:
         poses, begin = _padded(told), np.zeros(7)
         trace = np.empty((poses.shape[1], 7))
         for out, commands in zip(poses, told, strict=True):
-            go(self.rows, np.ascontiguousarray(commands), TICK, 1, begin, trace[: len(commands) + 1])
+            go(self.rows, np.ascontiguousarray(commands), plan.tick, 1, begin, trace[: len(commands) + 1])
             out[: len(commands) + 1] = trace[: len(commands) + 1, POSE]
         return path_along(plan, poses)
 
@@ -239,7 +238,7 @@ class Exact:
         for number, (out, commands) in enumerate(zip(poses, told, strict=True)):
             own = stream_seed(self.truth.seed, "driven", self.salt, number) % 2**31
             robot = replace(self.truth, exact=not self.noisy, seed=own)
-            states = truths.log(robot, Told(commands[None], TICK, np.zeros(1)))
+            states = truths.log(robot, TruthCommands(commands[None], plan.tick, np.zeros(1)))
             out[: len(commands) + 1] = states[0][:, POSE]
         return path_along(plan, poses)
 
@@ -259,7 +258,7 @@ class Extended:
         for row, commands in zip(actions, told, strict=True):
             row[: len(commands)] = commands
         columns = [self.robot.channels.index(name) for name in ("base/x", "base/y", "base/yaw")]
-        run = Run(actions, period=TICK, begin=np.zeros(len(told)))
+        run = Run(actions, period=plan.tick, begin=np.zeros(len(told)))
         terms = terms_of(self.config, self.robot)
         states = rollout(self.robot, values, run, engine="unicycle", terms=terms, threads=1).states[0]
         return path_along(plan, states[..., columns])

@@ -13,7 +13,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
 from dynreg.timed.commands import drawn
 from dynreg.timed.goal import Trials
-from dynreg.timed.navigation import Plan, driven, fitness
+from dynreg.timed.navigation import Plan, driven
 from dynreg.timed.told import told
 from dynreg.timed.unicycle import LAUT, unicycle
 
@@ -185,7 +185,6 @@ def test_a_way_begins_in_the_middle_and_ends_where_the_path_does(navigation: Mod
     way = navigation._way(path)
     assert way[0] == [0, 0] and way[-1] == np.round(1e3 * path.end[0, :2]).astype(int).tolist()
     assert navigation._reached(((3, 1.0), (210, 5.0), (900, 7.0)), 800) == 5.0
-    assert fitness(path)[1].shape == (5,)
 
 
 @pytest.mark.parametrize("kind", ["static", "changing"])
@@ -256,6 +255,42 @@ def test_the_drift_table_and_both_pictures(
     for name in ("navigation.png", "displacements.png"):
         drawn_ = (tmp_path / "docs" / name).read_bytes()
         assert drawn_.startswith(b"\x89PNG") and len(drawn_) < 150_000
+
+
+def test_the_picture_of_plans_has_a_panel_for_each_simulator(
+    navigation: ModuleType, pictures: ModuleType
+) -> None:
+    figure = pictures.navigation(
+        navigation.show([made(0), row("kinematic", 0, 1.0, 2.0, 4, 3), row("extended", 0, 1.0, 1.0, 4, 4)])
+    )
+    assert [axes.get_title() for axes in figure.axes] == ["closed form", "extended simulator"]
+    for axes in figure.axes:
+        real, real_end, simulated, _ = axes.lines
+        assert (real.get_label(), simulated.get_label()) == ("on the robot", "in the simulator")
+        assert real.get_xydata() == pytest.approx(np.array([[0.0, 0.0], [0.29, 0.12]]))
+        assert simulated.get_xydata() == pytest.approx(np.array([[0.0, 0.0], [0.3, 0.1]]))
+        assert real_end.get_xydata() == pytest.approx(np.array([[0.29, 0.12]]))
+        assert len(axes.patches) == 5  # four blocks and the area
+    assert [text.get_text() for text in figure.legends[0].texts] == ["on the robot", "in the simulator"]
+    pictures.plt.close(figure)
+
+
+def test_the_picture_of_tables_has_ways_and_what_evolves(drift: ModuleType, pictures: ModuleType) -> None:
+    rows = [evolved(0, True, 1.0), evolved(0, False, 0.0)]
+    figure = pictures.displacements(drift.show(rows, {}))
+    *ways, fitness, success = figure.axes
+    assert [axes.get_title() for axes in ways] == ["with the table's update", "without"]
+    for axes in ways:
+        real, _, simulated, *_ = axes.lines
+        assert len(axes.lines) == 8  # two ways, twice, and the end of each
+        assert real.get_xydata() == pytest.approx(np.array([[0.4, 0.4], [0.6, 0.8]]))
+        assert simulated.get_xydata() == pytest.approx(np.array([[0.4, 0.4], [0.5, 0.9]]))
+    assert fitness.get_title() == "best fitness in the table" and success.get_title().startswith("share of")
+    for axes, values in ((fitness, [0.1, 0.6]), (success, [0.0, 1.0])):
+        assert [line.get_label() for line in axes.lines] == ["with the table's update", "without"]
+        for line in axes.lines:
+            assert [*line.get_xdata()] == [50, 100] and [*line.get_ydata()] == values
+    pictures.plt.close(figure)
 
 
 def test_no_generations_get_below_the_minimum(robots: ModuleType, capsys) -> None:

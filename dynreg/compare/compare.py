@@ -4,7 +4,7 @@ The commands of a recording, in the order of its episodes, are cut into 1000 to 
 each 1460. What a diagnosis or a query held out is a part of its own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,9 +57,17 @@ def compare(
     commands, SimulationError where a simulator diverges.
     """
     found = told(robot, recording, longest=plan.longest)
-    fit, validation, test = parts(len(found.commands))
+    fit, validation, test = parts(
+        len(found.commands), "record more, or cut held commands into shorter ones with --longest"
+    )
     models = tuple(dict.fromkeys(plan.models))
-    _require_enough(found, fit, models, len(simulators))
+    require_enough(
+        found,
+        fit,
+        models,
+        without=lambda left: f"leave it out: {_asked(left, len(simulators))}",
+        unfitted=f"compare without fitted models: {_asked(['kinematic'], len(simulators))}",
+    )
     contenders: dict[str, Predicts] = {}
     for name, (owner, config) in simulators.items():  # first: they are quick, and may have nothing to say
         contenders[name] = replayed(owner, config, name, recording, found, threads=plan.threads)
@@ -80,20 +88,28 @@ def compare(
     )
 
 
-def parts(many: int) -> tuple[slice, slice, slice]:
-    """Commands to fit, to validate and to test, of so many in time; LogError where that leaves too few to test."""
+def parts(many: int, do: str = "record more") -> tuple[slice, slice, slice]:
+    """Commands to fit, to validate and to test, of so many in time; LogError where that leaves too few to test.
+
+    do : what the error advises.
+    """
     first, second = (round(many * end / CUT[-1]) for end in CUT[:2])
     if min(second - first, many - second) < LEAST:
         raise LogError(
             f"the recording holds {many} commands, {many - second} of them to test on",
             expected=f"at least {-(-LEAST * CUT[-1] // (CUT[-1] - CUT[1]))}",
-            do="record more, or cut held commands into shorter ones with --longest",
+            do=do,
         )
     return slice(0, first), slice(first, second), slice(second, many)
 
 
-def _require_enough(found: Told, fit: slice, models: tuple[str, ...], simulators: int) -> None:
-    """LogError where a model cannot be made from what there is to fit; so many simulators are compared beside."""
+def require_enough(
+    found: Told, fit: slice, models: tuple[str, ...], *, without: Callable[[list[str]], str], unfitted: str
+) -> None:
+    """LogError where a model cannot be made from what there is to fit.
+
+    without : what to do instead, told the models that can be made. unfitted : how to do without fitted models.
+    """
     learned = [name for name in models if MODELS[name].least]
     short = [name for name in learned if MODELS[name].least > fit.stop]
     if short:
@@ -101,14 +117,14 @@ def _require_enough(found: Told, fit: slice, models: tuple[str, ...], simulators
         raise LogError(
             f"{fit.stop} of {len(found.commands)} commands are there to fit model {short[0]!r}",
             expected=f"at least {need}, which takes {-(-need * CUT[-1] // CUT[0])} in all",
-            do=f"record more, or leave it out: {_asked([n for n in models if n not in short], simulators)}",
+            do=f"record more, or {without([n for n in models if n not in short])}",
         )
     still = [axis for axis, size in zip(AXES, np.ptp(found.moved[fit], axis=0), strict=True) if size < STILL]
     if learned and still:
         raise LogError(
             f"no two of the {fit.stop} commands to fit differ in {still[0]}",
             expected="commands that drive and turn in several ways",
-            do=f"record others, or compare without fitted models: {_asked(['kinematic'], simulators)}",
+            do=f"record others, or {unfitted}",
         )
 
 

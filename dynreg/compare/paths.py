@@ -9,13 +9,12 @@ from dynreg.compare.contenders import Predicts
 from dynreg.data.recording import Recording
 from dynreg.timed.commands import chained, pose_after
 from dynreg.timed.compare import Spread, spread
-from dynreg.timed.told import Told
+from dynreg.timed.task import COMMANDS
+from dynreg.timed.told import SAME, Told
 
-COMMANDS = 10  # in a row: the length of the paper's navigation task
 SHOWN = 4  # runs that are drawn
 SHARES = (0.25, 0.5, 0.75, 1.0)  # a drawn path has a point at these shares of each command's time
 CM = 100.0
-SAME = 1e-6  # s between the end of one command and the begin of the next
 
 
 @dataclass(frozen=True)
@@ -51,10 +50,9 @@ class DrivenPath:
 
 def runs(told: Told, first: int) -> np.ndarray:
     """(R, 10) commands from number `first` on that follow each other without a gap, in runs that share none."""
-    out, begin = [], first
+    out, begin, follows = [], first, told.follows
     for at in range(first, len(told.commands)):
-        follows = told.episode[at] == told.episode[at - 1] and abs(told.begin[at] - told.end[at - 1]) <= SAME
-        if at > begin and not follows:
+        if at > begin and not follows[at]:
             begin = at
         if at - begin + 1 == COMMANDS:
             out.append(np.arange(begin, at + 1))

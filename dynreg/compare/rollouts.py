@@ -7,6 +7,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
+from dynreg.evidence.interval import NINETY
 from dynreg.progress import Progress
 from dynreg.replay.cut import windows
 from dynreg.replay.holes import hit, holes
@@ -24,7 +25,6 @@ HORIZONS = (0.1, 0.5, 1.0)  # s, beside the longest
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 MOST = 200  # rollouts of a horizon, evenly over the recording: more tell hardly more
 DRAWS = 2000  # draws of the bootstrap
-NINETY = (0.05, 0.95)
 EPISODES = 4  # from which on they are drawn anew themselves: fewer tell nothing of how runs differ
 # Stretches of time that stand for episodes where these are fewer: each as long as ten allow, as errors of neighbouring
 # rollouts are alike; and enough for an interval (of ten draws with replacement, a 90 % one is 7 % too narrow).

@@ -32,7 +32,7 @@ def tables(result: Navigation) -> RenderableType:
 
 def end_words(result: Navigation) -> str:
     """Where drives end."""
-    low, high = (f"{100 * bound:.2g}" for bound in (result.end.low, result.end.high))
+    low, high = (f"{100 * bound:.2g}" for bound in (result.drive_ends.low, result.drive_ends.high))
     return f"The middle 90 % of the drives end {low} to {high} cm from {result.goal}."
 
 

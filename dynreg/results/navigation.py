@@ -47,10 +47,10 @@ class Navigation(Result):
     on : the model's name; kind, parameters : what it is. parts : commands to fit, to validate and to test. errors :
     {axis: the model's errors on the commands to test}. size : of the squares [m]. area : lowest x and y, highest x and
     y, where the path should stay [m]. back : whether it ends at the start; else in one of the places. actions, units :
-    of the values of the commands. seconds : that the plan takes. end : metres from where it should end, in the model
-    and, with 90 %, in the simulated drives. drives : simulated ones, their commands with the errors that the model made
-    on as many commands to test in a row; all_visited : how many of them visit every place. way : of the model; ways :
-    of some drives. generations : of the search.
+    of the values of the commands. seconds : that the plan takes. end : metres from where it should end, in the model.
+    drives : simulated ones; each adds the model's errors on consecutive commands to test, as many as the plan has.
+    drive_ends : that distance in them: the median, and the 5 % and the 95 % quantile. all_visited : how many of them
+    visit every place. way : of the model; ways : of some drives. generations : of the search.
     """
 
     schema_: Literal["dynreg/navigation/1"] = Field(default="dynreg/navigation/1", alias="schema")
@@ -70,8 +70,9 @@ class Navigation(Result):
     units: tuple[str, str]
     commands: tuple[TimedCommand, ...]
     seconds: float
-    end: Interval
+    end: float
     drives: int
+    drive_ends: Interval
     all_visited: int
     way: Way
     ways: tuple[Way, ...]
@@ -108,7 +109,7 @@ class Navigation(Result):
             place.plot(_numbers(way.x), _numbers(way.y), color="#8a94a0", alpha=0.5, linewidth=1.0)
         place.plot(_numbers(self.way.x), _numbers(self.way.y), color="#0b63ce", label=self.on)
         for square in self.places:
-            place.plot(*square.outline(self.size), color="#3f8f5b" if square.visited else "#c2255c")
+            place.plot(*square.outline(self.size), color="#2f8f46" if square.visited else "#c2255c")
         place.plot(0.0, 0.0, "o", color="#1b1f24")
         place.set(
             xlabel="ahead [m]", ylabel="to the left [m]", title=f"plan for {self.robot}", aspect="equal"
@@ -120,7 +121,7 @@ class Navigation(Result):
         there, every = sum(place.visited for place in self.places), len(self.places)
         return (
             f"{self.recording_name}: {len(self.commands)} commands ({self.seconds:.3g} s) visit {there} of {every}"
-            f" {'place' if every == 1 else 'places'} and end {100 * self.end.value:.2g} cm from {self.goal}, says"
+            f" {'place' if every == 1 else 'places'} and end {100 * self.end:.2g} cm from {self.goal}, says"
             f" {self.on}. With its held-out errors, {self.all_visited} of {self.drives} drives visit"
             f" {'it' if every == 1 else 'all'}."
         )

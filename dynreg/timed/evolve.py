@@ -94,10 +94,11 @@ class HiddenWheels:
 class Evolution:
     """The best controller's genes (396,), its fitness in the table, the table at the end and what updates found.
 
-    error : (updates + 1,) mean distance [m] between the table's and the robot's mean displacement, over all commands.
+    error : (updates + 2,) at the beginning, after each update and at the end: mean distance [m] between the table's and
+    the robot's mean displacement, over all commands.
     apart : (2, cells) that distance [m] at the end for every command, of the first table and of the last.
     visited : (cells,) commands that the robot was given in trials. history : (generations,) the best fitness in the
-    table as it was then. leaders : (updates, 396) the best controller every so many generations, with update or not.
+    table as it was then. leaders : (generations // every, 396) the best controller then, with update or not.
     """
 
     genes: np.ndarray
@@ -149,9 +150,10 @@ def evolve(
         history.append(float(found[order[0]]))
         if progress:
             progress(generation + 1, history[-1])
-        if (generation + 1) % every == 0:
-            leaders.append(asked[order[0]])
-        if update and (generation + 1) % every == 0:
+        if (generation + 1) % every:
+            continue
+        leaders.append(asked[order[0]])
+        if update:
             cell, values = _tried_on(robot, asked[order[:TRIED]])
             visited[cell] = True
             table, tested = updated(table, cell, values, generation, rules)

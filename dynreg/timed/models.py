@@ -9,7 +9,7 @@ from dynreg.timed.commands import Commands
 from dynreg.timed.kinematic import kinematic
 from dynreg.timed.unicycle import STEP, unicycle, unicycle_along
 
-COARSE = 0.05  # s
+COARSE = 0.05  # s, the longest step of a search: a choice
 
 
 class Model(Protocol):
@@ -63,7 +63,7 @@ def coarse(model: Model) -> Model:
     return replace(model, step=min(max(half, model.step), COARSE))
 
 
-def along(model: Model, commands: Commands, every: float) -> np.ndarray:
+def along(model: Model | Continuous, commands: Commands, every: float) -> np.ndarray:
     """(n, S, 3) displacements of commands (n,) after `every` [s], twice that, ... and at the end of each; NaN after.
 
     Every command has its end, also one of 0 s. A model that is not `Continuous` is asked for commands that end sooner,

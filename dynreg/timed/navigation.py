@@ -18,21 +18,17 @@ from dynreg.rng import stream
 from dynreg.search.drive import Limits, drive
 from dynreg.search.genetic import Genetic, Rules
 from dynreg.timed.commands import Commands, pose_after
-from dynreg.timed.models import Model, along
+from dynreg.timed.models import Continuous, Model, along
+from dynreg.timed.task import COMMANDS, POPULATION, TOURNAMENT
 
-COMMANDS = 10
 TICK = 0.02  # s: the paper's commands last so many of them, of the clock of a robot that is told 50 times a second
 SAMPLE = 0.1  # s between points of a path
 ROBOT = 0.065  # m, radius of the paper's robot
 REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a place, k2 a second, k3 and k4 a centimetre
 CM = 100.0
-MOST = (0.05, 0.95)  # quantiles between which most commands of a recording lie
-WIDTHS = (
-    0.2,
-    0.2,
-    0.2,
-    1.0,
-)  # of mutations: of what is told and its time by up to so much; whether it is left out, anew
+MOST = (0.05, 0.95)  # quantiles between which most commands of a recording lie: a choice
+# of mutations: of what is told and its time by up to so much; whether it is left out, anew
+WIDTHS = (0.2, 0.2, 0.2, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +101,7 @@ class CommandRange:
 
 
 SPEED = 0.22  # m/s
-KHEPERA = CommandRange(np.full(2, -SPEED), np.full(2, SPEED), (0.1, 2.0), TICK)
+KHEPERA_RANGE = CommandRange(np.full(2, -SPEED), np.full(2, SPEED), (0.1, 2.0), TICK)
 
 
 def _by_command(unit: np.ndarray) -> np.ndarray:
@@ -115,27 +111,37 @@ def _by_command(unit: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """B sequences of n commands; left, right [m/s], seconds, and which are left out: (B, n)."""
+    """B sequences of n commands; left, right [m/s], seconds, and which are left out: (B, n).
+
+    tick : of which times are multiples [s], 0 for any.
+    """
 
     left: np.ndarray
     right: np.ndarray
     seconds: np.ndarray
     null: np.ndarray
+    tick: float = TICK
 
     @classmethod
-    def of(cls, unit: np.ndarray, ranges: CommandRange = KHEPERA) -> "Plan":
+    def of(cls, unit: np.ndarray, ranges: CommandRange = KHEPERA_RANGE) -> "Plan":
         """Of genes (B, 4 n) in the unit cube: four for each command."""
         genes, (shortest, longest) = _by_command(unit), ranges.seconds
         left, right = np.moveaxis(ranges.told(unit) @ ranges.wheels.T, -1, 0)
         seconds = shortest + genes[..., 2] * (longest - shortest)
         if ranges.tick:
             seconds = ranges.tick * np.maximum(np.round(seconds / ranges.tick), 1.0)
-        return cls(left, right, seconds, genes[..., 3] > 0.5)
+        return cls(left, right, seconds, genes[..., 3] > 0.5, ranges.tick)
 
     @property
     def ticks(self) -> np.ndarray:
-        """(B, n) how many times `TICK` each command lasts; 0 of those that are left out."""
-        return np.where(self.null, 0, np.round(self.seconds / TICK)).astype(int)
+        """(B, n) how many ticks each command lasts, 0 of those that are left out; UsageError without a tick."""
+        if not self.tick:
+            raise UsageError(
+                "commands of any time last no whole ticks",
+                expected="a plan whose range has a tick",
+                do="make it with one, such as the robot's period",
+            )
+        return np.where(self.null, 0, np.round(self.seconds / self.tick)).astype(int)
 
     def speeds(self, number: int) -> np.ndarray:
         """(T, 2) what the wheels of one plan are told [m/s], left and right, at every tick."""
@@ -161,30 +167,31 @@ class Drives(Protocol):
 
 
 def path_along(plan: Plan, poses: np.ndarray) -> Path:
-    """The path of poses (B, T + 1, 3) at every tick of B plans, those of shorter ones padded: as `driven` cuts it."""
+    """The path of poses (B, T + 1, 3) at every tick of B plans, those of shorter ones padded: as `driven` cuts it.
+
+    Points lie as many whole ticks apart as are nearest to 0.1 s. UsageError as `Plan.ticks`.
+    """
     ticks = plan.ticks
     begin = np.cumsum(ticks, axis=1) - ticks
-    each = round(SAMPLE / TICK)
+    each = max(round(SAMPLE / plan.tick), 1)
     number = np.arange(-(-int(ticks.max(initial=0)) // each))
     after = np.minimum(each * (number + 1), ticks[..., None])
     which = np.arange(len(poses))
     points = poses[which[:, None, None], begin[..., None] + after]
     there = each * number < ticks[..., None]
-    return Path(
-        np.where(there[..., None], points, np.nan), poses[which, ticks.sum(axis=1)], TICK * ticks.sum(axis=1)
-    )
+    last = ticks.sum(axis=1)
+    return Path(np.where(there[..., None], points, np.nan), poses[which, last], plan.tick * last)
 
 
-def driven(plan: Plan, model: Model | Drives) -> Path:
+def driven(plan: Plan, model: Model | Continuous | Drives) -> Path:
     """The path that a model predicts, from the origin, looking along x: points every 0.1 s, and each end."""
     if isinstance(model, Drives):
         return model.drive(plan)
     many, commands = plan.left.shape
     told = ~plan.null
     left, right, seconds = (column[told] for column in (plan.left, plan.right, plan.seconds))
-    follows = (
-        np.diff(np.nonzero(told)[0], prepend=-1) == 0
-    )  # a command that was not left out; else from standstill
+    # a command that was not left out; else from standstill
+    follows = np.diff(np.nonzero(told)[0], prepend=-1) == 0
     before = (np.where(follows, np.roll(side, 1), 0.0) for side in (left, right))
     asked = Commands(left, right, seconds, *before)
     found = along(model, asked, SAMPLE)
@@ -212,7 +219,7 @@ def short(path: Path, course: Course = CORNERS) -> np.ndarray:
     return np.linalg.norm(path.end[:, None, :2] - course.ends, axis=2).min(axis=1)
 
 
-def fitness(path: Path, within: float = 0.0, course: Course = CORNERS) -> tuple[np.ndarray, np.ndarray]:
+def fitness(path: Path, course: Course = CORNERS, within: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """(B,) fitness of paths, and how many places each visits; see `visited`.
 
     k1 n - k2 t - k3 f - k4 e: n places, t seconds, f [cm] from the end to where it should be if all were visited, else
@@ -237,26 +244,26 @@ def _points(path: Path) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Evolved:
-    """The best genes (4 n,) of an evolution, their fitness in the model and the places that it got well into there.
+    """The best genes (4 n,) of an evolution, their fitness in the model and how many places it got well into there.
 
     history : (candidates tried, best fitness) whenever it rose.
     """
 
     genes: np.ndarray
     fitness: float
-    blocks: int
+    places: int
     history: tuple[tuple[int, float], ...]
 
 
 def evolve(
     model: Model | Drives,
     course: Course = CORNERS,
-    ranges: CommandRange = KHEPERA,
+    ranges: CommandRange = KHEPERA_RANGE,
     *,
     commands: int = COMMANDS,
     generations: int = 10_000,
-    population: int = 200,
-    tournament: int = 40,
+    population: int = POPULATION,
+    tournament: int = TOURNAMENT,
     mutation: float = 0.15,
     within: float = ROBOT,
     seed: int = 0,
@@ -272,12 +279,12 @@ def evolve(
         raise UsageError(
             f"within = {within:g} m",
             expected=f"0 to less than {course.side / 2:g}, half a side",
-            do="correct it",
+            do="ask for a smaller margin, or larger squares",
         )
     rules = Rules(population, tournament, mutation=mutation, width=np.tile(WIDTHS, commands))
     search = Genetic(4 * commands, rng=stream(seed, "navigation"), rules=rules)
     paths = lambda unit: driven(Plan.of(unit, ranges), model)  # noqa: E731
-    grades = lambda unit: np.stack(fitness(paths(unit), within, course), axis=1)  # noqa: E731
+    grades = lambda unit: np.stack(fitness(paths(unit), course, within), axis=1)  # noqa: E731
     judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
     found = drive(search, grades, judge, Limits(generations * population), progress=progress)
     return Evolved(found.best, found.value, int(found.grades[1]), found.history)

@@ -16,6 +16,7 @@ EARLY = 0.3  # s of an episode that tell whether it begins with a robot on its w
 APART = 5.0  # standard deviations of a difference of two poses: what noise does not do
 LOOSE = 0.1  # of what a base does from standstill that it may do more
 STILL = 0.01  # s: shorter lags are none
+SAME = 1e-6  # s between the end of one command and the begin of the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,14 @@ class Told:
     track: float
     left_out: int
     on_the_way: int = 0
+
+    @property
+    def follows(self) -> np.ndarray:
+        """(n,) whether a command begins where the one before it ends, in the same episode; the first follows none."""
+        same = self.episode[1:] == self.episode[:-1]
+        out = np.zeros(len(self.episode), dtype=bool)
+        out[1:] = same & (np.abs(self.begin[1:] - self.end[:-1]) <= SAME)
+        return out
 
 
 def told(robot: Robot, recording: Recording, *, longest: float = np.inf) -> Told:

@@ -6,7 +6,8 @@ import numpy as np
 
 from dynreg.compare.compare import Compared
 from dynreg.compare.contenders import Made, Plan, Predicts
-from dynreg.compare.rollouts import NINETY, Errors, Scored
+from dynreg.compare.rollouts import Errors, Scored
+from dynreg.evidence.interval import NINETY
 from dynreg.results.comparison import Commands, Comparison, Contender
 from dynreg.results.result import Cost, Gain
 from dynreg.results.rollouts import ComparedTrace, Horizon, Rollouts, Score

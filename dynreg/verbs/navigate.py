@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
+from dynreg.timed.task import COMMANDS, POPULATION
 from dynreg.verbs.compare import MODELS
 from dynreg.verbs.settings import Settings, option, seed, threads
 
@@ -36,11 +37,12 @@ class NavigateSettings(Settings):
         metavar="X,Y,X,Y",
     )
     on: str = option("dynamic", "Model of the robot.", choices=MODELS)
-    commands: int = option(10, "Most commands.", least=1)
+    commands: int = option(COMMANDS, "At most so many commands.", least=1)
     seconds: tuple[float, ...] | None = option(
         None, "Shortest and longest command [s].", usual="as most of the recording", metavar="A,B"
     )
-    generations: int = option(2000, "Generations of the search, of 200 plans each.", least=1)
+    # 2000 generations and 1000 drives are choices: enough for the plans of docs/wheeled.md, in a minute or two
+    generations: int = option(2000, f"Generations of the search, of {POPULATION} plans each.", least=1)
     drives: int = option(1000, "Simulated drives that judge the plan.", least=1)
     seed: int = seed()
     threads: int = threads()
@@ -59,8 +61,8 @@ class NavigateSettings(Settings):
 
 _LISTS = {  # how many numbers, 0 for pairs, and what is expected
     "visit": (0, "metres ahead and metres to the left, such as 0.5,-0.2"),
-    "area": (4, "lowest x and y, highest x and y [m], such as -1,-1,1,1"),
-    "seconds": (2, "the shortest and the longest command [s], such as 0.2,2"),
+    "area": (4, "lowest x and y, highest x and y [m], lowest below highest, such as -1,-1,1,1"),
+    "seconds": (2, "the shortest and the longest command [s], above 0, shortest first, such as 0.2,2"),
 }
 
 
@@ -71,7 +73,7 @@ def _numbers(given: Iterable[Any], name: str, many: int) -> tuple[float, ...]:
         out = tuple(float(one) for one in flat)
     except (TypeError, ValueError):
         raise _wrong(name, flat) from None
-    right = len(out) == many if many else len(out) % 2 == 0 and out
+    right = len(out) == many if many else bool(out) and len(out) % 2 == 0
     if not right or not all(map(isfinite, out)):
         raise _wrong(name, flat)
     return out
@@ -79,7 +81,7 @@ def _numbers(given: Iterable[Any], name: str, many: int) -> tuple[float, ...]:
 
 def _wrong(name: str, given: Iterable[Any]) -> UsageError:
     told = ",".join(f"{one:g}" if isinstance(one, Real) else str(one) for one in given)
-    return UsageError(f"{name} {told!r}", expected=_LISTS[name][1], do="give these numbers", setting=name)
+    return UsageError(f"{name} {told!r}", expected=_LISTS[name][1], do=f"give {name} so", setting=name)
 
 
 def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress | None = None) -> "Navigation":
@@ -87,9 +89,11 @@ def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress |
 
     A model is made from the first 84 % of the recording's commands, as `dynreg compare` makes it, and a genetic
     algorithm seeks the commands in it (Pretorius et al.). The robot drives them without looking: it begins at rest,
-    x is ahead and y to the left of where it stands. Commands stay within what most of the recording's were.
+    x is ahead and y to the left of where it stands. Speeds and times stay within those of most commands of the
+    recording.
 
-    The drives that judge the plan repeat the model's errors in the last 16 % of the commands, as many in a row.
+    Simulated drives judge the plan. Each adds the model's errors on consecutive commands from the last 16 %, as many as
+    the plan has.
 
     Example: dynreg navigate monday --visit 0.5,0.2 --visit 0.5,-0.2 -o plan.csv
 

@@ -4,40 +4,39 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from dynreg.compare.compare import STILL, parts
-from dynreg.compare.contenders import MODELS, Made, Making, made
+from dynreg.compare.compare import parts, require_enough
+from dynreg.compare.contenders import Made, Making, made
 from dynreg.compare.contenders import Plan as ModelPlan
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError, UsageError
+from dynreg.errors import UsageError
+from dynreg.evidence.interval import NINETY
 from dynreg.progress import Progress
 from dynreg.results.comparison import Spread, Way
 from dynreg.results.navigation import Navigation, Place, TimedCommand
 from dynreg.results.result import Cost, Interval
-from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 from dynreg.timed.commands import AXES
 from dynreg.timed.compare import FACTORS, UNITS, spread
-from dynreg.timed.erring import Erring
+from dynreg.timed.erring import Erring, consecutive
 from dynreg.timed.models import coarse
-from dynreg.timed.navigation import CommandRange, Course, Path, Plan, driven, evolve, short, visited
+from dynreg.timed.navigation import MOST, CommandRange, Course, Path, Plan, driven, evolve, short, visited
+from dynreg.timed.task import POPULATION
 from dynreg.timed.told import Told, told
 from dynreg.timed.wheels import steering, wheels_of
 from dynreg.verbs.compare import CompareSettings
 from dynreg.verbs.navigate import NavigateSettings
 from dynreg.verbs.subjects import Recorded
 
-INNER = 0.5  # of a square, into which the search has a path get
-POPULATION, TOURNAMENT = 200, 40
+INNER = 0.5  # of a square, into which the search has a path get: a choice
 SHOWN = 6  # drives that are drawn
-NINETY = (0.05, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
     """What was found: the recording's commands and their parts, the model, the course, the plan and its numbers.
 
-    values : (n, 2) of the two actions. errors : (m, 3) of the model on the commands to test. alone : the path in the
-    model; drives : with errors.
+    values : (n, 2) of the two actions. errors : (m, 3) of the model on the commands to test; runs : (R, r) numbers of
+    those that follow each other, of which drives take theirs. alone : the path in the model; drives : with errors.
     """
 
     told: Told
@@ -48,6 +47,7 @@ class Planned:
     plan: Plan
     values: np.ndarray
     errors: np.ndarray
+    runs: np.ndarray
     alone: Path
     drives: Path
 
@@ -59,7 +59,13 @@ def planned(
     usual = CompareSettings()
     found = told(robot, recording, longest=usual.longest)
     fit, validation, test = parts(len(found.commands))
-    _require_enough(found, fit, settings.on)
+    require_enough(
+        found,
+        fit,
+        (settings.on,),
+        without=lambda _: "name another model with --on",
+        unfitted="plan with --on kinematic",
+    )
     ranges = _ranges(robot, recording, found, settings)
     models = {one.name: getattr(usual, one.name) for one in fields(ModelPlan)}
     how = ModelPlan(**models | {"models": (settings.on,), "seed": settings.seed, "threads": settings.threads})
@@ -72,8 +78,6 @@ def planned(
         ranges,
         commands=settings.commands,
         generations=settings.generations,
-        population=POPULATION,
-        tournament=TOURNAMENT,
         within=0.5 * INNER * settings.size,
         seed=settings.seed,
         progress=progress and (lambda done, of: progress("plan", done, of)),
@@ -82,7 +86,8 @@ def planned(
     plan = Plan.of(genes, ranges)
     errors = found.moved[test] - model.model.predict(found.commands.take(test))
     each = max(int((~plan.null).sum()), 1)
-    erring = Erring(model.model, errors, each, stream(settings.seed, "drives"))
+    runs = consecutive(found.follows[test], each)
+    drives = Plan.of(np.repeat(genes, settings.drives, 0), ranges)
     return Planned(
         told=found,
         parts=(fit, validation, test),
@@ -92,26 +97,10 @@ def planned(
         plan=plan,
         values=ranges.told(genes)[0],
         errors=errors,
+        runs=runs,
         alone=driven(plan, model.model),
-        drives=driven(Plan.of(np.repeat(genes, settings.drives, 0), ranges), erring),
+        drives=driven(drives, Erring(model.model, errors, runs, each, settings.seed)),
     )
-
-
-def _require_enough(found: Told, fit: slice, name: str) -> None:
-    """LogError where a model cannot be made from what there is to fit."""
-    least = MODELS[name].least
-    if least > fit.stop:
-        raise LogError(
-            f"{fit.stop} commands are there to fit model {name!r}",
-            expected=f"at least {least}",
-            do="record more, or name another model with --on",
-        )
-    if least and (np.ptp(found.moved[fit], axis=0) < STILL).any():
-        raise LogError(
-            f"the {fit.stop} commands to fit do not drive and turn in several ways",
-            expected="displacements that differ on every axis",
-            do="record others, or plan with --on kinematic",
-        )
 
 
 def _ranges(robot: Robot, recording: Recording, found: Told, settings: NavigateSettings) -> CommandRange:
@@ -149,7 +138,7 @@ def document(asked: Recorded, settings: NavigateSettings, found: Planned, second
     lasts = plan.seconds[0][used]
     begins = np.concatenate([[0.0], np.cumsum(lasts)])
     places = zip(course.centres.tolist(), alone.tolist(), there.sum(axis=0).tolist(), strict=True)
-    low, high = np.quantile(off, NINETY)
+    low, median, high = map(float, np.quantile(off, (NINETY[0], 0.5, NINETY[1])))
     return Navigation(
         robot=robot.name,
         recording=asked.recording.id,
@@ -170,8 +159,9 @@ def document(asked: Recorded, settings: NavigateSettings, found: Planned, second
             for begin, last, told in zip(begins[:-1], lasts, found.values[used], strict=True)
         ),
         seconds=_rounded(begins[-1]),
-        end=Interval(value=float(short(found.alone, course)[0]), low=float(low), high=float(high), unit="m"),
+        end=float(short(found.alone, course)[0]),
         drives=settings.drives,
+        drive_ends=Interval(value=median, low=low, high=high, unit="m"),
         all_visited=int(there.all(axis=1).sum()),
         way=_way(found.alone, 0),
         ways=tuple(_way(found.drives, number) for number in range(min(SHOWN, settings.drives))),
@@ -195,11 +185,17 @@ def _notes(found: Planned) -> tuple[str, ...]:
             "this is the best plan found, and it does not do all that was asked: try more --generations, another"
             " --seed, more --commands, longer --seconds, or places that are nearer"
         )
-    usual, longest = float(np.quantile(found.told.commands.seconds, NINETY[1])), found.ranges.seconds[1]
+    usual, longest = float(np.quantile(found.told.commands.seconds, MOST[1])), found.ranges.seconds[1]
     if longest > usual + found.ranges.tick:
         out.append(
             f"19 of 20 commands of the recording last {usual:.2g} s or less, and those of the plan up to"
             f" {longest:.2g} s: the errors of such long ones are hardly known"
+        )
+    used, length = int((~found.plan.null).sum()), found.runs.shape[1]
+    if length < used:
+        out.append(
+            f"the plan has {used} commands, and no more than {length} of those to test follow each other without a"
+            " gap: each drive strings together the errors of several such runs"
         )
     return tuple(out)
 

@@ -98,21 +98,21 @@ def test_fitness_is_the_papers() -> None:
 
 def test_a_plan_is_sought_by_the_blocks_that_the_whole_robot_gets_into() -> None:
     edge = path((0.31, 0.2), (0.0, 0.0))
-    assert fitness(edge)[1][0] == 1 and fitness(edge, ROBOT)[1][0] == 0
-    assert fitness(path((0.37, 0.2), (0.0, 0.0)), ROBOT)[1][0] == 1
+    assert fitness(edge)[1][0] == 1 and fitness(edge, within=ROBOT)[1][0] == 0
+    assert fitness(path((0.37, 0.2), (0.0, 0.0)), within=ROBOT)[1][0] == 1
     with pytest.raises(UsageError, match="half a side"):
         evolve(MODEL, within=0.15)
     found = evolve(MODEL, generations=30, population=60, tournament=12, within=0.0)
-    assert found.blocks > evolve(MODEL, generations=30, population=60, tournament=12, within=0.149).blocks
+    assert found.places > evolve(MODEL, generations=30, population=60, tournament=12, within=0.149).places
 
 
 def test_evolution_finds_blocks_and_the_same_again() -> None:
     given = {"generations": 120, "population": 60, "tournament": 12}
     found = evolve(MODEL, **given)
-    drawn = fitness(driven(Plan.of(stream(1, "drawn").uniform(size=(60, 40))), MODEL), ROBOT)[0]
-    assert found.fitness > drawn.max() + 500 and found.blocks >= 2
-    value, blocks = fitness(driven(Plan.of(found.genes[None]), MODEL), ROBOT)
-    assert value[0] == found.fitness and blocks[0] == found.blocks
+    drawn = fitness(driven(Plan.of(stream(1, "drawn").uniform(size=(60, 40))), MODEL), within=ROBOT)[0]
+    assert found.fitness > drawn.max() + 500 and found.places >= 2
+    value, blocks = fitness(driven(Plan.of(found.genes[None]), MODEL), within=ROBOT)
+    assert value[0] == found.fitness and blocks[0] == found.places
     assert np.array_equal(evolve(MODEL, **given).genes, found.genes)
 
 
@@ -142,10 +142,10 @@ def test_a_course_without_a_way_back_ends_in_a_place() -> None:
     course = Course.around([(1.0, 0.0), (1.0, 1.0)], 0.2, back=False)
     way = path((1.0, 0.05), (1.0, 0.5), (1.0, 0.97))
     assert visited(way, course).tolist() == [[True, True]] and short(way, course)[0] == pytest.approx(0.03)
-    value, count = fitness(way, 0.0, course)
+    value, count = fitness(way, course)
     assert count[0] == 2 and value[0] == pytest.approx(2000.0 - 2.5 * 10.0 - 5.0 * 3.0)
     home = Course.around([(1.0, 0.0), (1.0, 1.0)], 0.2)
-    assert fitness(way, 0.0, home)[0][0] == pytest.approx(2000.0 - 2.5 * 10.0 - 500.0 * np.hypot(1.0, 0.97))
+    assert fitness(way, home)[0][0] == pytest.approx(2000.0 - 2.5 * 10.0 - 500.0 * np.hypot(1.0, 0.97))
 
 
 def test_points_below_and_above_an_area_count_as_outside() -> None:
@@ -153,7 +153,7 @@ def test_points_below_and_above_an_area_count_as_outside() -> None:
     inside, below, above = (
         path((1.0, 0.0), point, (0.0, 0.0)) for point in ((0.5, 0.0), (-0.2, -0.2), (1.1, 0.5))
     )
-    values = [fitness(way, 0.0, course)[0][0] for way in (inside, below, above)]
+    values = [fitness(way, course)[0][0] for way in (inside, below, above)]
     assert values[0] - values[1] == pytest.approx(2.5 * 10.0) and values[0] - values[2] == pytest.approx(
         2.5 * 30.0
     )
@@ -170,6 +170,21 @@ def test_commands_are_told_in_the_robots_own_numbers() -> None:
     assert made.seconds[0] == pytest.approx([0.08, 0.48]) and made.null[0].tolist() == [False, True]
     brief = CommandRange(np.zeros(2), np.ones(2), (0.001, 0.002), 0.04)
     assert Plan.of(unit, brief).seconds[0] == pytest.approx([0.04, 0.04])
+    assert made.ticks[0].tolist() == [2, 0] and made.speeds(0) == pytest.approx(np.tile([0.2, 0.0], (2, 1)))
+    free = Plan.of(unit, CommandRange(np.zeros(2), np.ones(2), (0.1, 0.2)))
+    with pytest.raises(UsageError, match="range has a tick"):
+        _ = free.ticks
+
+
+def test_a_path_is_cut_by_the_tick_of_its_plan() -> None:
+    """Ticks of 50 ms: a point every other one, and one at the end of each command."""
+    brief = CommandRange(np.full(2, 0.2), np.full(2, 0.2), (0.25, 0.25), 0.05)
+    plans = Plan.of(np.array([[0.0, 0.0, 0.0, 0.0] * 2]), brief)
+    poses = np.zeros((1, 11, 3))
+    poses[0, :, 0] = 0.01 * np.arange(11)
+    found = path_along(plans, poses)
+    assert found.points[0, :, :, 0] == pytest.approx(np.array([[0.02, 0.04, 0.05], [0.07, 0.09, 0.1]]))
+    assert found.time[0] == pytest.approx(0.5) and found.end[0, 0] == pytest.approx(0.1)
 
 
 def test_a_range_is_what_most_commands_of_a_recording_said_and_the_robot_takes() -> None:
@@ -186,7 +201,7 @@ def test_a_plan_of_some_commands_reaches_one_place() -> None:
     course = Course.around([(0.3, 0.1)], 0.1, back=False)
     given = {"commands": 3, "generations": 40, "population": 60, "tournament": 12, "within": 0.025}
     found = evolve(MODEL, course, **given)
-    assert found.genes.shape == (12,) and found.blocks == 1
+    assert found.genes.shape == (12,) and found.places == 1
     assert short(driven(Plan.of(found.genes[None]), MODEL), course)[0] < 0.025
 
 

@@ -1,5 +1,6 @@
 """Plans made from a recording of a robot whose truth is known: they are driven on it, stored, and the same again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from dynreg.timed.compare import FACTORS
 from dynreg.timed.models import Kinematic
 from dynreg.timed.told import told
 from dynreg.verbs.navigate import NavigateSettings
-from dynreg.verbs.navigation import planned
+from dynreg.verbs.navigation import _notes, planned
 
 QUICK = {"generations": 25, "drives": 200, "threads": 1}
 LAGS = {
@@ -49,7 +50,7 @@ def found(registry: Session) -> Navigation:
 
 
 def test_a_plan_keeps_to_what_the_recording_and_the_robot_can(found: Navigation, robot: Robot) -> None:
-    assert found.places[0].visited and found.end.value < 0.075 and 1 <= len(found.commands) <= 10
+    assert found.places[0].visited and found.end < 0.075 and 1 <= len(found.commands) <= 10
     values = np.array([c.values for c in found.commands])
     assert np.abs(values).max() <= 0.7 * robot.file.actions[0].high
     lasts = np.array([c.seconds for c in found.commands])
@@ -73,7 +74,10 @@ def test_the_table_drives_the_robot_as_far_off_as_the_drives_say(found: Navigati
     driven = table[list(robot.actions)].to_numpy().repeat(rows, axis=0)
     log = logged(robot, config(robot, LAGS), [driven], engine="unicycle")
     end = log.episodes[0].values[-1, log.columns(["base/x", "base/y"])]
-    assert found.end.value < np.hypot(*(end - PLACE)) < found.end.high and found.end.value < found.end.low
+    assert (
+        found.end < np.hypot(*(end - PLACE)) < found.drive_ends.high
+        and found.end < found.drive_ends.low < found.drive_ends.value
+    )
     assert [way.x[0] for way in (found.way, *found.ways)] == [0.0] * 7 and len(
         {way.x for way in found.ways}
     ) > 1
@@ -105,7 +109,7 @@ def test_a_plan_comes_back_by_more_commands_and_says_what_it_misses(registry: Se
 def test_commands_that_are_left_out_are_in_no_table(registry: Session) -> None:
     near = registry.navigate("monday", visit=[(0.05, 0.0)], back=False, on="kinematic", **QUICK)
     assert 1 <= len(near.commands) < 10 and near.places[0].visited
-    assert near.seconds == pytest.approx(sum(c.seconds for c in near.commands)) and near.end.value < 0.05
+    assert near.seconds == pytest.approx(sum(c.seconds for c in near.commands)) and near.end < 0.05
 
 
 def test_the_models_errors_are_of_the_commands_at_the_end(
@@ -117,12 +121,29 @@ def test_the_models_errors_are_of_the_commands_at_the_end(
     assert [found.errors[axis].mean for axis in AXES] == pytest.approx(off * FACTORS)
 
 
+def test_drives_take_errors_of_commands_without_a_gap(robot: Robot) -> None:
+    """Of four episodes the last 24 commands are parts of two; none holds as many as the plan has."""
+    log = logged(
+        robot, config(robot, LAGS), [commands(robot, n, n) for n in (60, 66, 12, 12)], engine="unicycle"
+    )
+    asked = NavigateSettings(visit=[PLACE], back=False, on="kinematic", **QUICK)
+    found = planned(robot, log, asked)
+    used, first = int((~found.plan.null).sum()), found.parts[2].start
+    episode = found.told.episode[first:][found.runs]
+    assert (episode == episode[:, :1]).all() and {*episode.ravel()} == {2, 3}
+    assert found.runs.shape[1] == min(used, 12) and (np.diff(found.runs, axis=1) == 1).all()
+    assert not any("without a gap" in note for note in _notes(found))
+    cut = replace(found, runs=found.runs[:, : used - 1])
+    assert f"no more than {used - 1} of those to test" in " ".join(_notes(cut))
+
+
 def test_what_cannot_be_planned_is_refused(registry: Session) -> None:
     with pytest.raises(UsageError, match="longest command lasts 0.5 s"):
         registry.navigate("monday", visit=[PLACE], seconds=(0.1, 3.0), on="kinematic", **QUICK)
-    with pytest.raises(LogError, match="20 commands, 3 of them to test"):
+    with pytest.raises(LogError, match="20 commands, 3 of them to test") as refused:
         registry.navigate("short", visit=[PLACE], **QUICK)
-    with pytest.raises(LogError, match="fit model 'network'"):
+    assert "--longest" not in str(refused.value) and str(refused.value).endswith("record more")
+    with pytest.raises(LogError, match="fit model 'network'.*in all; record more, or name another .* --on$"):
         registry.navigate("monday", visit=[PLACE], on="network", **QUICK)
     with pytest.raises(RobotError, match="has no wheels"):
         planned(load_robot("servo_pendulum"), registry.recording("monday"), NavigateSettings(visit=[PLACE]))
