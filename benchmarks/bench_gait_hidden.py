@@ -414,6 +414,7 @@ def main() -> None:
     )
     digest = hashlib.sha256(json.dumps(asdict(plan)).encode()).hexdigest()[:8]
     ending = f"_tune_{digest}" if given.tune else "_packaged" if given.packaged else ""
+    ending += f"_{given.only_kind}" if given.only_kind else ""
     path = given.journal or RESULTS / f"gait_hidden{ending}.jsonl"
     journal = Cells(path, plan)
     journal.begin()
