@@ -470,7 +470,7 @@ def _given() -> argparse.Namespace:
     parser.add_argument("--packaged", action="store_true", help="searches also try the robot's own gaits")
     parser.add_argument("--only-kind", choices=("family", "outside"), help="robots of one half alone")
     parser.add_argument("--registry", default="benchmarks/registry")
-    parser.add_argument("--journal", type=Path, help="[benchmarks/results/gait_hidden.jsonl]")
+    parser.add_argument("--journal", type=Path, help="[benchmarks/results/gait_hidden_HALF.jsonl]")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
     return parser.parse_args()
