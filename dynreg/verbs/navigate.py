@@ -143,10 +143,12 @@ def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress |
     Simulated drives judge the plan. Each adds the model's errors on consecutive commands from the last 16 %, as many as
     the plan has.
 
+    Exit status 0 whatever the plan misses; a note says what.
+
     Example: dynreg navigate monday --visit 0.5,0.2 --visit 0.5,-0.2 -o plan.csv
 
     Raises RobotError where the robot has no wheels, LogError for a recording with too few commands, UsageError for
-    commands longer than any of the recording's.
+    commands longer than any of the recording's, or times between which no multiple of the robot's time step lies.
     """
     from dynreg.verbs.navigation import document, planned
 
