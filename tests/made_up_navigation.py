@@ -1,6 +1,6 @@
 """A plausible plan for a wheeled robot, with numbers that were made up."""
 
-from dynreg.results import Cost, Interval, Navigation, Place, Spread, TimedCommand, Way
+from dynreg.results import CommandLimits, Cost, Interval, Navigation, Place, Spread, TimedCommand, Way
 
 
 def navigation(missed: bool = False) -> Navigation:
@@ -38,6 +38,9 @@ def navigation(missed: bool = False) -> Navigation:
         all_visited=430,
         way=Way(x=(0.0, 0.3, 0.5, 0.2), y=(0.0, 0.1, 0.2, 0.01)),
         ways=(Way(x=(0.0, 0.31, 0.52, 0.24), y=(0.0, 0.12, 0.19, 0.03)),),
+        limits=CommandLimits(
+            commands=10, seconds=(0.1, 2.0), low=(-9.9, -9.8), high=(9.7, 9.9), beyond=False
+        ),
         generations=2000,
         seed=0,
         notes=("this is the best plan found",) if missed else (),

@@ -53,9 +53,7 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
             value = getattr(file, one.name, None)
         if value is not None:
             flags[one.name] = how.flag_of(one.name)
-            said[one.name] = (
-                _names(value if isinstance(value, str) else ",".join(value)) if _listed(one) else value
-            )
+            said[one.name] = _value(value, one, how)
             if said[one.name] == () and how.some:
                 raise how.empty(f"{flags[one.name]} {value!r}", one.name)
     try:
@@ -119,6 +117,15 @@ def _offers(how: Option) -> Callable[[str], list[str]] | None:
     if how.complete:
         return getattr(completion, how.complete)
     return completion.one_of(how.allowed) if how.allowed else None
+
+
+def _value(given: Any, one: Field, how: Option) -> Any:
+    """What a flag was given, with the parts of a list apart."""
+    if how.apart:
+        return tuple(tuple(part.strip() for part in each.split(",")) for each in given)
+    if not _listed(one):
+        return given
+    return _names(given if isinstance(given, str) else ",".join(given))
 
 
 def _names(given: str) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from rich.text import Text
 from dynreg.report.grid import table
 from dynreg.report.plan import plan
 from dynreg.report.words import number
-from dynreg.results.navigation import Navigation
+from dynreg.results.navigation import Navigation, distance_words
 
 
 def tables(result: Navigation) -> RenderableType:
@@ -32,8 +32,10 @@ def tables(result: Navigation) -> RenderableType:
 
 def end_words(result: Navigation) -> str:
     """Where drives end."""
-    low, high = (f"{100 * bound:.2g}" for bound in (result.drive_ends.low, result.drive_ends.high))
-    return f"The middle 90 % of the drives end {low} to {high} cm from {result.goal}."
+    low, high = map(distance_words, (result.drive_ends.low, result.drive_ends.high))
+    if low.split()[-1] == high.split()[-1]:  # the unit is said once
+        low = low.rpartition(" ")[0]
+    return f"The middle 90 % of the drives end {low} to {high} from {result.goal}."
 
 
 def error_words(result: Navigation) -> str:
@@ -56,4 +58,5 @@ def page(result: Navigation) -> dict[str, Any]:
         "drawn": plan("from above; the robot begins at the dot, looking to the right", ways),
         "end": end_words(result),
         "error": error_words(result),
+        "off": distance_words(result.end),
     }

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from dynreg.axes import axes_for
 from dynreg.results.comparison import Spread, Way
@@ -11,6 +11,8 @@ from dynreg.results.result import Cost, Interval, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+ORDER = ("dx", "dy", "dtheta", "fit", "validation", "test")  # of axes, and of parts, in what is told
 
 
 class Place(Result):
@@ -41,6 +43,20 @@ class TimedCommand(Result):
     values: tuple[float, float]
 
 
+class CommandLimits(Result):
+    """What commands were sought: at most `commands`, each with `seconds` [s] and two values between low and high.
+
+    seconds : the shortest and the longest. low, high : in the order and the units of `Navigation.actions`. beyond :
+    whether the longest is longer than 19 of 20 commands of the recording, so that its errors are hardly known.
+    """
+
+    commands: int
+    seconds: tuple[float, float]
+    low: tuple[float, float]
+    high: tuple[float, float]
+    beyond: bool
+
+
 class Navigation(Result):
     """Timed commands that visit places, by a model that was made from a recording of the robot.
 
@@ -50,7 +66,8 @@ class Navigation(Result):
     of the values of the commands. seconds : that the plan takes. end : metres from where it should end, in the model.
     drives : simulated ones; each adds the model's errors on consecutive commands to test, as many as the plan has.
     drive_ends : that distance in them: the median, and the 5 % and the 95 % quantile. all_visited : how many of them
-    visit every place. way : of the model; ways : of some drives. generations : of the search.
+    visit every place. way : of the model; ways : of some drives. limits : of the
+    commands, null in documents of earlier versions. generations : of the search.
     """
 
     schema_: Literal["dynreg/navigation/1"] = Field(default="dynreg/navigation/1", alias="schema")
@@ -76,10 +93,21 @@ class Navigation(Result):
     all_visited: int
     way: Way
     ways: tuple[Way, ...]
+    limits: CommandLimits | None = None
     generations: int
     seed: int
     notes: tuple[str, ...] = ()
     cost: Cost
+
+    @field_validator("errors", "parameters", "parts")
+    @classmethod
+    def _in_order(cls, told: dict[str, Any]) -> dict[str, Any]:
+        """Axes and parts as they are usually told, others by name: a stored document has no order."""
+        return dict(
+            sorted(
+                told.items(), key=lambda one: (ORDER.index(one[0]) if one[0] in ORDER else len(ORDER), one[0])
+            )
+        )
 
     @property
     def goal(self) -> str:
@@ -119,12 +147,30 @@ class Navigation(Result):
 
     def __str__(self) -> str:
         there, every = sum(place.visited for place in self.places), len(self.places)
-        return (
-            f"{self.recording_name}: {len(self.commands)} commands ({self.seconds:.3g} s) visit {there} of {every}"
-            f" {'place' if every == 1 else 'places'} and end {100 * self.end:.2g} cm from {self.goal}, says"
-            f" {self.on}. With its held-out errors, {self.all_visited} of {self.drives} drives visit"
-            f" {'it' if every == 1 else 'all'}."
+        one = len(self.commands) == 1
+        told = (
+            f"1 command ({self.seconds:.3g} s) visits"
+            if one
+            else f"{len(self.commands)} commands ({self.seconds:.3g} s) visit"
         )
+        all_of = "it" if every == 1 else "all"
+        known = ", which hardly tell of such long commands" if self.limits and self.limits.beyond else ""
+        return (
+            f"{self.recording_name}: {told} {there} of {every} {'place' if every == 1 else 'places'} and"
+            f" {'ends' if one else 'end'} {distance_words(self.end)} from {self.goal}, says {self.on}. With its"
+            f" held-out errors{known}, {self.all_visited} of {self.drives} drives visit {all_of}."
+        )
+
+
+def distance_words(metres: float) -> str:
+    """A length with the unit that fits.
+
+    >>> distance_words(0.012), distance_words(2.2), distance_words(8.3e-7)
+    ('1.2 cm', '2.2 m', 'under 0.01 cm')
+    """
+    if metres < 1e-4:
+        return "under 0.01 cm"
+    return f"{100 * metres:.2g} cm" if 100 * metres < 99.5 else f"{metres:.2g} m"
 
 
 def _numbers(values: tuple[float | None, ...]) -> np.ndarray:

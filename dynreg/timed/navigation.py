@@ -8,7 +8,8 @@ but its simulator.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import ceil, floor
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -27,6 +28,7 @@ ROBOT = 0.065  # m, radius of the paper's robot
 REWARD, SLOWNESS, MISS, OUTSIDE = 1000.0, 2.5, 5.0, 2.5  # k1 a place, k2 a second, k3 and k4 a centimetre
 CM = 100.0
 MOST = (0.05, 0.95)  # quantiles between which most commands of a recording lie: a choice
+EXACT = 1e-6  # ticks by which a time may miss a multiple that it stands for
 # of mutations: of what is told and its time by up to so much; whether it is left out, anew
 WIDTHS = (0.2, 0.2, 0.2, 1.0)
 
@@ -63,6 +65,12 @@ class Course:
         """(E, 2) where a path that visited all may end."""
         return np.zeros((1, 2)) if self.back else self.centres
 
+    @property
+    def least_way(self) -> float:
+        """Metres that a path drives at least, which gets into the farthest square, and back where it should."""
+        far = float(np.linalg.norm(np.maximum(np.abs(self.centres) - self.side / 2, 0.0), axis=1).max())
+        return 2.0 * far if self.back else far
+
 
 SIZE, BLOCK = np.array([1.2, 0.7]), 0.3  # m, of the paper's table and of its blocks
 COLUMNS, ROWS = (np.array([-1.0, 1.0]) * (side - BLOCK) / 2 for side in SIZE)
@@ -87,12 +95,42 @@ class CommandRange:
     def used(cls, commands: Commands, wheels: np.ndarray, tick: float, limits: np.ndarray) -> "CommandRange":
         """What most commands of a recording said, from their 5 % to their 95 % quantile; numbers within limits (2, 2).
 
-        limits : the lowest and the highest that the robot takes.
+        limits : the lowest and the highest that the robot takes. No time is rounded to one above the recording's
+        longest, unless that is shorter than a tick.
         """
         numbers = np.stack([commands.left, commands.right], axis=1) @ np.linalg.inv(wheels).T
         low, high = np.clip(np.quantile(numbers, MOST, axis=0), *limits)
         shortest, longest = map(float, np.quantile(commands.seconds, MOST))
-        return cls(low, high, (shortest, longest), tick, wheels)
+        most = float(commands.seconds.max())
+        if tick and tick * np.round(longest / tick) > most + EXACT * tick:
+            longest = tick * max(floor(most / tick + EXACT), 1)
+        return cls(low, high, (min(shortest, longest), longest), tick, wheels)
+
+    def lasting(self, shortest: float, longest: float) -> "CommandRange":
+        """The same with other times: the multiples of the tick from the shortest to the longest [s].
+
+        Raises UsageError where there is none.
+        """
+        if not self.tick:
+            return replace(self, seconds=(shortest, longest))
+        least, most = max(ceil(shortest / self.tick - EXACT), 1), floor(longest / self.tick + EXACT)
+        if least > most:
+            raise UsageError(
+                f"seconds {shortest:g},{longest:g}",
+                expected=f"at least one multiple of {self.tick:g} s between them",
+                do=f"ask for such as {self.tick * least:g},{self.tick * (least + 1):g}",
+                setting="seconds",
+            )
+        return replace(self, seconds=(self.tick * least, self.tick * most))
+
+    @property
+    def fastest(self) -> float:
+        """The highest speed of the middle between the wheels [m/s], by what they are told."""
+        ends = np.array([(first, second) for first in self._ends(0) for second in self._ends(1)])
+        return float(np.abs((ends @ self.wheels.T).mean(axis=1)).max())
+
+    def _ends(self, number: int) -> tuple[float, float]:
+        return float(self.low[number]), float(self.high[number])
 
     def told(self, unit: np.ndarray) -> np.ndarray:
         """(B, n, 2) the two numbers of n commands, of genes (B, 4 n) in the unit cube."""

@@ -27,6 +27,7 @@ class NavigateSettings(Settings):
         "A place to visit: metres ahead, metres to the left; repeat it for more.",
         metavar="X,Y",
         repeated=True,
+        apart=True,
     )
     size: float = option(0.3, "Side of the square around a place [m].", above=0.0)
     back: bool = option(True, "Come back to the start; else end in a place.", flag="--back/--no-back")
@@ -48,40 +49,87 @@ class NavigateSettings(Settings):
     threads: int = threads()
 
     def __post_init__(self) -> None:
-        for name, (many, _) in _LISTS.items():
+        object.__setattr__(self, "visit", _places(self.visit))
+        for name in ("area", "seconds"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _numbers(getattr(self, name), name, many))
+                object.__setattr__(self, name, _numbers(getattr(self, name), name))
         super().__post_init__()
-        object.__setattr__(self, "visit", tuple(zip(self.visit[::2], self.visit[1::2], strict=True)))
-        if self.area is not None and not (self.area[0] < self.area[2] and self.area[1] < self.area[3]):
-            raise _wrong("area", self.area)
+        if self.area is not None:
+            self._hold()
         if self.seconds is not None and not 0.0 < self.seconds[0] <= self.seconds[1]:
-            raise _wrong("seconds", self.seconds)
+            raise _wrong("seconds", (_told(self.seconds),))
+
+    def _hold(self) -> None:
+        """UsageError for an area that is none, or that leaves out the start or a place."""
+        x, y, most_x, most_y = self.area
+        if not (x < most_x and y < most_y):
+            raise _wrong("area", (_told(self.area),))
+        named = {"the start": (0.0, 0.0), **{f"the place {_told(place)}": place for place in self.visit}}
+        for name, (ahead, left) in named.items():
+            if not (x <= ahead <= most_x and y <= left <= most_y):
+                raise UsageError(
+                    f"area {_told(self.area)!r} leaves out {name}",
+                    expected="an area with the start, which is 0,0, and every place in it",
+                    do="ask for a larger area, or leave it out",
+                    setting="area",
+                )
 
 
-_LISTS = {  # how many numbers, 0 for pairs, and what is expected
-    "visit": (0, "metres ahead and metres to the left, such as 0.5,-0.2"),
-    "area": (4, "lowest x and y, highest x and y [m], lowest below highest, such as -1,-1,1,1"),
-    "seconds": (2, "the shortest and the longest command [s], above 0, shortest first, such as 0.2,2"),
+_FORMS = {  # how many numbers, what they are, and an example for a command line and for Python
+    "visit": (2, "metres ahead and metres to the left", "0.5,-0.2", "[(0.5, -0.2)]"),
+    "area": (
+        4,
+        "lowest x and y, highest x and y [m], lowest below highest",
+        "-1,-1,1,1",
+        "(-1, -1, 1, 1)",
+    ),
+    "seconds": (2, "the shortest and the longest command [s], above 0, shortest first", "0.2,2", "(0.2, 2)"),
 }
 
 
-def _numbers(given: Iterable[Any], name: str, many: int) -> tuple[float, ...]:
-    """Numbers, or pairs of them, as a command line or Python tells them."""
-    flat = [one for part in given for one in ((part,) if isinstance(part, str | Real) else part)]
+def _places(given: Any) -> tuple[tuple[float, float], ...]:
+    """Pairs of numbers, of pairs as a command line or Python tells them, or of one bare pair.
+
+    Raises UsageError for what is no pair of finite numbers.
+    """
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise _wrong("visit", given)
+    parts = tuple(given)
+    if not parts:
+        raise _wrong("visit", parts)
+    bare = not any(isinstance(part, Iterable) and not isinstance(part, str) for part in parts)
+    return tuple(_numbers(part, "visit") for part in ((parts,) if bare else parts))
+
+
+def _numbers(given: Any, name: str) -> tuple[float, ...]:
+    """As many finite numbers as a setting has; UsageError for anything else."""
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise _wrong(name, given)
+    parts = tuple(given)
+    if len(parts) != _FORMS[name][0] or not all(isinstance(one, str | Real) for one in parts):
+        raise _wrong(name, parts)
     try:
-        out = tuple(float(one) for one in flat)
-    except (TypeError, ValueError):
-        raise _wrong(name, flat) from None
-    right = len(out) == many if many else bool(out) and len(out) % 2 == 0
-    if not right or not all(map(isfinite, out)):
-        raise _wrong(name, flat)
-    return out
+        numbers = tuple(map(float, parts))
+    except (ValueError, OverflowError):
+        raise _wrong(name, parts) from None
+    if any(isinstance(one, bool) for one in parts) or not all(map(isfinite, numbers)):
+        raise _wrong(name, parts)
+    return numbers
 
 
-def _wrong(name: str, given: Iterable[Any]) -> UsageError:
-    told = ",".join(f"{one:g}" if isinstance(one, Real) else str(one) for one in given)
-    return UsageError(f"{name} {told!r}", expected=_LISTS[name][1], do=f"give {name} so", setting=name)
+def _wrong(name: str, given: Any) -> UsageError:
+    """An error that shows what was given, words as a command line has them, and an example in the same form."""
+    _, what, typed, python = _FORMS[name]
+    words = isinstance(given, tuple) and given and all(isinstance(one, str) for one in given)
+    shown, example = (",".join(given), typed) if words else (given, python)
+    return UsageError(
+        f"{name} {shown!r}", expected=f"{what}, such as {example}", do=f"give {name} so", setting=name
+    )
+
+
+def _told(numbers: Iterable[float]) -> str:
+    """Numbers as a command line has them."""
+    return ",".join(f"{one:g}" for one in numbers)
 
 
 def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress | None = None) -> "Navigation":
@@ -95,10 +143,12 @@ def navigate(asked: "Recorded", settings: NavigateSettings, progress: Progress |
     Simulated drives judge the plan. Each adds the model's errors on consecutive commands from the last 16 %, as many as
     the plan has.
 
+    Exit status 0 whatever the plan misses; a note says what.
+
     Example: dynreg navigate monday --visit 0.5,0.2 --visit 0.5,-0.2 -o plan.csv
 
     Raises RobotError where the robot has no wheels, LogError for a recording with too few commands, UsageError for
-    commands longer than any of the recording's.
+    commands longer than any of the recording's, or times between which no multiple of the robot's time step lies.
     """
     from dynreg.verbs.navigation import document, planned
 

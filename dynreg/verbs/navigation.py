@@ -1,6 +1,6 @@
 """A plan for a wheeled robot, sought in a model of it, and its document."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from dynreg.errors import UsageError
 from dynreg.evidence.interval import NINETY
 from dynreg.progress import Progress
 from dynreg.results.comparison import Spread, Way
-from dynreg.results.navigation import Navigation, Place, TimedCommand
+from dynreg.results.navigation import CommandLimits, Navigation, Place, TimedCommand
 from dynreg.results.result import Cost, Interval
 from dynreg.sim.robot import Robot
 from dynreg.timed.commands import AXES
@@ -29,6 +29,7 @@ from dynreg.verbs.subjects import Recorded
 
 INNER = 0.5  # of a square, into which the search has a path get: a choice
 SHOWN = 6  # drives that are drawn
+LONG = (0.5, 2.0)  # s: commands that are advised where those of a recording are shorter and lead nowhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +120,7 @@ def _ranges(robot: Robot, recording: Recording, found: Told, settings: NavigateS
             do="ask for shorter commands, or record longer ones",
             setting="seconds",
         )
-    return replace(ranges, seconds=settings.seconds)
+    return ranges.lasting(*settings.seconds)
 
 
 def _columns(robot: Robot) -> list[int]:
@@ -165,6 +166,7 @@ def document(asked: Recorded, settings: NavigateSettings, found: Planned, second
         all_visited=int(there.all(axis=1).sum()),
         way=_way(found.alone, 0),
         ways=tuple(_way(found.drives, number) for number in range(min(SHOWN, settings.drives))),
+        limits=_limits(found),
         generations=settings.generations,
         seed=settings.seed,
         notes=_notes(found),
@@ -181,12 +183,14 @@ def _notes(found: Planned) -> tuple[str, ...]:
     """What is not as it was asked for, and what the drives cannot know."""
     out, course = [], found.course
     if not visited(found.alone, course).all() or short(found.alone, course)[0] > course.side / 2:
-        out.append(
-            "this is the best plan found, and it does not do all that was asked: try more --generations, another"
-            " --seed, more --commands, longer --seconds, or places that are nearer"
-        )
-    usual, longest = float(np.quantile(found.told.commands.seconds, MOST[1])), found.ranges.seconds[1]
-    if longest > usual + found.ranges.tick:
+        out.append(f"this is the best plan found, and it does not do all that was asked: {_why(found)}")
+    out += [
+        f"the start already lies in the place {x:g},{y:g}"
+        for x, y in course.centres
+        if max(abs(x), abs(y)) <= course.side / 2
+    ]
+    usual, longest = _usual(found), found.ranges.seconds[1]
+    if _beyond(found):
         out.append(
             f"19 of 20 commands of the recording last {usual:.2g} s or less, and those of the plan up to"
             f" {longest:.2g} s: the errors of such long ones are hardly known"
@@ -198,6 +202,48 @@ def _notes(found: Planned) -> tuple[str, ...]:
             " gap: each drive strings together the errors of several such runs"
         )
     return tuple(out)
+
+
+def _why(found: Planned) -> str:
+    """Why a plan may miss what was asked, and what to try."""
+    way, many, ranges = found.course.least_way, found.plan.null.shape[1], found.ranges
+    reach = many * ranges.seconds[1] * ranges.fastest
+    if way > reach:
+        out = (
+            f"the places ask for a way of at least {way:.3g} m, and these commands go at most {reach:.3g} m; try more"
+            " --commands, longer --seconds, or places that are nearer"
+        )
+    else:
+        out = "try more --generations, another --seed, more --commands, longer --seconds, or places that are nearer"
+    usual, longest = _usual(found), min(float(found.told.commands.seconds.max()), LONG[1])
+    longest = np.floor(100.0 * longest + 1e-6) / 100.0  # as it is written, and no longer than the recording's
+    if usual < LONG[0] and longest > usual + ranges.tick and not _beyond(found):
+        out += (
+            f"; 19 of 20 commands of the recording last {usual:.2g} s or less, so try"
+            f" --seconds {min(LONG[0], longest / 2):g},{longest:g}"
+        )
+    return out
+
+
+def _usual(found: Planned) -> float:
+    """How long most commands of the recording last at most [s]."""
+    return float(np.quantile(found.told.commands.seconds, MOST[1]))
+
+
+def _beyond(found: Planned) -> bool:
+    """Whether commands of the plan may last longer than most of the recording's."""
+    return found.ranges.seconds[1] > _usual(found) + found.ranges.tick
+
+
+def _limits(found: Planned) -> CommandLimits:
+    ranges = found.ranges
+    return CommandLimits(
+        commands=found.plan.null.shape[1],
+        seconds=tuple(map(_rounded, ranges.seconds)),
+        low=tuple(map(_rounded, ranges.low)),
+        high=tuple(map(_rounded, ranges.high)),
+        beyond=_beyond(found),
+    )
 
 
 def _spread(errors: np.ndarray, unit: str) -> Spread:

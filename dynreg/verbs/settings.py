@@ -33,7 +33,8 @@ class Option:
     without them. choices : the only values, or a function that gives them. old : {what a value was called: what it is
     called now}. some : what a list must hold at least one of; see : the command that shows these. complete : what a
     shell offers, by its name in `cli.completion`. repeated : a list with commas whose flag may be given
-    again, too. shared : a settings file and DYNREG_* may tell it as well.
+    again, too; apart : each time tells one value, which is the list between its commas. shared : a settings file and
+    DYNREG_* may tell it as well.
     """
 
     help: str
@@ -50,6 +51,7 @@ class Option:
     see: str = ""
     complete: str | None = None
     repeated: bool = False
+    apart: bool = False
     shared: bool = False
 
     @property

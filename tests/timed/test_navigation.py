@@ -197,6 +197,39 @@ def test_a_range_is_what_most_commands_of_a_recording_said_and_the_robot_takes()
     assert found.seconds == pytest.approx((0.06, 0.96)) and found.tick == 0.02
 
 
+def test_times_that_are_asked_for_are_rounded_inside() -> None:
+    ranges, unit = CommandRange(np.zeros(2), np.ones(2), (0.1, 2.0), 0.02), np.zeros((1, 8))
+    unit[0, 4:] = 1.0
+    for asked, told in (
+        ((0.05, 0.09), (0.06, 0.08)),
+        ((0.5, 2.0), (0.5, 2.0)),
+        ((0.001, 0.039), (0.02, 0.02)),
+    ):
+        assert Plan.of(unit, ranges.lasting(*asked)).seconds[0] == pytest.approx(told)
+    for asked in ((0.05, 0.05), (0.001, 0.005)):
+        words = f"seconds {asked[0]:g},{asked[1]:g}; expected at least one multiple of 0.02 s between them; ask for"
+        with pytest.raises(UsageError, match=words):
+            ranges.lasting(*asked)
+    assert CommandRange(np.zeros(2), np.ones(2), (0.1, 2.0)).lasting(0.05, 0.05).seconds == (0.05, 0.05)
+
+
+def test_no_time_is_rounded_above_the_longest_of_a_recording() -> None:
+    still = np.zeros((2, 4)), np.zeros((2, 4))
+    for lasts, told in ((0.15, 0.12), (0.12, 0.12), (0.01, 0.04)):
+        log = Commands(*still[0], np.full(4, lasts), *still[1])
+        ranges = CommandRange.used(log, np.eye(2), 0.04, np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        assert Plan.of(np.ones((1, 4)), ranges).seconds[0, 0] == pytest.approx(told)
+        assert Plan.of(np.zeros((1, 4)), ranges).seconds[0, 0] == pytest.approx(told)
+
+
+def test_the_least_way_and_the_highest_speed_bound_what_can_be_reached() -> None:
+    assert Course.around([(10.0, 0.0), (1.0, 0.0)], 0.2).least_way == pytest.approx(19.8)
+    assert Course.around([(3.1, 4.1)], 0.2, back=False).least_way == pytest.approx(5.0)
+    assert Course.around([(0.0, 0.0)], 0.2).least_way == 0.0
+    wheels = np.array([[1.0, -0.1], [1.0, 0.1]])
+    assert CommandRange(np.array([-0.4, -2.0]), np.array([0.3, 2.0]), (0.1, 1.0), 0.0, wheels).fastest == 0.4
+
+
 def test_a_plan_of_some_commands_reaches_one_place() -> None:
     course = Course.around([(0.3, 0.1)], 0.1, back=False)
     given = {"commands": 3, "generations": 40, "population": 60, "tournament": 12, "within": 0.025}

@@ -1,5 +1,6 @@
 """Plans made from a recording of a robot whose truth is known: they are driven on it, stored, and the same again."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from driven_robot import PERIOD, commands, config, logged
 import dynreg
 from dynreg.cli.main import main
 from dynreg.errors import LogError, RobotError, UsageError
+from dynreg.report.html import page as page_of
+from dynreg.report.navigation import error_words
 from dynreg.results import Navigation
 from dynreg.session import Session
 from dynreg.sim.robot import Robot, load_robot
@@ -18,7 +21,7 @@ from dynreg.timed.compare import FACTORS
 from dynreg.timed.models import Kinematic
 from dynreg.timed.told import told
 from dynreg.verbs.navigate import NavigateSettings
-from dynreg.verbs.navigation import _notes, planned
+from dynreg.verbs.navigation import _limits, _notes, planned
 
 QUICK = {"generations": 25, "drives": 200, "threads": 1}
 LAGS = {
@@ -27,6 +30,7 @@ LAGS = {
     "yaw_drag": 1.04,
 }  # of the hidden robot: the closed form knows none
 PLACE = (0.5, 0.1)
+WHEEL = load_robot("diffdrive").file.base.wheel_radius  # m
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +103,11 @@ def test_a_plan_comes_back_by_more_commands_and_says_what_it_misses(registry: Se
         and far.all_visited == 0
         and "does not do all that was asked" in far.notes[0]
     )
+    reach = 10 * far.limits.seconds[1] * max(map(abs, (*far.limits.low, *far.limits.high))) * WHEEL
+    found = re.search(
+        r"a way of at least 17.7 m, and these commands go at most ([\d.]+) m; try", far.notes[0]
+    )
+    assert 0.5 * reach < float(found[1]) <= 1.01 * reach and "--generations" not in far.notes[0]
     assert far.area == pytest.approx((0.0, -0.15, 9.15, 0.15)) and far.goal == "the start"
     brief = registry.navigate(
         "monday", visit=[PLACE], seconds=(0.1, 0.2), commands=3, on="kinematic", **QUICK
@@ -135,6 +144,48 @@ def test_drives_take_errors_of_commands_without_a_gap(robot: Robot) -> None:
     assert not any("without a gap" in note for note in _notes(found))
     cut = replace(found, runs=found.runs[:, : used - 1])
     assert f"no more than {used - 1} of those to test" in " ".join(_notes(cut))
+
+
+def test_times_keep_to_what_was_asked_and_the_document_holds_the_limits(
+    registry: Session, robot: Robot
+) -> None:
+    asked = {"visit": [PLACE], "back": False, "on": "kinematic", **QUICK, "generations": 2}
+    told_so = registry.navigate("monday", seconds=(0.11, 0.15), commands=4, **asked)
+    assert told_so.limits.seconds == (0.12, 0.14) and told_so.limits.commands == 4
+    assert {round(c.seconds, 9) for c in told_so.commands} <= {0.12, 0.14}
+    values = np.array([c.values for c in told_so.commands])
+    assert (values >= told_so.limits.low).all() and (values <= told_so.limits.high).all()
+    assert 0.5 * robot.file.actions[0].high < told_so.limits.high[0] < 0.7 * robot.file.actions[0].high
+    assert not told_so.limits.beyond and "hardly" not in str(told_so)
+    with pytest.raises(UsageError, match=r"0.05,0.05; expected at least one multiple of 0.02 s between them"):
+        registry.navigate("monday", seconds=(0.05, 0.05), **asked)
+
+
+def test_short_commands_that_lead_nowhere_are_told_with_times_to_ask_for(robot: Robot) -> None:
+    """Three of a hundred commands last longer; beyond what most last, the headline says so."""
+    brief = commands(robot, 97, 1, seconds=(0.12, 0.12))
+    brief = np.concatenate([commands(robot, 3, 2, seconds=(1.6, 1.6)), brief])
+    log = logged(robot, config(robot), [brief], engine="unicycle")
+    asked = {"visit": [(0.8, 0.0)], "back": False, "on": "kinematic", **QUICK, "generations": 2}
+    found = planned(robot, log, NavigateSettings(**asked))
+    (note,) = _notes(found)
+    assert "19 of 20 commands of the recording last 0.12 s or less, so try --seconds 0.5,1.6" in note
+    longer = planned(robot, log, NavigateSettings(**asked, seconds=(0.5, 1.6)))
+    assert "hardly known" in _notes(longer)[-1] and _limits(longer).beyond and not _limits(found).beyond
+
+
+def test_a_start_in_a_place_is_told(registry: Session) -> None:
+    asked = {"visit": [(0.0, 0.1), PLACE], "on": "kinematic", **QUICK, "generations": 2}
+    notes = registry.navigate("monday", **asked).notes
+    assert [note for note in notes if "start" in note] == ["the start already lies in the place 0,0.1"]
+
+
+def test_a_page_of_a_stored_plan_is_the_same(registry: Session) -> None:
+    found = registry.navigate("monday", visit=[PLACE], on="dynamic", **QUICK | {"generations": 2})
+    stored = registry.result("@last")
+    assert list(stored.errors) == list(found.errors) == [*AXES]
+    assert stored.to_json() == found.to_json() and error_words(stored) == error_words(found)
+    assert page_of(stored) == page_of(found)
 
 
 def test_what_cannot_be_planned_is_refused(registry: Session) -> None:
