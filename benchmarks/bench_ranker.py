@@ -169,7 +169,7 @@ def main() -> None:
     )
     parser.add_argument("--diagnose", action="store_true", help="also diagnose, with the ranking and without")
     parser.add_argument("--tune", action="store_true", help="the seeds of the development; writes nothing")
-    parser.add_argument("--journal", type=Path, required=True, help="of the robots: a second start goes on")
+    parser.add_argument("--journal", type=Path, help="of the robots: a second start goes on")
     given = parser.parse_args()
     robot, seed = load_robot(given.robot), TUNE if given.tune else REPORT
     trials = Trials(robot, protocol(robot, seed=TUNE), threads=1, seed=TUNE, ranker="make", truth=given.truth)
@@ -177,9 +177,9 @@ def main() -> None:
     trials = trials.guided(count=given.entries)
     count, spent = len(trials.guide.population), time.process_time() - began
     print(f"{count} entries: {spent:.1f} s, {1e3 * spent / count:.1f} ms each", flush=True)
-    journal = Journal(
-        given.journal, {"robot": robot.hash, "seed": seed, "truth": given.truth, "entries": count}
-    )
+    ending = "_tune" if given.tune else ""
+    path = given.journal or RESULTS / f"ranker_{given.robot}_{given.truth}{ending}.jsonl"
+    journal = Journal(path, {"robot": robot.hash, "seed": seed, "truth": given.truth, "entries": count})
     journal.begin()
     done = {(x["cause"], x["size_of"], x["number"]) for x in journal.lines()}
     for i, (cause, size, number, trial) in enumerate(wanted(given, trials, seed)):

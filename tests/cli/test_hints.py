@@ -14,6 +14,7 @@ from dynreg.cli.main import app
 SOURCES = Path(dynreg.__file__).parent
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 COMMAND = re.compile(r"dynreg ((?:robots )?[a-z]+)\b([^`;&|\n]*)")
+BENCH = re.compile(r"make bench-(\w+) ARGS=(\"[^\"]*\"|[^\s`]+)")
 OF_OTHERS = {"--play", "--seeds", "--without-effects"}  # of examples and of a benchmark
 
 
@@ -48,13 +49,23 @@ def texts(path: Path) -> Iterator[str]:
 
 
 def wrong(text: str) -> list[str]:
-    """What a text says of options that is not so."""
-    out = [f"{flag} is no option" for flag in OPTION.findall(text) if flag not in EVERY | OF_OTHERS]
+    """What a text says of options that is not so: of `dynreg`, and of a benchmark where `make` runs it with some."""
+    out = [
+        f"bench_{name} has no {flag}" for name, rest in BENCH.findall(text) for flag in unknown(name, rest)
+    ]
+    text = BENCH.sub("", text)
+    out += [f"{flag} is no option" for flag in OPTION.findall(text) if flag not in EVERY | OF_OTHERS]
     for command, rest in COMMAND.findall(text):
         if command in OPTIONS:
             lacks = [flag for flag in OPTION.findall(rest) if flag not in OPTIONS[command]]
             out += [f"`dynreg {command}` has no {flag}" for flag in lacks]
     return out
+
+
+def unknown(bench: str, rest: str) -> list[str]:
+    """Options that a benchmark does not have."""
+    source = (SOURCES.parent / "benchmarks" / f"bench_{bench}.py").read_text(encoding="utf-8")
+    return [flag for flag in OPTION.findall(rest) if f'"{flag}"' not in source]
 
 
 ROOT = SOURCES.parent
@@ -73,6 +84,8 @@ def test_texts_name_options_that_exist() -> None:
         "name more with --simulators",
         "run `dynreg compare monday --windows 3`",
         "see `dynreg robots check arm --log a.csv`",
+        'run `make bench-graph ARGS="--sizes 200 --no-such 3"`',
+        "what `--sizes` of a benchmark says",
     ],
 )
 def test_a_wrong_option_is_found(text: str) -> None:
