@@ -2,6 +2,7 @@
 
 import sqlite3
 from pathlib import Path
+from types import SimpleNamespace
 
 import made_up_drift
 import made_up_gait
@@ -52,7 +53,8 @@ def strangers(session):
         if isinstance(answer, tuple):
             answer = (answer[0], poisoned(answer[1]))
         session.answers[verb] = answer if isinstance(answer, Exception) else poisoned(answer)
-    session.answers["resolve"] = ("result", "ab" * 32)  # what is named for a csv is a gait
+    # what is named for a csv is a gait
+    session.answers |= {"resolve": ("result", "ab" * 32), "result": SimpleNamespace(kind="gait")}
     # `info` is answered as plain data
     session.answers["info"] = poisoned(made_up_results.information())
     return session
