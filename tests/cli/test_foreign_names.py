@@ -53,8 +53,7 @@ def strangers(session):
         if isinstance(answer, tuple):
             answer = (answer[0], poisoned(answer[1]))
         session.answers[verb] = answer if isinstance(answer, Exception) else poisoned(answer)
-    # what is named for a csv is a gait
-    session.answers |= {"resolve": ("result", "ab" * 32), "result": SimpleNamespace(kind="gait")}
+    session.answers["resolve"] = ("result", "ab" * 32)  # what is named for a csv is a gait
     # `info` is answered as plain data
     session.answers["info"] = poisoned(made_up_results.information())
     return session
@@ -62,6 +61,8 @@ def strangers(session):
 
 @pytest.mark.parametrize("line", LINES.values(), ids=LINES)
 def test_what_a_verb_says_and_writes_is_shown_and_not_obeyed(line, dynreg, strangers) -> None:
+    if "csv" in line:
+        strangers.answers["result"] = SimpleNamespace(kind="gait")
     for arguments in (line, (*line, "--json")):
         ended = dynreg(*arguments)
         assert ended.status == 0, ended.err
