@@ -19,7 +19,7 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.timed.navigation import short, visited
-from dynreg.verbs.navigate import NavigateSettings
+from dynreg.verbs.navigate_settings import NavigateSettings
 from dynreg.verbs.navigation import Planned, planned
 
 FILE = Path(__file__).parent / "results" / "navigate.json"

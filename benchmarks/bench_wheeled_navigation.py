@@ -43,9 +43,8 @@ from wheeled_robots import Exact, hidden, made, sayers_of, simulators_of, truth_
 
 from dynreg.rng import stream_seed
 from dynreg.timed.commands import AXES
-from dynreg.timed.navigation import COMMANDS, Plan, driven, evolve, fitness
+from dynreg.timed.navigation import COMMANDS, PLANNING, Plan, driven, evolve, fitness
 from dynreg.timed.navigation import Path as Way
-from dynreg.timed.task import POPULATION
 
 HERE = Path(__file__).parent / "results"
 TUNE, REPORT = 65, 20261230
@@ -112,7 +111,9 @@ def work(table: Table, kind: str, number: int, path: Path) -> str:
         "often": float(np.abs(often - simulated[0]).mean()),
         "commands": COMMANDS - int(plan.null.sum()),
         "after": [
-            _reached(best.history, POPULATION * count) for count in AFTER if count <= table.generations
+            _reached(best.history, PLANNING.population * count)
+            for count in AFTER
+            if count <= table.generations
         ],
         "ways": {"simulator": _way(here), "robot": _way(there)},
         "core": time.process_time() - began,

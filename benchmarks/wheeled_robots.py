@@ -26,9 +26,9 @@ from dynreg.timed.networks import Networks
 from dynreg.timed.unicycle import KHEPERA, unicycle
 from dynreg.truths import table as truths
 from dynreg.truths.kernels import rolling
-from dynreg.truths.rolling import ENDLESS, ROWS
 from dynreg.truths.truth import Commands as TruthCommands
 from dynreg.truths.truth import Truth
+from dynreg.truths.wheels import rows_of
 
 COMMANDS = 1460  # 1000 to fit, 230 to validate, 230 to test
 EPISODE = 60.0  # s
@@ -43,19 +43,6 @@ SIZES: Mapping[str, Mapping[str, float]] = {
     "wheel_slip": {"grip": 1.17},
 }
 SIGNED = ("wheel_gain",)
-# where a cause of the library stands in the compiled equations: {cause: {parameter: row}}
-_STANDS = {
-    "wheel_gain": {"difference": "difference"},
-    "wheel_slip": {"grip": "grip"},
-    "turn_slowdown": {"arm": "arm"},
-    "command_delay": {"delay": "delay"},
-    "command_lag": {"time": "lag"},
-    "command_gain": {"gain": "gain"},
-    "command_deadband": {"width": "deadband"},
-    "rate_limit": {"rate": "rate_limit"},
-    "drive_inertia": {},
-    "encoder_scale": {"error": "scale"},
-}
 NETWORK = ("weights", "mean", "scale", "out_mean", "out_scale", "errors")
 
 
@@ -171,22 +158,6 @@ def sayers_of(row: dict) -> dict[str, "Model | Extended | Exact"]:
         "extended": Extended(robot, config),
         "truth": Exact(truth_of(row)),
     }
-
-
-def rows_of(parameters: Mapping[str, float], causes: Mapping[str, Mapping[str, float]]) -> np.ndarray:
-    """(R,) what the compiled equations are told of a robot with causes {id: values}; KeyError for one they lack."""
-    told = {"scale": 1.0, "rate_limit": ENDLESS, "grip": ENDLESS, "radius": parameters["wheel_radius"]}
-    told |= {name: parameters[name] for name in ("track", "speed_lag", "yaw_lag", "speed_drag", "yaw_drag")}
-    for cause, values in causes.items():
-        for name, row in _STANDS[cause].items():
-            told[row] = values[name] + (1.0 if row == "scale" else 0.0)
-        if cause == "drive_inertia":
-            told["speed_lag"] += values["time"]
-            told["yaw_lag"] += values["time"]
-    out = np.zeros(len(ROWS))
-    for name, value in told.items():
-        out[ROWS.index(name)] = value
-    return out
 
 
 def actions_of(plan: Plan) -> list[np.ndarray]:

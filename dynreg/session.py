@@ -13,7 +13,8 @@ from dynreg.verbs.drift import DriftSettings, drift
 from dynreg.verbs.excite import ExciteSettings, excite, excite_legs
 from dynreg.verbs.gait import GaitSettings, gait
 from dynreg.verbs.gait_rounds import GaitRoundsSettings, gait_rounds
-from dynreg.verbs.navigate import NavigateSettings, navigate
+from dynreg.verbs.navigate import navigate
+from dynreg.verbs.navigate_settings import NavigateSettings
 from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking

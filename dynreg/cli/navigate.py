@@ -8,7 +8,7 @@ import typer
 from dynreg.cli.call import Call, can_write
 from dynreg.cli.options import AnyRecording, MapOfLog, Page, RobotOfLog
 from dynreg.cli.output import say
-from dynreg.verbs.navigate import NavigateSettings
+from dynreg.verbs.navigate_settings import NavigateSettings
 
 if TYPE_CHECKING:
     from dynreg.results.navigation import Navigation

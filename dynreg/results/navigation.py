@@ -66,8 +66,7 @@ class Navigation(Result):
     of the values of the commands. seconds : that the plan takes. end : metres from where it should end, in the model.
     drives : simulated ones; each adds the model's errors on consecutive commands to test, as many as the plan has.
     drive_ends : that distance in them: the median, and the 5 % and the 95 % quantile. all_visited : how many of them
-    visit every place. way : of the model; ways : of some drives. limits : of the
-    commands, null in documents of earlier versions. generations : of the search.
+    visit every place. way : of the model; ways : of some drives. limits : of the commands. generations : of the search.
     """
 
     schema_: Literal["dynreg/navigation/1"] = Field(default="dynreg/navigation/1", alias="schema")
@@ -93,7 +92,7 @@ class Navigation(Result):
     all_visited: int
     way: Way
     ways: tuple[Way, ...]
-    limits: CommandLimits | None = None
+    limits: CommandLimits
     generations: int
     seed: int
     notes: tuple[str, ...] = ()
@@ -154,7 +153,7 @@ class Navigation(Result):
             else f"{len(self.commands)} commands ({self.seconds:.3g} s) visit"
         )
         all_of = "it" if every == 1 else "all"
-        known = ", which hardly tell of such long commands" if self.limits and self.limits.beyond else ""
+        known = ", which hardly tell of such long commands" if self.limits.beyond else ""
         return (
             f"{self.recording_name}: {told} {there} of {every} {'place' if every == 1 else 'places'} and"
             f" {'ends' if one else 'end'} {distance_words(self.end)} from {self.goal}, says {self.on}. With its"

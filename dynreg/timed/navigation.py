@@ -20,7 +20,7 @@ from dynreg.search.drive import Limits, drive
 from dynreg.search.genetic import Genetic, Rules
 from dynreg.timed.commands import Commands, pose_after
 from dynreg.timed.models import Continuous, Model, along
-from dynreg.timed.task import COMMANDS, POPULATION, TOURNAMENT
+from dynreg.timed.task import COMMANDS
 
 TICK = 0.02  # s: the paper's commands last so many of them, of the clock of a robot that is told 50 times a second
 SAMPLE = 0.1  # s between points of a path
@@ -31,6 +31,7 @@ MOST = (0.05, 0.95)  # quantiles between which most commands of a recording lie:
 EXACT = 1e-6  # ticks by which a time may miss a multiple that it stands for
 # of mutations: of what is told and its time by up to so much; whether it is left out, anew
 WIDTHS = (0.2, 0.2, 0.2, 1.0)
+PLANNING = Rules(mutation=0.15)  # of the paper's task
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +80,10 @@ CORNERS = Course(np.array([[x, y] for x in COLUMNS for y in ROWS]), BLOCK, np.st
 
 @dataclass(frozen=True, eq=False)
 class CommandRange:
-    """What a command may say: two numbers, each from low (2,) to high (2,), and how long they hold [s].
+    """What a plan's commands may say: two numbers, each from low (2,) to high (2,), and how long they hold [s].
 
     seconds : shortest and longest; tick : of which times are multiples, 0 for any. wheels : (2, 2) that makes speeds of
-    the left and the right wheel on the ground [m/s] of the two numbers.
+    the left and the right wheel on the ground [m/s] of the two numbers. commands : at most so many.
     """
 
     low: np.ndarray
@@ -90,6 +91,7 @@ class CommandRange:
     seconds: tuple[float, float]
     tick: float = 0.0
     wheels: np.ndarray = field(default_factory=lambda: np.eye(2))
+    commands: int = COMMANDS
 
     @classmethod
     def used(cls, commands: Commands, wheels: np.ndarray, tick: float, limits: np.ndarray) -> "CommandRange":
@@ -298,18 +300,15 @@ def evolve(
     course: Course = CORNERS,
     ranges: CommandRange = KHEPERA_RANGE,
     *,
-    commands: int = COMMANDS,
     generations: int = 10_000,
-    population: int = POPULATION,
-    tournament: int = TOURNAMENT,
-    mutation: float = 0.15,
+    rules: Rules = PLANNING,
     within: float = ROBOT,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Evolved:
-    """Commands, so many at most, that do best in a model, by the genetic algorithm; `within` as in `visited`.
+    """Commands that do best in a model, by the genetic algorithm; `within` as in `visited`.
 
-    progress : called with candidates tried and all.
+    rules : of the search; steps of its mutations are `WIDTHS`. progress : called with candidates tried and all.
 
     Raises UsageError where no point of a square is so far within.
     """
@@ -319,10 +318,10 @@ def evolve(
             expected=f"0 to less than {course.side / 2:g}, half a side",
             do="ask for a smaller margin, or larger squares",
         )
-    rules = Rules(population, tournament, mutation=mutation, width=np.tile(WIDTHS, commands))
-    search = Genetic(4 * commands, rng=stream(seed, "navigation"), rules=rules)
+    rules = replace(rules, width=np.tile(WIDTHS, ranges.commands))
+    search = Genetic(4 * ranges.commands, rng=stream(seed, "navigation"), rules=rules)
     paths = lambda unit: driven(Plan.of(unit, ranges), model)  # noqa: E731
     grades = lambda unit: np.stack(fitness(paths(unit), course, within), axis=1)  # noqa: E731
     judge = lambda both: (both[:, 0], -both[:, 0])  # noqa: E731
-    found = drive(search, grades, judge, Limits(generations * population), progress=progress)
+    found = drive(search, grades, judge, Limits(generations * rules.population), progress=progress)
     return Evolved(found.best, found.value, int(found.grades[1]), found.history)

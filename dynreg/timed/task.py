@@ -1,4 +1,3 @@
-"""Sizes of the navigation task of Pretorius et al. and of its search; without numpy, for options name them."""
+"""The size of the navigation task of Pretorius et al.; without numpy, for options name it."""
 
 COMMANDS = 10  # of a plan
-POPULATION, TOURNAMENT = 200, 40  # of the genetic algorithm

@@ -31,6 +31,24 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
 CAUSES_OF_WHEELS = (*_ROWS, "drive_inertia", "encoder_scale", "sensor_delay", "coloured_speed")
 
 
+def rows_of(parameters: Mapping[str, float], causes: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+    """(R,) what the equations of `rolling` are told of a robot with causes {id: values}; KeyError for one they lack."""
+    x = np.zeros(len(ROWS))
+    usual = {"radius": parameters["wheel_radius"], "scale": 1.0, "rate_limit": ENDLESS, "grip": ENDLESS}
+    own = {name: parameters[name] for name in ("track", "speed_lag", "yaw_lag", "speed_drag", "yaw_drag")}
+    for name, value in (usual | own).items():
+        x[ROWS.index(name)] = value
+    for cause, values in causes.items():
+        if cause == "drive_inertia":
+            x[[SPEED_LAG, YAW_LAG]] += values["time"]
+        elif cause == "encoder_scale":
+            x[SCALE] = 1.0 + values["error"]
+        else:
+            for name, target in _ROWS[cause].items():
+                x[ROWS.index(target)] = values[name]
+    return x
+
+
 @dataclass(frozen=True)
 class Wheels:
     """A base on a left and a right wheel."""
@@ -41,7 +59,9 @@ class Wheels:
 
     def states(self, truth: Truth, commands: Commands) -> np.ndarray:
         """(E, T+1, 7) wheel angles and speeds, x, y and yaw, without noise."""
-        x, shape = self._rows(truth), commands.actions.shape
+        inside = truth.cause in (*_ROWS, "drive_inertia", "encoder_scale")
+        x = rows_of(truth.parameters, {truth.cause: truth.values} if inside else {})
+        shape = commands.actions.shape
         rng = stream(truth.seed, "truth pushes")
         told = commands.actions + (0.0 if truth.exact else DISTURBED * FASTEST) * rng.standard_normal(shape)
         if truth.cause == "coloured_speed":
@@ -56,20 +76,6 @@ class Wheels:
             rolling().drive(x, np.ascontiguousarray(told[e]), commands.period, count, begin, trace)
             out.append(trace[at])
         return np.stack(out)
-
-    def _rows(self, truth: Truth) -> np.ndarray:
-        p, x = truth.parameters, np.zeros(len(ROWS))
-        usual = {"radius": p["wheel_radius"], "scale": 1.0, "rate_limit": ENDLESS, "grip": ENDLESS}
-        own = {name: p[name] for name in ("track", "speed_lag", "yaw_lag", "speed_drag", "yaw_drag")}
-        for name, value in (usual | own).items():
-            x[ROWS.index(name)] = value
-        for name, target in _ROWS.get(truth.cause or "", {}).items():
-            x[ROWS.index(target)] = truth.values[name]
-        if truth.cause == "drive_inertia":
-            x[[SPEED_LAG, YAW_LAG]] += truth.values["time"]
-        if truth.cause == "encoder_scale":
-            x[SCALE] = 1.0 + truth.values["error"]
-        return x
 
 
 WHEELS = Wheels(

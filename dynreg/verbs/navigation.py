@@ -1,6 +1,6 @@
 """A plan for a wheeled robot, sought in a model of it, and its document."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -19,12 +19,22 @@ from dynreg.timed.commands import AXES
 from dynreg.timed.compare import FACTORS, UNITS, spread
 from dynreg.timed.erring import Erring, consecutive
 from dynreg.timed.models import coarse
-from dynreg.timed.navigation import MOST, CommandRange, Course, Path, Plan, driven, evolve, short, visited
-from dynreg.timed.task import POPULATION
+from dynreg.timed.navigation import (
+    MOST,
+    PLANNING,
+    CommandRange,
+    Course,
+    Path,
+    Plan,
+    driven,
+    evolve,
+    short,
+    visited,
+)
 from dynreg.timed.told import Told, told
 from dynreg.timed.wheels import steering, wheels_of
 from dynreg.verbs.compare import CompareSettings
-from dynreg.verbs.navigate import NavigateSettings
+from dynreg.verbs.navigate_settings import NavigateSettings
 from dynreg.verbs.subjects import Recorded
 
 INNER = 0.5  # of a square, into which the search has a path get: a choice
@@ -77,7 +87,6 @@ def planned(
         coarse(model.model),
         course,
         ranges,
-        commands=settings.commands,
         generations=settings.generations,
         within=0.5 * INNER * settings.size,
         seed=settings.seed,
@@ -110,6 +119,7 @@ def _ranges(robot: Robot, recording: Recording, found: Told, settings: NavigateS
     rate = robot.file.robot.control_rate
     wheels = wheels_of(robot, recording.names).matrix
     ranges = CommandRange.used(found.commands, wheels, 1.0 / rate if rate else 0.0, limits)
+    ranges = replace(ranges, commands=settings.commands)
     if settings.seconds is None:
         return ranges
     longest = float(found.commands.seconds.max())
@@ -172,7 +182,7 @@ def document(asked: Recorded, settings: NavigateSettings, found: Planned, second
         notes=_notes(found),
         cost=Cost(
             evaluations=0,
-            rollouts=settings.generations * POPULATION,
+            rollouts=settings.generations * PLANNING.population,
             test_rollouts=settings.drives,
             seconds=seconds,
         ),
@@ -206,8 +216,8 @@ def _notes(found: Planned) -> tuple[str, ...]:
 
 def _why(found: Planned) -> str:
     """Why a plan may miss what was asked, and what to try."""
-    way, many, ranges = found.course.least_way, found.plan.null.shape[1], found.ranges
-    reach = many * ranges.seconds[1] * ranges.fastest
+    way, ranges = found.course.least_way, found.ranges
+    reach = ranges.commands * ranges.seconds[1] * ranges.fastest
     if way > reach:
         out = (
             f"the places ask for a way of at least {way:.3g} m, and these commands go at most {reach:.3g} m; try more"
@@ -238,7 +248,7 @@ def _beyond(found: Planned) -> bool:
 def _limits(found: Planned) -> CommandLimits:
     ranges = found.ranges
     return CommandLimits(
-        commands=found.plan.null.shape[1],
+        commands=ranges.commands,
         seconds=tuple(map(_rounded, ranges.seconds)),
         low=tuple(map(_rounded, ranges.low)),
         high=tuple(map(_rounded, ranges.high)),

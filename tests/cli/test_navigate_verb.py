@@ -105,7 +105,7 @@ def test_words_fit_their_numbers(dynreg, asked) -> None:
         assert words in text
     asked.answers["navigate"] = whole.model_copy(update={"end": 8.3e-7})
     assert "end under 0.01 cm from the start" in " ".join(dynreg(*line).out.split())
-    asked.answers["navigate"] = whole.model_copy(update={"end": 0.996, "limits": None})
+    asked.answers["navigate"] = whole.model_copy(update={"end": 0.996})
     assert "end 1 m from the start" in " ".join(dynreg(*line).out.split())
 
 

@@ -1,15 +1,19 @@
 """The navigation task: what a plan means, where its path leads, what it is worth, and that evolution raises that."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dynreg.errors import UsageError
 from dynreg.rng import stream
+from dynreg.search.genetic import Rules
 from dynreg.timed.commands import Commands, chained, in_a_row
 from dynreg.timed.models import Kinematic, Unicycle
 from dynreg.timed.navigation import (
     COMMANDS,
     CORNERS,
+    KHEPERA_RANGE,
     ROBOT,
     SAMPLE,
     TICK,
@@ -27,6 +31,7 @@ from dynreg.timed.navigation import (
 from dynreg.timed.unicycle import KHEPERA
 
 TRACK = 0.0884
+SMALL = Rules(60, 12, mutation=0.15)
 CENTRES, AREA = CORNERS.centres, np.ptp(CORNERS.area, axis=0)
 MODEL = Kinematic(TRACK)
 
@@ -102,12 +107,12 @@ def test_a_plan_is_sought_by_the_blocks_that_the_whole_robot_gets_into() -> None
     assert fitness(path((0.37, 0.2), (0.0, 0.0)), within=ROBOT)[1][0] == 1
     with pytest.raises(UsageError, match="half a side"):
         evolve(MODEL, within=0.15)
-    found = evolve(MODEL, generations=30, population=60, tournament=12, within=0.0)
-    assert found.places > evolve(MODEL, generations=30, population=60, tournament=12, within=0.149).places
+    found = evolve(MODEL, generations=30, rules=SMALL, within=0.0)
+    assert found.places > evolve(MODEL, generations=30, rules=SMALL, within=0.149).places
 
 
 def test_evolution_finds_blocks_and_the_same_again() -> None:
-    given = {"generations": 120, "population": 60, "tournament": 12}
+    given = {"generations": 120, "rules": SMALL}
     found = evolve(MODEL, **given)
     drawn = fitness(driven(Plan.of(stream(1, "drawn").uniform(size=(60, 40))), MODEL), within=ROBOT)[0]
     assert found.fitness > drawn.max() + 500 and found.places >= 2
@@ -232,8 +237,8 @@ def test_the_least_way_and_the_highest_speed_bound_what_can_be_reached() -> None
 
 def test_a_plan_of_some_commands_reaches_one_place() -> None:
     course = Course.around([(0.3, 0.1)], 0.1, back=False)
-    given = {"commands": 3, "generations": 40, "population": 60, "tournament": 12, "within": 0.025}
-    found = evolve(MODEL, course, **given)
+    given = {"generations": 40, "rules": SMALL, "within": 0.025}
+    found = evolve(MODEL, course, replace(KHEPERA_RANGE, commands=3), **given)
     assert found.genes.shape == (12,) and found.places == 1
     assert short(driven(Plan.of(found.genes[None]), MODEL), course)[0] < 0.025
 
@@ -280,7 +285,7 @@ def test_a_plan_without_commands_stays_where_it_is() -> None:
 
 
 def test_an_evolution_tells_when_its_fitness_rose() -> None:
-    given = {"population": 40, "tournament": 8, "seed": 4}
+    given = {"rules": Rules(40, 8, mutation=0.15), "seed": 4}
     found = evolve(MODEL, generations=30, **given)
     tried, values = zip(*found.history, strict=True)
     assert list(tried) == sorted(tried) and list(values) == sorted(values) and values[-1] == found.fitness

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.errors import UsageError
-from dynreg.verbs.navigate import NavigateSettings
+from dynreg.verbs.navigate_settings import NavigateSettings
 
 PLACE = [(0.8, 0.4)]
 

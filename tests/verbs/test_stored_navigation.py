@@ -20,7 +20,7 @@ from dynreg.timed.commands import AXES
 from dynreg.timed.compare import FACTORS
 from dynreg.timed.models import Kinematic
 from dynreg.timed.told import told
-from dynreg.verbs.navigate import NavigateSettings
+from dynreg.verbs.navigate_settings import NavigateSettings
 from dynreg.verbs.navigation import _limits, _notes, planned
 
 QUICK = {"generations": 25, "drives": 200, "threads": 1}
