@@ -34,9 +34,10 @@ def guided(
 ) -> Search[Problem]:
     """The problem with a guide, as far as the options ask for one; one that is made is kept in the cache.
 
+    "auto" leaves it out where logs of one cause do not look alike (`Plan.alike`).
     count : entries of one that is made; None for the usual number.
     """
-    if options.ranker == "off":
+    if options.ranker == "off" or (options.ranker == "auto" and not problem.plan.alike):
         return problem
     noise = own_noise(problem.model.robot, recording)
     found = kept(problem, noise, cache)

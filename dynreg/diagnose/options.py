@@ -19,8 +19,8 @@ class DiagnosisOptions:
         windows : most rollouts to fit, and most to select by, drawn over all episodes by the seed; None takes all, and
         splits them by episode.
     ranker : what says which causes to refit first, and whether none of the known ones looks like the log: simulators
-        with one effect each under its commands. "auto" takes those that the cache holds, "make" makes them where it
-        holds none, "off" does without.
+        with one effect each under its commands. "auto" takes those that the cache holds, but for robots that
+        stand on feet: what slips hides the cause there. "make" makes them where it holds none, "off" does without.
     """
 
     hold_out: str | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,8 +37,11 @@ class Feet(Plan):
         windows, how many of these go on by `more` iterations. away : nats behind the best, from which none goes on.
     chaos : nats that an iteration must gain for another one: less is a foot that slips a moment earlier.
     alone, rival : iterations of the model without a term, and of it from where the best ended.
+    alike : what a foot that slips a moment earlier changes is larger than what a cause does. Of 1,000 simulators with
+        one effect each the nearest carried the hidden cause for 1 of 41 robots (bench_ranker).
     """
 
+    alike: ClassVar[bool] = False
     ahead: tuple[int, int] = (5, 3)
     behind: float = 40.0
     clear: float = 300.0

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -57,8 +58,10 @@ class Plan(ABC):
 
     draws : starts of the calibration besides the nameplate. hopeless : nats behind the best, from which a hypothesis is
     not fitted to the end. On bench_constants half and twice of each name the same.
+    alike : whether logs of one cause look alike, so that simulators that carry it tell it from others.
     """
 
+    alike: ClassVar[bool] = True
     draws: int = 0
     hopeless: float = 60.0
 

@@ -7,6 +7,7 @@ import pytest
 
 from dynreg.diagnose.guided import guided
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.plans import Feet
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.entries import TOGETHER, entries
@@ -143,3 +144,7 @@ def test_it_is_made_once_for_the_same_commands_and_found_again(servo, plan, clea
     assert many > 2 * len(made.guide.population) and none == 0
     assert looked(clean, again.guide.population).keys == looked(clean, made.guide.population).keys
     assert run(guided(clean, recording, replace(options, ranker="off"), shelf)).guide is None
+    # on feet logs of one cause do not look alike
+    feet, asked = replace(clean, plan=Feet()), replace(options, ranker="auto")
+    assert run(guided(feet, recording, asked, shelf)).guide is None
+    assert run(guided(feet, recording, options, shelf)).guide is not None
