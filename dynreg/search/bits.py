@@ -1,7 +1,7 @@
 """Genetic algorithms on bits by ask and tell, in the unit cube: the operon algorithm of paper C, and a plain one.
 
-Both code every number by ten bits and choose parents by tournaments. Details of the operon algorithm that the paper
-does not print are ours: see `Operon`.
+The plain one with a roulette is that of paper B. Details of the operon algorithm that the paper does not print are
+ours: see `Operon`.
 """
 
 from abc import abstractmethod
@@ -9,25 +9,34 @@ from abc import abstractmethod
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.search.selection import Roulette, Selection, Tournament
 from dynreg.search.start import Start
 from dynreg.search.turns import Turns, ranked
 
-BITS = 10  # of a number
+BITS = 10  # of a number, usually
+USUAL = Tournament()
 LIST = 6  # values of a locus at most
 CROSSOVER = 0.7  # of the plain one's children have two parents
 CHANCES = (0.3, 0.3, 0.6, 0.3, 0.3)  # of connection, division, duplication, deletion, inversion
 
 
-def numbers(bits: np.ndarray) -> np.ndarray:
-    """(..., P) in the unit cube of bits (..., 10 P), the highest first."""
-    weights = 2.0 ** np.arange(BITS - 1, -1, -1)
-    return bits.reshape(*bits.shape[:-1], -1, BITS) @ weights / (2.0**BITS - 1.0)
+def numbers(bits: np.ndarray, digits: int = BITS) -> np.ndarray:
+    """(..., P) in the unit cube of bits (..., digits P), the highest first."""
+    weights = 2.0 ** np.arange(digits - 1, -1, -1)
+    return bits.reshape(*bits.shape[:-1], -1, digits) @ weights / (2.0**digits - 1.0)
+
+
+def coded(points: np.ndarray, digits: int = BITS) -> np.ndarray:
+    """(..., digits P) bits of the numbers nearest to points (..., P) in the unit cube: the inverse of `numbers`."""
+    levels = np.rint(np.clip(points, 0.0, 1.0) * (2.0**digits - 1.0)).astype(np.int64)
+    bits = levels[..., None] >> np.arange(digits - 1, -1, -1) & 1
+    return bits.reshape(*points.shape[:-1], -1).astype(np.uint8)
 
 
 class _Bits(Turns):
-    """What both have in common: tournaments, and the best that go on as they are.
+    """What both have in common: parents are chosen, and the best go on as they are.
 
-    bits : (population, 10 P) of the generation.
+    bits : (population, digits P) of the generation.
     """
 
     bits: np.ndarray
@@ -38,41 +47,45 @@ class _Bits(Turns):
         *,
         rng: np.random.Generator,
         population: int = 50,
-        tournament: int = 6,
+        selection: Selection = USUAL,
         elite: int = 1,
         mutation: float | None = None,
+        digits: int = BITS,
+        seeds: np.ndarray | None = None,
     ):
         """The first generation.
 
-        dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. tournament : so
-        many are drawn with replacement, and the best of them becomes a parent. elite : the best so many go on
-        unchanged. mutation : chance of every value to turn; None for one expressed bit of all on average. Raises
-        UsageError for sizes that do not fit each other.
+        dimensions : numbers of a candidate. rng : of all draws. population : candidates of one ask. selection : how
+        parents are chosen. elite : the best so many go on unchanged. mutation : chance of every value to turn; None
+        for one expressed bit of all on average. digits : bits of a number. seeds : (n, P) the first candidates, to
+        the nearest code; the others are random. Raises UsageError for sizes that do not fit each other.
         """
-        if population < 1 or tournament < 1 or not 0 <= elite < population:
+        known = 0 if seeds is None else len(seeds)
+        if population < 1 or not 0 <= elite < population or known > population or digits < 1:
             raise UsageError(
-                f"population {population}, tournament {tournament}, elite {elite}",
-                expected="at least one of each, and an elite smaller than the population",
+                f"population {population}, elite {elite}, {known} seeds, {digits} digits",
+                expected="at least 1 candidate and 1 digit, a smaller elite, and no more seeds than candidates",
                 do="correct them",
             )
-        self._rng, self._size, self._tournament, self._elite = rng, population, tournament, elite
-        self._loci = BITS * dimensions
+        self._rng, self._size, self._selection, self._elite = rng, population, selection, elite
+        self._digits, self._loci = digits, digits * dimensions
         self._mutation = 1.0 / self._loci if mutation is None else mutation
         self._begin()
+        if known:
+            self.bits[:known] = coded(seeds, digits)
 
     def candidates(self) -> np.ndarray:
         """(population, P) the generation."""
-        return numbers(self.bits)
+        return numbers(self.bits, self._digits)
 
     def learn(self, asked: np.ndarray, losses: np.ndarray) -> None:
-        """The next generation is bred from the winners of tournaments; a loss that is NaN is the worst."""
-        order, rank = ranked(losses, self._rng)
-        drawn = self._rng.integers(self._size, size=(self._size, self._tournament))
-        self.breed(order[rank[drawn].min(axis=1)], order[: self._elite])
+        """The next generation is bred from those that are selected; a loss that is NaN is the worst."""
+        order, places = ranked(losses, self._rng)
+        self.breed(self._selection.parents(losses, places, self._rng), order[: self._elite])
 
     @abstractmethod
     def _begin(self) -> None:
-        """Draw the first generation."""
+        """Draw the first generation, into `bits`."""
 
     @abstractmethod
     def breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
@@ -113,7 +126,7 @@ class Operon(_Bits):
         self._values[:, :, 0] = self._rng.integers(2, size=shape)
         self._length = np.ones(shape, dtype=np.int64)
         self._ends = np.ones(shape, dtype=bool)  # whether an operon ends behind a locus
-        self.bits = self._values[:, :, 0]
+        self.bits = self._values[:, :, 0]  # a view: what is written there is expressed
 
     def breed(self, parents: np.ndarray, elite: np.ndarray) -> None:
         kept = [a[elite] for a in (self._values, self._length, self._ends)]
@@ -172,11 +185,28 @@ class Operon(_Bits):
         self._values[child, loci] = np.take_along_axis(self._values[child, loci], source, axis=1)
 
 
+SMALL = Tournament(3)  # of a small population
+
+
 def begin_plain(start: Start) -> BitGenetic:
     """A small population, for budgets of hundreds; what is known is not in it."""
-    return BitGenetic(start.dimensions, rng=start.rng, population=start.batch, tournament=3)
+    return BitGenetic(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL)
 
 
 def begin_operon(start: Start) -> Operon:
     """The same of the operon algorithm."""
-    return Operon(start.dimensions, rng=start.rng, population=start.batch, tournament=3)
+    return Operon(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL)
+
+
+def begin_roulette(start: Start) -> BitGenetic:
+    """Paper B's, in which what is known is one of the first generation."""
+    return BitGenetic(
+        start.dimensions,
+        rng=start.rng,
+        population=start.batch,
+        selection=Roulette(),
+        elite=0,
+        mutation=0.005,
+        digits=8,
+        seeds=None if start.point is None else start.point[None],
+    )

@@ -15,6 +15,7 @@ class CmaEs(Turns):
     ----------
     start : (P,) where to begin. rng : of all draws. sigma : first step size in the unit cube. batch : candidates of one
     ask. periodic : (P,) dimensions that run round: they have no bounds, and what is asked lies in [0, 1) all the same.
+    steps : (P,) first step sizes that differ, in place of sigma; none counts as more than a third of the range.
     """
 
     def __init__(
@@ -25,6 +26,7 @@ class CmaEs(Turns):
         sigma: float = SIGMA,
         batch: int | None = None,
         periodic: np.ndarray | None = None,
+        steps: np.ndarray | None = None,
     ):
         import cma
 
@@ -35,6 +37,8 @@ class CmaEs(Turns):
         options |= {"seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape)}
         if batch is not None:
             options["popsize"] = batch
+        if steps is not None:
+            options["CMA_stds"] = np.minimum(steps, 1.0 / 3.0) / sigma
         self._search = cma.CMAEvolutionStrategy(np.clip(start, 0.0, 1.0), sigma, options)
 
     def candidates(self) -> np.ndarray:
@@ -61,6 +65,11 @@ class CmaEs(Turns):
         """(P,) the middle of what is asked next: where losses are noisy a better bet than the best candidate."""
         return self._inside(self._search.result.xfavorite)
 
+    @property
+    def steps(self) -> np.ndarray:
+        """(P,) standard deviation of what is asked next, but for what the bounds change."""
+        return np.array(self._search.result.stds)
+
     def _inside(self, x: np.ndarray) -> np.ndarray:
         return np.where(self._round, np.mod(x, 1.0), x)
 
@@ -68,4 +77,4 @@ class CmaEs(Turns):
 def begin(start: Start) -> CmaEs:
     """About the point that is known, else the middle of the cube."""
     point = np.full(start.dimensions, 0.5) if start.point is None else start.point
-    return CmaEs(point, rng=start.rng, batch=start.batch, periodic=start.periodic)
+    return CmaEs(point, rng=start.rng, batch=start.batch, periodic=start.periodic, steps=start.steps)

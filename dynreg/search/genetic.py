@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.errors import UsageError
+from dynreg.search.selection import Tournament
 from dynreg.search.start import Start
 from dynreg.search.turns import Turns, ranked
 
@@ -72,10 +73,9 @@ class Genetic(Turns):
 
     def learn(self, asked: np.ndarray, losses: np.ndarray) -> None:
         """The next generation is bred from the winners of as many tournaments; a loss that is NaN is the worst."""
-        size, elite = self._rules.population, self._rules.elite
-        order, rank = ranked(losses, self._rng)
-        drawn = self._rng.integers(0, size, (size, self._rules.tournament))
-        winners = drawn[np.arange(size), rank[drawn].argmin(axis=1)]
+        elite = self._rules.elite
+        order, places = ranked(losses, self._rng)
+        winners = Tournament(self._rules.tournament).parents(losses, places, self._rng)
         self._next = self._mutated(self._crossed(asked[winners]))
         self._next[:elite] = asked[order[:elite]]
 

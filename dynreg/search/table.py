@@ -44,6 +44,9 @@ SEARCHES: Mapping[str, Kind] = MappingProxyType(
             Kind("genetic", "genetic:begin", by_order=True),
             Kind("bits", "bits:begin_plain", by_order=True),
             Kind("operon", "bits:begin_operon", by_order=True),
+            Kind("roulette", "bits:begin_roulette", batch=20),
+            Kind("es", "strategy:begin", batch=25, by_order=True, from_one=True),
+            Kind("policy", "policy:begin", batch=15, from_one=True),
         )
     }
 )

@@ -5,7 +5,8 @@ import pytest
 
 from dynreg.errors import UsageError
 from dynreg.rng import stream
-from dynreg.search.bits import BITS, LIST, BitGenetic, Operon, numbers
+from dynreg.search.bits import BITS, LIST, BitGenetic, Operon, coded, numbers
+from dynreg.search.selection import Roulette, Tournament
 
 MAKE = {"plain": BitGenetic, "operon": Operon}
 
@@ -15,6 +16,15 @@ def test_numbers_are_coded_by_ten_bits() -> None:
     bits[1] = 1
     bits[0, 0] = bits[0, 19] = 1
     assert numbers(bits) == pytest.approx(np.array([[512 / 1023, 1 / 1023], [1.0, 1.0]]))
+
+
+@pytest.mark.parametrize("digits", [1, 8, BITS])
+def test_what_is_coded_comes_back_as_the_nearest_number(digits: int) -> None:
+    points = stream(0, "points").uniform(size=(200, 3))
+    back = numbers(coded(points, digits), digits)
+    assert coded(points, digits).shape == (200, 3 * digits)
+    assert np.abs(back - points).max() <= 0.5 / (2**digits - 1) + 1e-12
+    assert np.array_equal(numbers(coded(back, digits), digits), back)
 
 
 @pytest.mark.parametrize("name", MAKE)
@@ -37,13 +47,42 @@ def test_both_climb_and_do_the_same_again(name: str) -> None:
 
 @pytest.mark.parametrize("name", MAKE)
 def test_the_elite_goes_on_as_it_is_and_nan_is_the_worst(name: str) -> None:
-    search = MAKE[name](3, rng=stream(2, name), population=8, tournament=2, elite=2, mutation=0.5)
+    search = MAKE[name](3, rng=stream(2, name), population=8, selection=Tournament(2), elite=2, mutation=0.5)
     asked = search.ask()
     losses = np.array([5.0, np.nan, 1.0, 4.0, np.nan, 0.5, 3.0, 2.0])
     search.tell(losses)
     assert np.array_equal(search.ask()[:2], asked[[5, 2]])
     with pytest.raises(UsageError, match="elite 8"):
         MAKE[name](3, rng=stream(2, name), population=8, elite=8)
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_a_first_generation_has_what_it_is_seeded_with(name: str) -> None:
+    points = stream(4, "points").uniform(size=(3, 2))
+    given = {"rng": stream(4, name), "population": 6, "digits": 8}
+    search = MAKE[name](2, seeds=points, **given)
+    asked = search.ask()
+    assert np.abs(asked[:3] - points).max() <= 0.5 / 255 and len(np.unique(asked[3:], axis=0)) == 3
+    search.tell(np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0]))
+    assert np.array_equal(search.ask()[0], asked[1]), "a seed breeds, and the elite of one is the second"
+    with pytest.raises(UsageError, match="7 seeds"):
+        MAKE[name](2, seeds=np.zeros((7, 2)), **given)
+
+
+def test_children_of_a_roulette_without_changes_are_copies_and_the_elite_may_die() -> None:
+    """Without mutation and with one bit a number that all share, nothing is left to cross."""
+    rng = stream(5, "copies")
+    search = BitGenetic(4, rng=rng, population=40, selection=Roulette(), elite=0, mutation=0.0, digits=1)
+    ends = set()
+    for _ in range(60):
+        asked = search.ask()
+        ends.add(float(asked.sum(axis=1).max()))
+        search.tell(-asked.sum(axis=1))
+    assert ends == {4.0} and (search.ask() == 1.0).all()
+    alone = BitGenetic(4, rng=rng, population=40, selection=Roulette(), elite=0, mutation=0.5, digits=8)
+    best = alone.ask()[7].copy()
+    alone.tell(np.where(np.arange(40) == 7, 0.0, 1.0))
+    assert not (alone.ask() == best).all(axis=1).any()
 
 
 def operons(search: Operon, child: int = 0) -> list[int]:

@@ -51,6 +51,41 @@ def test_no_batch_is_begun_that_the_budget_has_no_room_for() -> None:
         assert found.evaluations == sum(asked) == used and found.ended == "budget"
 
 
+WEIGHTS, LOWEST = np.array([1.0, 1.5, 2.0, 2.5, 3.0]), np.array([0.3, 0.7, 0.55, 0.4, 0.62])
+NEAR = {"es": 0.01, "policy": 0.03, "roulette": 0.25}  # of the range, of the farthest gene after 1000 candidates
+
+
+def ellipsoid(asked: np.ndarray) -> np.ndarray:
+    """(n, 1) highest, 0, at `LOWEST`."""
+    return -((WEIGHTS * (asked - LOWEST)) ** 2).sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("name", NEAR)
+def test_the_middle_of_an_ellipsoid_is_found_and_by_chance_it_is_not(name: str) -> None:
+    values = {}
+    for kind in (SEARCHES[name], SEARCHES["random"]):
+        begun = [kind.begin(Start(5, stream(s, kind.name), kind.batch)) for s in range(6)]
+        found = [drive(search, ellipsoid, judge, Limits(1000)) for search in begun]
+        values[kind.name] = np.mean([one.value for one in found])
+        if kind.name == name:
+            assert max(np.abs(one.best - LOWEST).max() for one in found) < NEAR[name]
+    assert values[name] > 0.6 * values["random"]
+
+
+@pytest.mark.parametrize("name", NEAR)
+def test_what_lies_in_a_corner_is_reached_and_nothing_outside_is_asked(name: str) -> None:
+    corner = np.array([0.0, 1.0, 0.0])
+    kind = SEARCHES[name]
+    search, tried = kind.begin(Start(3, stream(0, name), kind.batch)), []
+    away = lambda x: -np.abs(x - corner).sum(axis=1, keepdims=True)  # noqa: E731
+    found = drive(search, lambda x: tried.append(x) or away(x), judge, Limits(1500))
+    tried = np.concatenate(tried)
+    assert (tried >= 0.0).all() and (tried <= 1.0).all()
+    assert np.abs(found.best - corner).max() < 0.01
+    # it holds: what is asked in the end lies there, too
+    assert np.abs(np.median(tried[-100:], axis=0) - corner).max() < 0.05
+
+
 @pytest.mark.parametrize("name", ["hill", "cma", "screened"])
 def test_searches_beat_chance_at_an_equal_budget(name: str) -> None:
     mean = {

@@ -9,7 +9,7 @@ import pytest
 
 from dynreg.errors import CorruptError, RegistryError, UsageError
 from dynreg.rng import stream
-from dynreg.search.drive import Search
+from dynreg.search.drive import Found, Limits, Search, drive
 from dynreg.search.journal import Journal
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
@@ -48,6 +48,32 @@ def test_a_journal_gives_back_what_was_found_and_drops_a_torn_line(tmp_path: Pat
     assert kept.next(search.ask()) is None
     assert path.read_text() == text
     assert Journal(path, {"seed": 1}, resume=False).next(asked) is None  # begun anew
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_an_interrupted_search_goes_on_to_the_same_bytes(name: str, tmp_path: Path) -> None:
+    kind, judge = SEARCHES[name], lambda grades: (grades[:, 0], 0.5 - grades[:, 0])
+
+    def found(path: Path, resume: bool, most: int) -> Found:
+        asked = 0
+
+        def grades(x: np.ndarray) -> np.ndarray:
+            nonlocal asked
+            asked += len(x)
+            if asked > most:
+                raise KeyboardInterrupt
+            return hump(x)
+
+        search = kind.begin(Start(3, stream(1, name), kind.batch))
+        return drive(search, grades, judge, Limits(200), journal=Journal(path, {"seed": 1}, resume=resume))
+
+    whole = found(tmp_path / "whole.jsonl", False, 200)
+    with pytest.raises(KeyboardInterrupt):
+        found(tmp_path / "torn.jsonl", False, 100)
+    gone_on = found(tmp_path / "torn.jsonl", True, 150)  # so few are left to try
+    assert gone_on.resumed >= 75 and np.array_equal(gone_on.best, whole.best)
+    assert gone_on.history == whole.history
+    assert (tmp_path / "torn.jsonl").read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
 
 
 def test_a_journal_of_another_search_or_of_none_is_refused(tmp_path: Path) -> None:
