@@ -149,7 +149,7 @@ class Session:
 
     query = about_recording(query, QuerySettings, ingest=True)
 
-    calibrate = about_recording(calibrate, CalibrateSettings)
+    calibrate = about_recording(calibrate, CalibrateSettings, several=True)
 
     diagnose = about_recording(diagnose, DiagnoseSettings, several=True, faster=faster)
 

@@ -19,10 +19,37 @@ def verdict(result: Calibration) -> str:
         if result.test_error is None
         else (result.test_error, result.nominal_test_error)
     )
+    named = "" if result.causes is None else f" and named {', '.join(result.causes) or 'no cause'}"
     return (
         f"{result.method} fitted {count(len(result.parameters), 'parameter')} of {result.robot} to"
-        f" {result.recording[:12]}: replay error {number(error)} on the {part} part (nominal {number(nominal)})."
+        f" {result.recording[:12]}{named}: replay error {number(error)} on the {part} part (nominal"
+        f" {number(nominal)})."
     )
+
+
+def spent(result: Calibration) -> str:
+    """What it cost, in words."""
+    simulated = result.cost.simulated_seconds
+    more = f", {simulated:.0f} s of simulated time" if simulated else ""
+    return f"{cost_words(result.cost)}{more}"
+
+
+def made(result: Calibration) -> list[tuple[str, ...]]:
+    """Rows of the versions: stage, simulator, what it came from, objective before and after, and what shaped it."""
+    return [
+        (
+            v.stage,
+            v.simulator[:12],
+            v.parent[:12] if v.parent else "nominal" if v.before is not None else "",
+            number(v.before),
+            number(v.after),
+            count(len(v.episodes), "episode"),
+        )
+        for v in result.versions
+    ]
+
+
+VERSIONS = ("stage", "simulator", "from", "objective before", "after", "shaped by")
 
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
@@ -40,7 +67,8 @@ def tables(result: Calibration) -> Group:
         Text(verdict(result), style="bold"),
         estimate_table(result.parameters, "parameters"),
         table(("", "train", "test"), errors, "replay error (1: as large as the motion)"),
-        Text(f"\n{cost_words(result.cost)}"),
+        *([table(VERSIONS, made(result), "versions")] if result.versions else []),
+        Text(f"\n{spent(result)}"),
         *(Text(f"- {step}") for step in next_steps(result)),
     )
 
@@ -55,5 +83,7 @@ def page(result: Calibration) -> dict[str, Any]:
         "verdict": verdict(result),
         "steps": next_steps(result),
         "chart": chart("best replay error so far", "simulations", steps, errors),
+        "versions": made(result),
+        "spent": spent(result),
         "tracks": {name: estimate_track(e) for name, e in result.parameters.items()},
     }

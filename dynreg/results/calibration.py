@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dynreg.results.result import Cost, Result
 
@@ -15,10 +15,10 @@ class CalibrationStep(Result):
 
 
 class Fitted(Result):
-    """A parameter fitted by a search, in `unit`.
+    """A fitted parameter, in `unit`.
 
-    low, high : null, because a search gives no interval (earlier versions wrote the value there). at_bound : the value
-    is at the edge of its range. limits : the range (low, high).
+    low, high : 90 % interval; null of a method that gives none (versions before 0.2 wrote the value there). at_bound :
+    the value is at the edge of its range. limits : the range (low, high).
     """
 
     value: float
@@ -30,21 +30,77 @@ class Fitted(Result):
     limits: tuple[float, float] | None = None
 
 
-class Calibration(Result):
-    """Parameters fitted to a recording by a search."""
+class CalibrationVersion(Result):
+    """A simulator that the method made on its way.
 
-    schema_: Literal["dynreg/calibration/1"] = Field(default="dynreg/calibration/1", alias="schema")
+    simulator : its id. stage : what made it. parent : id of the simulator that it came from; null of the nominal one.
+    recordings, episodes : what shaped it: ids and names. before, after : the objective of its stage, at its parent and
+    at it; null where the stage has none.
+    """
+
+    simulator: str
+    stage: str
+    parent: str | None
+    recordings: tuple[str, ...]
+    episodes: tuple[str, ...]
+    before: float | None = None
+    after: float | None = None
+
+
+class CalibrationCost(Cost):
+    """What a calibration cost.
+
+    simulated_seconds : of all simulators that were run; null of a diagnosis, which does not count them. core_seconds :
+    processor time of this run.
+    """
+
+    simulated_seconds: float | None = None
+    core_seconds: float | None = None
+
+
+class Calibration(Result):
+    """A simulator fitted to a recording by a method.
+
+    versions : every simulator that was made on the way, in order; the last is `simulator`. causes : keys of the effects
+    that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
+    the recording without its held-out part and on that part (null without one). ended : why the method ended: "budget",
+    "converged", "plan", or the verdict of a diagnosis. parts : episodes of the fit, select and test part; null in results
+    of version 1. population : id of the one that was searched.
+    """
+
+    schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")
     robot: str
     recording: str
     method: str
     simulator: str
+    versions: tuple[CalibrationVersion, ...] = ()
     parameters: dict[str, Fitted]
+    causes: tuple[str, ...] | None = None
     train_error: float
     test_error: float | None
     nominal_train_error: float
     nominal_test_error: float | None
     history: tuple[CalibrationStep, ...]
-    cost: Cost
+    parts: dict[str, tuple[str, ...]] | None = None
+    ended: str = ""
+    population: str | None = None
+    seed: int | None = None
+    cost: CalibrationCost
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_version_1(cls, document: Any) -> Any:
+        """What version 1 held is a part of version 2."""
+        if isinstance(document, dict) and document.get("schema") == "dynreg/calibration/1":
+            return document | {"schema": "dynreg/calibration/2"}
+        return document
 
     def rows(self) -> list[dict[str, Any]]:
         return [{"parameter": name, **e.to_dict()} for name, e in self.parameters.items()]
+
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        made = [
+            {"stage": v.stage, "simulator": v.simulator[:12], "before": v.before, "after": v.after}
+            for v in self.versions
+        ]
+        return {"": self.rows(), "versions": made}

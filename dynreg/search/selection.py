@@ -23,7 +23,9 @@ class Tournament:
 
     def __post_init__(self) -> None:
         if self.size < 1:
-            raise UsageError(f"tournament {self.size}", expected="at least one that takes part", do="give more")
+            raise UsageError(
+                f"tournament {self.size}", expected="at least one that takes part", do="give more"
+            )
 
     def parents(self, losses: np.ndarray, places: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(n,) winners of n tournaments."""

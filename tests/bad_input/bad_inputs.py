@@ -27,6 +27,7 @@ MAPPED = "time,q,dq,goal\n" + "".join(
 INGEST = "ingest {tmp}/run.csv --robot servo_pendulum"
 WITH_MAP = f"{INGEST} --map {{tmp}}/map.toml"
 CHECK = "robots check {tmp}/robot"
+STAGED = "calibrate bench --method staged --plan {tmp}/p.toml"
 COPIES = '<replicate count="200"><body><freejoint/><geom size="1"/></body></replicate>'
 FIELD = '<hfield name="h" nrow="99999" ncol="99999" size="1 1 1 1"/>'
 ITSELF = (
@@ -79,6 +80,11 @@ def _csv(text: str | bytes) -> dict[str, str | bytes]:
 def _map(old: str, new: str) -> dict[str, str | bytes]:
     assert old in MAP
     return {"run.csv": MAPPED, "map.toml": MAP.replace(old, new)}
+
+
+def _plan(*parameters: str) -> dict[str, str]:
+    stages = [f'[[stages]]\nname = "s{i}"\nparameters = {of}\n' for i, of in enumerate(parameters)]
+    return {"p.toml": "\n".join(stages)}
 
 
 LOGS = [
@@ -463,6 +469,20 @@ ARGUMENTS = [
     Bad("an unknown method", "calibrate bench --method guess", "'guess'", 2),
     Bad("a calibration without simulations", "calibrate bench --budget 0", "--budget 0", 2),
     Bad("calibrate an unknown recording", "calibrate tuesday", "'tuesday'", 4),
+    Bad("a staged calibration without a plan", "calibrate bench --method staged", "without a plan", 2),
+    Bad(
+        "a plan that nothing reads", "calibrate bench --plan {tmp}/p.toml", "--plan", 2, files={"p.toml": ""}
+    ),
+    Bad("a plan that is not there", STAGED, "p.toml", 2),
+    Bad("a plan without stages", STAGED, "stages", 2, files={"p.toml": ""}),
+    Bad("a plan of an unknown parameter", STAGED, "'mass'", 2, files=_plan('["mass"]')),
+    Bad(
+        "a plan whose stages overlap",
+        STAGED,
+        "overlap",
+        2,
+        files=_plan('["*"]', '["tip_mass"]'),
+    ),
     Bad("show what is not there", "show tuesday", "'tuesday'", 4),
     Bad("a prefix of 3 digits", "show abc", "'abc'", 4),
     Bad("an unknown kind", "list --kind toys", "'toys'", 2),

@@ -222,7 +222,7 @@ def calibrate(place: Place) -> Document:
         registry.ingest(log("servo"), "servo_pendulum", name="bench")
         return {
             method: registry.calibrate("bench", method=method, budget=budget, threads=place.threads).to_dict()
-            for method, budget in (("cma", 150), ("genetic", 120), ("random", 30))
+            for method, budget in (("cma", 150), ("ga", 120), ("random", 30))
         }
 
 

@@ -52,7 +52,11 @@ def test_no_batch_is_begun_that_the_budget_has_no_room_for() -> None:
 
 
 WEIGHTS, LOWEST = np.array([1.0, 1.5, 2.0, 2.5, 3.0]), np.array([0.3, 0.7, 0.55, 0.4, 0.62])
-NEAR = {"es": 0.01, "policy": 0.03, "roulette": 0.25}  # of the range, of the farthest gene after 1000 candidates
+NEAR = {
+    "es": 0.01,
+    "policy": 0.03,
+    "roulette": 0.25,
+}  # of the range, of the farthest gene after 1000 candidates
 
 
 def ellipsoid(asked: np.ndarray) -> np.ndarray:

@@ -1,0 +1,164 @@
+"""The plan of a staged calibration: which parameters each stage fits, to which recordings, and by which loss."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from dynreg.errors import UsageError
+from dynreg.search.strategy import CARRIED, STEP
+from dynreg.search.table import SEARCHES
+from dynreg.sim.table import Table
+from dynreg.tomlfile import read_toml
+
+LOSSES = ("replay", "joint", "velocity")
+
+
+class StageTable(Table):
+    """[[stages]]: one search of a staged calibration (paper E)."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$", description="The stage's name.")
+    parameters: list[str] = Field(
+        min_length=1, description="Parameters to fit: names, or patterns such as `*_gain`."
+    )
+    recordings: list[str] = Field(
+        default_factory=lambda: ["*"],
+        min_length=1,
+        description="What they are fitted to: names of recordings or episodes, or patterns such as `air*`.",
+    )
+    loss: Literal["replay", "joint", "velocity"] = Field(
+        default="replay",
+        description="What is made small: the error of a replay, squared joint angles [rad^2], or the squared error "
+        "of the mean velocity [m^2/s^2].",
+    )
+    shift: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="Largest time [s] by which `joint` may move the log against the simulation.",
+    )
+    skip: float = Field(
+        default=0.0, ge=0, le=3600, description="Time [s] at the start of a window that counts not."
+    )
+    rotation: float = Field(
+        default=0.1,
+        gt=0,
+        le=100,
+        description="Length [m] by which `velocity` weighs a yaw rate against a speed.",
+    )
+    search: str = Field(default="es", description="One of the searches of `calibrate`.")
+    children: int = Field(default=25, ge=2, le=10000, description="Candidates of one generation.")
+    mu: int = Field(default=5, ge=1, le=10000, description="Parents of a generation (`es`).")
+    rho: int = Field(default=2, ge=1, le=10000, description="Parents of one child (`es`).")
+    generations: int = Field(default=80, ge=1, le=1_000_000, description="Generations of the stage.")
+    step: float = Field(
+        default=STEP, gt=0, le=1, description="First step of a parameter, of its range (`es`)."
+    )
+    carry: float = Field(
+        default=CARRIED,
+        gt=0,
+        le=1,
+        description="First step of a parameter that an earlier stage has fitted, of its range (`es`).",
+    )
+
+
+class PlanFile(Table):
+    """The TOML file of a plan."""
+
+    stages: list[StageTable] = Field(min_length=1, description="The stages, in order.")
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A stage of a plan for a robot and a recording: its table, parameters (F,) by number, and windows (W',)."""
+
+    table: StageTable
+    parameters: np.ndarray
+    windows: np.ndarray
+
+
+def read_plan(path: Path) -> tuple[StageTable, ...]:
+    """The stages of a file. Raises UsageError that names the line, and where two stages have one name or one search."""
+    stages = tuple(read_toml(path, PlanFile, UsageError).stages)
+    for i, stage in enumerate(stages):
+        if stage.search not in SEARCHES:
+            raise UsageError(
+                f"stage {stage.name!r}: search {stage.search!r}",
+                expected=f"one of {', '.join(SEARCHES)}",
+                do=f"correct it in {path.name}",
+            )
+        if stage.search == "es" and not stage.rho <= stage.mu < stage.children:
+            raise UsageError(
+                f"stage {stage.name!r}: rho {stage.rho}, mu {stage.mu}, children {stage.children}",
+                expected="rho <= mu < children",
+                do=f"correct them in {path.name}",
+            )
+        for other in stages[:i]:
+            if stage.name == other.name:
+                raise UsageError(
+                    f"two stages are called {stage.name!r}", expected="a name for each", do="rename one"
+                )
+    return stages
+
+
+def resolved(
+    stages: Sequence[StageTable],
+    names: Sequence[str],
+    known: np.ndarray,
+    episodes: Sequence[str],
+    chosen: np.ndarray,
+) -> tuple[Stage, ...]:
+    """The stages for a robot's parameters `names` (P,) and a recording.
+
+    known : (P,) which parameters the recording tells: nothing fits them. episodes : of each window (W,), as
+    "RECORDING/EPISODE" where recordings were joined. chosen : numbers of the windows that are not held out.
+    Raises UsageError for a pattern that matches nothing, and for two stages that fit one parameter to one window by
+    one loss.
+    """
+    out: list[Stage] = []
+    for table in stages:
+        found = _matching(table, "parameters", table.parameters, names)
+        free = np.array([i for i in found if not known[i]], dtype=int)
+        near = {i for i in _matching(table, "recordings", table.recordings, episodes)}
+        windows = np.array([w for w in chosen if w in near], dtype=int)
+        if not len(windows):
+            raise UsageError(
+                f"stage {table.name!r}: all of {table.recordings} is held out",
+                expected="recordings of which some is left to fit",
+                do="hold out less, or name others",
+            )
+        stage = Stage(table, free, windows)
+        for other in out:
+            twice = np.intersect1d(free, other.parameters)
+            if len(twice) and other.table.loss == table.loss and len(np.intersect1d(windows, other.windows)):
+                raise UsageError(
+                    f"stages {other.table.name!r} and {table.name!r} overlap: both fit {names[twice[0]]!r} to "
+                    f"{episodes[np.intersect1d(windows, other.windows)[0]]!r} by {table.loss!r}",
+                    expected="another loss, other recordings or other parameters in each",
+                    do="join the two stages, or change one",
+                )
+        out.append(stage)
+    return tuple(out)
+
+
+def _matching(stage: StageTable, what: str, patterns: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Numbers of the names that a pattern matches, whole or in a part; UsageError where one matches none."""
+    found: set[int] = set()
+    for pattern in patterns:
+        hits = [
+            i
+            for i, name in enumerate(names)
+            if any(fnmatchcase(p, pattern) for p in (name, *name.split("/")))
+        ]
+        if not hits:
+            raise UsageError(
+                f"stage {stage.name!r}: {what} has {pattern!r}, which matches nothing",
+                expected=f"some of {', '.join(dict.fromkeys(names))}",
+                do="correct it",
+            )
+        found |= {*hits}
+    return sorted(found)

@@ -1,0 +1,65 @@
+"""Staged: one search after another, each with its own parameters, recordings and loss (Laue and Hebbel, 2008)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.adapt.plan import Stage
+from dynreg.adapt.searched import Searched, searched
+from dynreg.search.drive import Limits, Search
+from dynreg.search.journal import Journal
+from dynreg.search.start import Start
+from dynreg.search.strategy import EvolutionStrategy
+from dynreg.search.table import SEARCHES
+
+
+@dataclass(frozen=True, eq=False)
+class Loss:
+    """What a stage makes small: of unit parameters (n, P), (n,) losses, `most` where a simulation diverged."""
+
+    of: Callable[[np.ndarray], np.ndarray]
+    most: float
+
+
+def staged(
+    stages: Sequence[Stage],
+    loss: Callable[[Stage], Loss],
+    start: np.ndarray,
+    rng: Callable[[str], np.random.Generator],
+    *,
+    share: float = 1.0,
+    journal: Callable[[str], Journal | None] = lambda _: None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> tuple[Searched, ...]:
+    """What each stage found; it begins where the one before it ended, first with unit parameters `start` (P,).
+
+    A parameter that an earlier stage has fitted begins with the small step `carry`. rng, journal : of a stage, by its
+    name. share : of each stage's generations that are run, one at least.
+    """
+    out: list[Searched] = []
+    fitted = np.zeros(len(start), dtype=bool)
+    for stage in stages:
+        table, own, free = stage.table, loss(stage), stage.parameters
+        steps = np.where(fitted, table.carry, table.step)[free]
+        found = searched(
+            own.of,
+            out[-1].unit if out else start,
+            free,
+            lambda point, table=table, steps=steps: _search(table, point, steps, rng(table.name)),
+            Limits(1 + max(round(share * table.generations), 1) * table.children),
+            most=own.most,
+            journal=journal(table.name),
+            progress=progress and (lambda done, total, name=table.name: progress(name, done, total)),
+        )
+        out.append(found)
+        fitted[free] = True
+    return tuple(out)
+
+
+def _search(table, point: np.ndarray, steps: np.ndarray, rng: np.random.Generator) -> Search:
+    if table.search == "es":
+        return EvolutionStrategy(
+            point, rng=rng, mu=table.mu, children=table.children, rho=table.rho, steps=steps
+        )
+    return SEARCHES[table.search].begin(Start(len(point), rng, table.children, point, steps=steps))

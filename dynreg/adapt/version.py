@@ -1,0 +1,49 @@
+"""Versions: every simulator that a method makes or takes on its way to its answer, and what shaped it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Version:
+    """One simulator: parameters (P,) in their units and effects, {key: {parameter: value}}.
+
+    stage : what made it. parent : number of the version that it came from; None of the nominal simulator. episodes : of
+    the recording, that shaped it. before, after : the objective that the stage made small, at its parent and at it;
+    None where the stage has none.
+    """
+
+    stage: str
+    values: np.ndarray
+    parent: int | None
+    episodes: tuple[str, ...]
+    before: float | None = None
+    after: float | None = None
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """What a method answers: its versions in the order in which they were made, of which the last is the answer.
+
+    intervals : {parameter: (low, high)} of 90 %, of a method that tells any. causes : keys of the effects that it
+    names; None of a method that looks for none. history : (simulators run, lowest objective) whenever it fell; empty
+    for a method with several objectives. ended : why it ended. evaluations : distances. rollouts : simulators run.
+    simulated : seconds of them; None where nobody counted them.
+    """
+
+    versions: tuple[Version, ...]
+    ended: str
+    rollouts: int
+    simulated: float | None
+    evaluations: int = 0
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    causes: tuple[str, ...] | None = None
+    history: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def answer(self) -> Version:
+        """The last one."""
+        return self.versions[-1]

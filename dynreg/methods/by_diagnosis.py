@@ -1,0 +1,56 @@
+"""Parameters and physical causes together, by a diagnosis."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from dynreg.adapt.version import Fitted, Version
+from dynreg.diagnose.account import Account, with_account
+from dynreg.diagnose.diagnose import Diagnosed, diagnose
+from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.evidence.lockstep import counted, run
+from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of
+
+
+class ByDiagnosis:
+    """The calibrated simulator, and that with the causes that the diagnosis names; their number sets what it spends."""
+
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, name: str):
+        self._name = name
+
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+        """One version or two. Raises as `diagnose.diagnose`."""
+        data = question.data
+        options = DiagnosisOptions(hold_out=question.hold_out, seed=limits.seed, threads=limits.threads)
+        search = diagnose(
+            data.robot, data.recording, options, None, cache=evidence.cache, progress=limits.progress
+        )
+        (made, seen), rollouts = run(counted(with_account(search, options)), threads=limits.threads)
+        versions: list[Version] = []
+        for kind, (values, terms) in seen.simulators.items():
+            effects = {}
+            for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
+                effects[term.key] = {
+                    p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)
+                }
+            parent = len(versions) - 1 if versions else None
+            versions.append(Version(kind, values, parent, episodes_of(question), effects=effects))
+        return Fitted(
+            tuple(versions),
+            made.verdict,
+            rollouts,
+            None,  # most of them run through some windows only
+            intervals=_intervals(made, seen),
+            causes=tuple(versions[-1].effects),
+        )
+
+
+def _intervals(made: Diagnosed, seen: Account) -> dict[str, tuple[float, float]]:
+    """{parameter: (low, high)} of 90 % of those that were fitted, the fitted value inside."""
+    c, point = made.found.model.coordinates, made.found.current
+    names = made.problem.model.robot.space.names
+    value = c.values(np.clip(point.nominal, *c.nominal_bounds.T))
+    low, high = seen.draws.quantiles(c.values(seen.draws.z[:, : len(point.nominal)]))
+    return {names[i]: (float(min(low[i], value[i])), float(max(high[i], value[i]))) for i in c.free}

@@ -1,0 +1,51 @@
+"""All parameters at once, by a search of the table over replays: the usual way."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from dynreg.adapt.searched import searched
+from dynreg.adapt.version import Fitted, Version
+from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of, seconds_of
+from dynreg.methods.table import GENETIC, USUAL
+from dynreg.replay.residual import MOST
+from dynreg.replay.windows import Replayer, errors
+from dynreg.rng import stream
+from dynreg.search import drive
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
+
+
+class BySearch:
+    """The search whose method is called `name`: the parameters with the lowest replay error that it finds.
+
+    What it begins with is tried first, and what the recording tells stays as it is.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, name: str):
+        self._name = name
+        self._kind = SEARCHES[{new: old for old, new in GENETIC.items()}.get(name, name)]
+
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+        """One version, never worse than `data.start` on what is not held out."""
+        data = question.data
+        space, replayer = data.robot.space, Replayer(data.robot, data.windows, limits.threads)
+        free, start = np.flatnonzero(np.isnan(data.known)), space.to_unit(data.start)
+        rng = stream(limits.seed, "calibrate", data.robot.name)
+        found = searched(
+            lambda unit: errors(replayer.residuals(data.values_of(unit), data.parts.chosen)).mean(axis=1),
+            start,
+            free,
+            lambda point: self._kind.begin(Start(len(free), rng, self._kind.batch, point)),
+            drive.Limits(limits.simulations or USUAL, cut=True),
+            most=MOST,
+            journal=limits.journal(self._name),
+            progress=limits.progress and (lambda done, total: limits.progress("calibrate", done, total)),
+        )
+        made = Version(
+            self._name, data.values_of(found.unit), None, episodes_of(question), found.first, found.last
+        )
+        simulated = found.evaluations * seconds_of(question)
+        return Fitted((made,), found.ended, found.evaluations, simulated, history=found.history)

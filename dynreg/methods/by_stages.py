@@ -1,0 +1,58 @@
+"""Parameters in stages, by a plan: paper E's way."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from dynreg.adapt.plan import resolved
+from dynreg.adapt.staged import staged
+from dynreg.adapt.version import Fitted, Version
+from dynreg.methods.calibrator import Evidence, Limits, Question
+from dynreg.methods.losses import loss_of
+from dynreg.replay.windows import Replayer
+from dynreg.rng import stream
+
+
+class Staged:
+    """Each stage fits its own parameters to its own recordings; see `adapt.plan`."""
+
+    needs: ClassVar[tuple[str, ...]] = ("plan",)
+
+    def __init__(self, name: str):
+        self._name = name
+
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+        """One version for each stage. Raises UsageError for a plan that does not fit the robot or the recording."""
+        data = question.data
+        space, replayer = data.robot.space, Replayer(data.robot, data.windows, limits.threads)
+        episode = [data.recording.episodes[i].name for i in data.windows.episode]
+        stages = resolved(evidence.plan, space.names, ~np.isnan(data.known), episode, data.parts.chosen)
+        asked = sum(stage.table.generations * stage.table.children for stage in stages)
+        share = 1.0 if limits.simulations is None else min(limits.simulations / asked, 1.0)
+        found = staged(
+            stages,
+            lambda stage: loss_of(stage, data, replayer),
+            space.to_unit(data.start),
+            lambda name: stream(limits.seed, "staged", data.robot.name, name),
+            share=share,
+            journal=limits.journal,
+            progress=limits.progress,
+        )
+        window = (data.windows.measured.shape[1] - 1) * data.windows.period
+        versions = tuple(
+            Version(
+                stage.table.name,
+                data.values_of(one.unit),
+                number - 1 if number else None,
+                tuple(dict.fromkeys(episode[w] for w in stage.windows)),
+                one.first,
+                one.last,
+            )
+            for number, (stage, one) in enumerate(zip(stages, found, strict=True))
+        )
+        return Fitted(
+            versions,
+            "plan" if share == 1.0 else "budget",
+            sum(one.evaluations for one in found),
+            sum(one.evaluations * len(s.windows) * window for s, one in zip(stages, found, strict=True)),
+        )

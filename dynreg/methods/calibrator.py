@@ -1,0 +1,76 @@
+"""What every method is asked, and by what it may answer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+from dynreg.adapt.version import Fitted
+from dynreg.progress import Progress
+from dynreg.replay.data import Data
+from dynreg.search.journal import Journal
+
+if TYPE_CHECKING:
+    from dynreg.adapt.plan import StageTable
+    from dynreg.diagnose.threshold import Cache
+    from dynreg.distance.population import Population
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A robot's recording, cut and parted; hold_out : its test part as it was asked for, which no method reads."""
+
+    data: Data
+    hold_out: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a method may use beside the recording; what it needs is there, else None.
+
+    population : simulators of the same robot. plan : the stages of a staged calibration. cache : of what can be
+    computed again.
+    """
+
+    population: "Population | None" = None
+    plan: "tuple[StageTable, ...] | None" = None
+    cache: "Cache | None" = None
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a method may spend, and how it runs.
+
+    simulations : simulators at most, each through all windows that are not held out; None for the method's own number.
+    seed : of all draws. threads : 0 for all cores. journal : of a search, by its name, so that it can go on.
+    """
+
+    simulations: int | None = None
+    seed: int = 0
+    threads: int = 0
+    journal: Callable[[str], Journal | None] = lambda _: None
+    progress: Progress | None = None
+
+
+class Calibrator(Protocol):
+    """One method: fit(question, evidence, limits), which draws from the seed alone and keeps nothing.
+
+    needs : what it needs of the evidence beside the recording.
+    """
+
+    needs: ClassVar[tuple[str, ...]]
+
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+        """The simulators that it makes of the question, the last of which is its answer."""
+
+
+def episodes_of(question: Question) -> tuple[str, ...]:
+    """Names of the episodes that are not held out."""
+    data = question.data
+    shaped = {int(data.windows.episode[w]) for w in data.parts.chosen}
+    return tuple(data.recording.episodes[i].name for i in sorted(shaped))
+
+
+def seconds_of(question: Question) -> float:
+    """Simulated seconds of one simulator through all windows that are not held out."""
+    windows = question.data.windows
+    return float(len(question.data.parts.chosen) * (windows.measured.shape[1] - 1) * windows.period)

@@ -1,0 +1,30 @@
+"""One measure for the answers of all methods: replay errors of simulators, with their effects."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynreg.replay.data import Data
+from dynreg.replay.windows import Replayer, errors
+from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.engines import Case, rollouts
+
+
+def replay_errors(data: Data, configs: Sequence[SimConfig], threads: int = 0) -> np.ndarray:
+    """(n, 2) replay errors of simulators on the windows that are not held out and on the others, NaN without any.
+
+    1 is as large as the motion; see `replay.windows.errors`. Channels that are not measured do not count.
+    """
+    replayer, robot = Replayer(data.robot, data.windows, threads), data.robot
+    out = np.full((len(configs), 2), np.nan)
+    for part, windows in enumerate((data.parts.chosen, np.flatnonzero(data.parts.test))):
+        if not len(windows):
+            continue
+        run, measured = data.windows.run.take(windows), data.windows.measured[windows]
+        cases = [
+            Case(robot.space.from_dict(dict(c.values))[None], run, terms_of(c, robot) if c.effects else None)
+            for c in configs
+        ]
+        for number, done in enumerate(rollouts(robot, cases, threads=threads)):
+            out[number, part] = float(errors(replayer.against(done.states, measured)).mean())
+    return out

@@ -1,0 +1,89 @@
+"""The losses of a stage: joint angles up to a shift, mean velocities, and a simulation that diverged."""
+
+import numpy as np
+import pytest
+
+from dynreg.adapt.plan import Stage, StageTable
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.errors import UsageError
+from dynreg.methods.losses import FASTEST, joint_loss, loss_of
+from dynreg.replay.data import Data, data
+from dynreg.replay.windows import Replayer
+from dynreg.rng import stream
+from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import excitation
+from dynreg.sim.robot import Robot, load_robot
+
+TIMES = np.arange(200) * 0.01
+
+
+def wave(late: int = 0) -> np.ndarray:
+    """(1, 200, 1) rad."""
+    return np.sin(7.0 * (TIMES - 0.01 * late))[None, :, None]
+
+
+@pytest.mark.parametrize("late", [-4, 0, 3])
+def test_a_log_that_is_late_by_less_than_the_shift_costs_nothing(late: int) -> None:
+    assert joint_loss(wave()[None], wave(late), 1, 5)[0] == pytest.approx(0.0, abs=1e-20)
+
+
+def test_beyond_the_shift_it_costs_what_is_left() -> None:
+    (found,) = joint_loss(wave()[None], wave(8), 10, 5)
+    left = wave()[0, 15:195, 0] - wave(3)[0, 15:195, 0]
+    assert found == pytest.approx(float(np.mean(left**2)), rel=1e-9)
+
+
+def test_each_simulator_has_its_own_shift_and_what_was_not_measured_does_not_count() -> None:
+    measured = wave(2)
+    measured[:, 100:] = np.nan
+    both = np.stack([wave(), wave(4)])
+    np.testing.assert_allclose(joint_loss(both, measured, 1, 3), 0.0, atol=1e-20)
+
+
+def test_a_simulation_that_diverged_is_the_worst() -> None:
+    broken = np.full((1, 1, 200, 1), np.nan)
+    assert joint_loss(broken, wave(), 1, 2)[0] == pytest.approx(np.pi**2)
+
+
+def recorded(robot: Robot) -> Data:
+    """What the nominal robot did, without noise."""
+    run = excitation(robot, seed=4, name="losses", episodes=4, steps=100)
+    states = rollout(robot, robot.space.nominal[None], run).states[0]
+    told = [a for a in (run.actions, run.inputs) if a is not None]
+    table = np.concatenate([states, *(np.concatenate([a, a[:, -1:]], axis=1) for a in told)], axis=-1)
+    units = {one.name: one.unit for one in (*robot.file.channels, *robot.file.actions, *robot.file.inputs)}
+    names = (*robot.channels, *robot.actions, *(robot.inputs if run.inputs is not None else ()))
+    channels = tuple(Channel(name, units.get(name, "1")) for name in names)
+    settings = [{s.name: row[i] for i, s in enumerate(robot.file.settings)} for row in run.settings]
+    time = np.arange(table.shape[1]) / robot.rate
+    episodes = tuple(Episode(f"run{e}", time, table[e], settings[e]) for e in range(len(table)))
+    return data(robot, Recording(channels, episodes))
+
+
+def of(cut: Data, loss: str, **told):
+    table = StageTable(name="one", parameters=["*"], loss=loss, **told)
+    stage = Stage(table, np.arange(len(cut.robot.space)), cut.parts.chosen)
+    return loss_of(stage, cut, Replayer(cut.robot, cut.windows))
+
+
+@pytest.mark.parametrize(
+    ("robot", "loss"), [("servo_pendulum", "joint"), ("servo_pendulum", "replay"), ("diffdrive", "velocity")]
+)
+def test_the_robot_itself_has_the_least_loss(robot: str, loss: str) -> None:
+    cut = recorded(load_robot(robot))
+    found = of(cut, loss)
+    others = stream(0, "losses").uniform(size=(8, len(cut.robot.space)))
+    losses = found.of(np.concatenate([cut.robot.space.to_unit(cut.start)[None], others]))
+    assert losses[0] < 0.02 * losses[1:].min()
+    assert (losses <= found.most).all() and found.most in (10.0, np.pi**2, FASTEST**2)
+
+
+@pytest.mark.parametrize(("robot", "loss"), [("servo_pendulum", "velocity"), ("diffdrive", "joint")])
+def test_a_loss_that_no_channel_tells_is_refused(robot: str, loss: str) -> None:
+    with pytest.raises(UsageError, match=f"loss '{loss}' of '{robot}'"):
+        of(recorded(load_robot(robot)), loss)
+
+
+def test_a_stage_that_skips_all_rows_is_refused() -> None:
+    with pytest.raises(UsageError, match="skip = 50 s"):
+        of(recorded(load_robot("servo_pendulum")), "replay", skip=50.0)
