@@ -15,7 +15,7 @@ from dynreg.gait.trials import Simulators, Trials, simulators_of
 from dynreg.search.table import SEARCHES
 from dynreg.sim.config import SimConfig
 
-BUDGET = dict.fromkeys(SEARCHES, 60) | {"cma": 84, "hill": 40}  # some batches in two simulators
+BUDGET = dict.fromkeys(SEARCHES, 60) | {"cma": 84, "hill": 40, "es": 100}  # some batches in two simulators
 
 
 def first_gaits(trials: Trials, count: int = 3) -> np.ndarray:
@@ -116,7 +116,7 @@ def test_the_robots_own_gaits_are_tried_first(method: str, trials, monkeypatch) 
     tried, grades = [], trials.grades
     monkeypatch.setattr(trials, "grades", lambda genes, **k: tried.append(genes) or grades(genes, **k))
     starts = trials.space.starts
-    seek(trials, SearchSettings(method, rollouts=2 * (len(starts) + 10), seed=1))
+    seek(trials, SearchSettings(method, rollouts=2 * (len(starts) + SEARCHES[method].batch), seed=1))
     found = np.concatenate(tried)[: len(starts)]
     assert len(starts) > 1 and np.allclose(found, trials.space.from_unit(starts))
     first = trials.space.as_dict(found[0])
