@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tiny_registry import make
+from tiny_registry import bench_csv, make
 
 import dynreg
 from dynreg.cli.schemas import schema_files
@@ -127,8 +127,8 @@ def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
 def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
     session: Session, place: Path
 ) -> None:
-    log = (place / "bench.csv").read_text(encoding="utf-8").replace("0.5,", "0.6,")
-    (place / "other.csv").write_text(log, encoding="utf-8")
+    slower = bench_csv(lambda i, row: [row[0], 0.9 * row[1], 0.9 * row[2], *row[3:]])
+    (place / "other.csv").write_text(slower, encoding="utf-8")
     other = session.ingest(place / "other.csv", "servo_pendulum", name="other")
     plan = PLAN.replace('"e0", "e1", "e2"', '"other"')
     (place / "both.toml").write_text(plan, encoding="utf-8")
@@ -136,7 +136,7 @@ def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
         ["bench", "other"], method="staged", plan=place / "both.toml", budget=30, threads=1
     )
     first, second = found.versions
-    assert first.recordings == (other.id,) and len(second.recordings) == 2
+    assert first.recordings == (other.recording,) and len(second.recordings) == 2
 
 
 @pytest.mark.parametrize(
