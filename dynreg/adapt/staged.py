@@ -28,17 +28,18 @@ def staged(
     start: np.ndarray,
     rng: Callable[[str], np.random.Generator],
     *,
+    fitted: np.ndarray | None = None,
     share: float = 1.0,
     journal: Callable[[str], Journal | None] = lambda _: None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Searched, ...]:
     """What each stage found; it begins where the one before it ended, first with unit parameters `start` (P,).
 
-    A parameter that an earlier stage has fitted begins with the small step `carry`. rng, journal : of a stage, by its
-    name. share : of each stage's generations that are run, one at least.
+    A parameter that was fitted before begins with the small step `carry`: by an earlier stage, or where `fitted` (P,)
+    says so. rng, journal : of a stage, by its name. share : of each stage's generations that are run, one at least.
     """
     out: list[Searched] = []
-    fitted = np.zeros(len(start), dtype=bool)
+    fitted = np.zeros(len(start), dtype=bool) if fitted is None else fitted.copy()
     for stage in stages:
         table, own, free = stage.table, loss(stage), stage.parameters
         steps = np.where(fitted, table.carry, table.step)[free]

@@ -10,6 +10,7 @@ from dynreg.diagnose.diagnose import Diagnosed, diagnose
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.evidence.lockstep import counted, run
 from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of
+from dynreg.sim.config import SimConfig
 
 
 class ByDiagnosis:
@@ -23,9 +24,10 @@ class ByDiagnosis:
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
         """One version or two. Raises as `diagnose.diagnose`."""
         data = question.data
+        start = None if question.start is None else SimConfig.of(data.robot, question.start)
         options = DiagnosisOptions(hold_out=question.hold_out, seed=limits.seed, threads=limits.threads)
         search = diagnose(
-            data.robot, data.recording, options, None, cache=evidence.cache, progress=limits.progress
+            data.robot, data.recording, options, start, cache=evidence.cache, progress=limits.progress
         )
         (made, seen), rollouts = run(counted(with_account(search, options)), threads=limits.threads)
         versions: list[Version] = []

@@ -29,14 +29,14 @@ class BySearch:
         self._kind = SEARCHES[{new: old for old, new in GENETIC.items()}.get(name, name)]
 
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
-        """One version, never worse than `data.start` on what is not held out."""
+        """One version, never worse than what it begins with on what is not held out."""
         data = question.data
-        space, replayer = data.robot.space, Replayer(data.robot, data.windows, limits.threads)
-        free, start = np.flatnonzero(np.isnan(data.known)), space.to_unit(data.start)
+        replayer = Replayer(data.robot, data.windows, limits.threads)
+        free = np.flatnonzero(np.isnan(data.known))
         rng = stream(limits.seed, "calibrate", data.robot.name)
         found = searched(
             lambda unit: errors(replayer.residuals(data.values_of(unit), data.parts.chosen)).mean(axis=1),
-            start,
+            question.begin,
             free,
             lambda point: self._kind.begin(Start(len(free), rng, self._kind.batch, point)),
             drive.Limits(limits.simulations or USUAL, cut=True),

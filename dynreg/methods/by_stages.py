@@ -32,8 +32,9 @@ class Staged:
         found = staged(
             stages,
             lambda stage: loss_of(stage, data, replayer),
-            space.to_unit(data.start),
+            question.begin,
             lambda name: stream(limits.seed, "staged", data.robot.name, name),
+            fitted=question.fitted,
             share=share,
             journal=limits.journal,
             progress=limits.progress,

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
+import numpy as np
+
 from dynreg.adapt.version import Fitted
 from dynreg.progress import Progress
 from dynreg.replay.data import Data
@@ -17,10 +19,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """A robot's recording, cut and parted; hold_out : its test part as it was asked for, which no method reads."""
+    """A robot's recording, cut and parted, and where to begin.
+
+    start : (P,) parameters in their units; by default those that the recording tells, else nominal. hold_out : the test
+    part as it was asked for, which no method reads.
+    """
 
     data: Data
+    start: np.ndarray | None = None
     hold_out: str | None = None
+
+    @property
+    def begin(self) -> np.ndarray:
+        """(P,) in the unit cube, with what the recording tells in its place."""
+        space = self.data.robot.space
+        return self.data.with_known(space.to_unit(self.data.start if self.start is None else self.start))
+
+    @property
+    def fitted(self) -> np.ndarray:
+        """(P,) which parameters something has fitted before: those that do not begin at their nominal value."""
+        nominal = self.data.robot.space.nominal
+        return np.zeros(len(nominal), dtype=bool) if self.start is None else self.start != nominal
 
 
 @dataclass(frozen=True, eq=False)

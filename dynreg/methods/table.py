@@ -20,7 +20,7 @@ class Kind:
     """One method: its name, "module:class" that makes it of that name, and what it needs beside the recording.
 
     needs : "population", "plan" or "wheels". usual : simulations where no number is asked for; None where the method
-    has its own. about : when to use it.
+    has its own. starts : whether it begins with a simulator. about : when to use it.
     """
 
     name: str
@@ -28,6 +28,7 @@ class Kind:
     about: str
     needs: tuple[str, ...] = ()
     usual: int | None = None
+    starts: bool = True
 
     def made(self) -> "Calibrator":
         """The method."""
@@ -59,8 +60,15 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "by_query:Nearest",
                 "Paper D: the nearest of registered simulators.",
                 ("population",),
+                starts=False,
             ),
-            Kind("synthesis", "by_query:Synthesis", "A simulator made of the nearest ones.", ("population",)),
+            Kind(
+                "synthesis",
+                "by_query:Synthesis",
+                "A simulator made of the nearest ones.",
+                ("population",),
+                starts=False,
+            ),
             *(
                 Kind(name, SEARCHED, _ABOUT[name], usual=USUAL)
                 for name in (GENETIC.get(search, search) for search in SEARCHES)

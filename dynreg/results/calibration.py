@@ -64,8 +64,8 @@ class Calibration(Result):
     versions : every simulator that was made on the way, in order; the last is `simulator`. causes : keys of the effects
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
     the recording without its held-out part and on that part (null without one). ended : why the method ended: "budget",
-    "converged", "plan", or the verdict of a diagnosis. parts : episodes of the fit, select and test part; null in results
-    of version 1. population : id of the one that was searched.
+    "converged", "plan", or the verdict of a diagnosis. parts : episodes of the fit, select and test part; null in
+    results of version 1. population : id of the one that was searched.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")

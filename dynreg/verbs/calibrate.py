@@ -11,6 +11,7 @@ from dynreg.errors import NoMatchError, UsageError
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
+from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, simulator
 
 if TYPE_CHECKING:
     from dynreg.adapt.version import Fitted, Version
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from dynreg.methods.calibrator import Evidence, Limits, Question
     from dynreg.results.calibration import Calibration
     from dynreg.sim.config import SimConfig
+    from dynreg.sim.robot import Robot
+    from dynreg.verbs.simulators import Simulator
     from dynreg.verbs.subjects import Recorded
 
 
@@ -34,6 +37,12 @@ class CalibrateSettings(Settings):
         None, "Most simulations.", usual="600 of a search, else the method's own number", least=1
     )
     hold_out: str | None = hold_out()
+    start: str = option(
+        NOMINAL,
+        f"Simulator to begin from, also of another robot with parameters of these names: {', '.join(NAMES)} or an ID.",
+        metavar="ID",
+        old=OLD,
+    )
     plan: Path | None = option(None, "TOML file with the stages of `staged`.", metavar="FILE")
     population: str | None = option(
         None,
@@ -55,6 +64,13 @@ class CalibrateSettings(Settings):
                     do="leave it out, or choose that method",
                     setting=name,
                 )
+        if self.start != NOMINAL and not METHODS[self.method].starts:
+            raise UsageError(
+                f"start {self.start!r} with method {self.method!r}, which begins with registered simulators",
+                expected="a method that begins with one",
+                do="leave it out, or choose another method",
+                setting="start",
+            )
         if "plan" in METHODS[self.method].needs and self.plan is None:
             raise UsageError(
                 f"method {self.method!r} without a plan",
@@ -85,12 +101,14 @@ def calibrate(
     began, worked = time.perf_counter(), time.process_time()
     population = _population(asked, settings)
     robot = asked.robot if population is None else population.shared.robot
-    question, evidence, limits = _posed(asked, settings, robot, population, progress)
+    begin = _begin(asked, settings, robot)
+    question, evidence, limits = _posed(asked, settings, robot, begin, population, progress)
     cut = question.data
     found = METHODS[settings.method].made().fit(question, evidence, limits)
     configs = [SimConfig.of(robot, v.values, v.effects) for v in found.versions]
     errors = replay_errors(cut, [SimConfig.of(robot, cut.start), configs[-1]], settings.threads)
-    ids = _register(asked, settings.method, found, configs)
+    before = None if begin is None else begin.id
+    ids = _register(asked, settings.method, found, configs, before)
     tested = (None, None) if not cut.parts.test.any() else tuple(errors[:, 1].tolist())
     return Calibration(
         robot=robot.name,
@@ -98,7 +116,8 @@ def calibrate(
         method=settings.method,
         simulator=ids[-1],
         versions=tuple(
-            _version(asked, one, identity, ids) for one, identity in zip(found.versions, ids, strict=True)
+            _version(asked, one, identity, (*ids, before))
+            for one, identity in zip(found.versions, ids, strict=True)
         ),
         parameters=_parameters(robot, found),
         causes=found.causes,
@@ -138,8 +157,41 @@ def _population(asked: "Recorded", settings: CalibrateSettings) -> "Population |
         ) from None
 
 
+def _begin(asked: "Recorded", settings: CalibrateSettings, robot: "Robot") -> "Simulator | None":
+    """The simulator to begin from, None for the nominal one.
+
+    Raises UsageError for one that has effects, which a search would leave out, or none of the robot's parameters.
+    """
+    if settings.start == NOMINAL:
+        return None
+    found = simulator(asked.registry, settings.start, robot, asked.recording.id)
+    if found.config.effects:
+        raise UsageError(
+            f"simulator {found.name!r} has effects ({', '.join(found.config.effects)})",
+            expected="one without: a calibration fits parameters",
+            do="write them into a robot with `dynreg export`, or begin with another simulator",
+        )
+    if not _shared(found, robot):
+        raise UsageError(
+            f"simulator {found.name!r} has none of the parameters of {robot.name!r}",
+            expected=f"some of {', '.join(robot.space.names)}",
+            do="begin with another",
+        )
+    return found
+
+
+def _shared(begin: "Simulator", robot: "Robot") -> dict[str, float]:
+    """{parameter: value} of a simulator that the robot has, too."""
+    return {name: value for name, value in begin.config.values.items() if name in robot.space.names}
+
+
 def _posed(
-    asked: "Recorded", settings: CalibrateSettings, robot, population: "Population | None", progress
+    asked: "Recorded",
+    settings: CalibrateSettings,
+    robot: "Robot",
+    begin: "Simulator | None",
+    population: "Population | None",
+    progress: Progress | None,
 ) -> "tuple[Question, Evidence, Limits]":
     from dynreg.adapt.plan import read_plan
     from dynreg.methods.calibrator import Evidence, Limits, Question
@@ -152,6 +204,7 @@ def _posed(
         "robot": robot.hash,
         "recording": asked.recording.id,
         "hold_out": settings.hold_out,
+        "start": begin and begin.id,
         "plan": plan and [stage.model_dump() for stage in plan],
     }
     told = {**key, "seed": settings.seed, "budget": settings.budget}
@@ -160,13 +213,17 @@ def _posed(
         name = hashlib.sha256(json.dumps({**key, "stage": stage}, sort_keys=True).encode()).hexdigest()[:24]
         return Journal(asked.registry.journal_path(name), {**told, "stage": stage}, resume=settings.resume)
 
-    question = Question(data(robot, asked.recording, settings.hold_out), settings.hold_out)
+    space = robot.space
+    start = begin and space.from_dict(space.as_dict(space.nominal) | _shared(begin, robot))
+    question = Question(data(robot, asked.recording, settings.hold_out), start, settings.hold_out)
     evidence = Evidence(population, plan, asked.registry)
     limits = Limits(settings.budget, settings.seed, settings.threads, journal, progress)
     return question, evidence, limits
 
 
-def _register(asked: "Recorded", method: str, found: "Fitted", configs: "list[SimConfig]") -> tuple[str, ...]:
+def _register(
+    asked: "Recorded", method: str, found: "Fitted", configs: "list[SimConfig]", begin: str | None
+) -> tuple[str, ...]:
     """Ids of the versions' simulators, registered with what they came from."""
     ids: list[str] = []
     for version, config in zip(found.versions, configs, strict=True):
@@ -176,15 +233,16 @@ def _register(asked: "Recorded", method: str, found: "Fitted", configs: "list[Si
             "recording": asked.recording.id,
             "episodes": list(version.episodes),
         }
-        if version.parent is not None:
-            lineage["parent"] = ids[version.parent]
+        if (parent := begin if version.parent is None else ids[version.parent]) is not None:
+            lineage["parent"] = parent
         if asked.each:
             lineage["recordings"] = [one.recording.id for one in asked.each]
         ids.append(asked.registry.put_simulator(config.as_dict() | {"lineage": lineage}))
     return tuple(ids)
 
 
-def _version(asked: "Recorded", version: "Version", identity: str, ids: tuple[str, ...]):
+def _version(asked: "Recorded", version: "Version", identity: str, ids: tuple[str | None, ...]):
+    """A version as the document tells it; ids : of all versions, and last of the simulator that the first came from."""
     from dynreg.results.calibration import CalibrationVersion
 
     of = {one.name: one.recording.id for one in asked.each}
@@ -193,7 +251,7 @@ def _version(asked: "Recorded", version: "Version", identity: str, ids: tuple[st
     return CalibrationVersion(
         simulator=identity,
         stage=version.stage,
-        parent=None if version.parent is None else ids[version.parent],
+        parent=ids[-1 if version.parent is None else version.parent],
         recordings=tuple(recordings),
         episodes=version.episodes,
         before=version.before,
@@ -201,7 +259,7 @@ def _version(asked: "Recorded", version: "Version", identity: str, ids: tuple[st
     )
 
 
-def _parameters(robot, found: "Fitted"):
+def _parameters(robot: "Robot", found: "Fitted"):
     from dynreg.results.calibration import Fitted as Told
 
     values = found.answer.values

@@ -151,3 +151,14 @@ def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
 def test_a_method_without_what_it_needs_says_so(session: Session, told: dict, says: str) -> None:
     with pytest.raises(UsageError, match=says):
         session.calibrate("bench", **told)
+
+
+def test_it_begins_with_another_simulator_and_carries_what_that_had_fitted(
+    session: Session, place: Path, found: dict[str, Calibration]
+) -> None:
+    start = found["cma"]
+    again = asked(session, place, "staged", start=start.simulator)
+    assert again.versions[0].parent == start.simulator
+    assert again.versions[1].before <= start.train_error * 1.001, "the second stage is of the replay error"
+    with pytest.raises(UsageError, match="begins with registered simulators"):
+        asked(session, place, "nearest", start=start.simulator)
