@@ -122,7 +122,10 @@ def window_ports(robot: Robot, windows: Windows) -> Ports:
 def _torque_drives(
     robot: Robot, windows: Windows, ports: Ports, commands: np.ndarray, motions: list[tuple]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(W, T, A) torque by the nominal law, whether it is at its limit, whether the drive is on."""
+    """(W, T, A) torque by the nominal law, whether it is at its limit, whether the drive is on.
+
+    The torque is NaN for drives with an integral part: what that has gathered before a window is not in the log.
+    """
     steps = windows.run.steps
     inputs = windows.run.inputs
     if inputs is None:
@@ -145,4 +148,5 @@ def _torque_drives(
     with np.errstate(invalid="ignore"):
         saturated = enabled & (np.abs(asked) >= law.limit * (1 - 1e-9))
     torque = np.where(enabled, np.clip(asked, -law.limit, law.limit) - drag, 0.0)
+    torque[:, (ports.drive["integral_gain"] > 0).any(axis=0)] = np.nan
     return tuple(x.reshape(commands.shape) for x in (torque, saturated, enabled))

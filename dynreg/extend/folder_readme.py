@@ -88,11 +88,19 @@ def _about_mjcf(robot: Robot, problem: str | None) -> list[str]:
 
 
 def unsaid(robot: Robot) -> list[str]:
-    """What the drives of robot.toml do and no MJCF says, with the joints: fading torque, and profiles of targets."""
+    """What the drives of robot.toml do and no MJCF says, with the joints.
+
+    It is torque that fades, profiles of targets and integral parts.
+    """
     ports = nominal_ports(robot, 1)
     fading = servo_law(ports, robot.input_defaults[None]).fade[0] > 0
     moving = np.minimum(ports.drive["profile_speed"], ports.drive["profile_acceleration"])[0] < UNLIMITED
-    means = (("torque that falls with speed (`speed_limit`)", fading), ("`profile_speed`", moving))
+    integrating = ports.drive["integral_gain"][0] > 0
+    means = (
+        ("torque that falls with speed (`speed_limit`)", fading),
+        ("`profile_speed`", moving),
+        ("the integral part (`integral_gain`)", integrating),
+    )
     return [f"{what} of {', '.join(np.array(ports.joints)[at])}" for what, at in means if at.any()]
 
 

@@ -146,7 +146,7 @@ def _drives(
 
     names = {
         n
-        for key in ("speed_limit", "profile_speed", "profile_acceleration")
+        for key in ("speed_limit", "profile_speed", "profile_acceleration", "integral_gain")
         for place, f in enumerate(fields.ports.drive[key].flat)
         if isinstance(f, Formula)
         and not (key == "speed_limit" and fields.ports.drive["back_emf"].flat[place])

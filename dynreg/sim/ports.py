@@ -25,7 +25,7 @@ class Ports:
     Encoders read scale (q + offset), to the drives and to the log; `control.clock` is a factor on time: the
     simulator takes `clock` seconds for one of the log.
 
-    joints, actions, types : the driven joint, name and drive type of each action. base : what [base] of robot.toml
+    joints, actions, types : the driven joint, name and drive law of each action. base : what [base] of robot.toml
     says of a base on two wheels; empty where it has none.
     """
 
@@ -81,7 +81,7 @@ def nominal_ports(robot: Robot, n: int) -> Ports:
     find = lambda name: inputs.index(name) if name else -1  # noqa: E731
     return Ports(
         joints,
-        [t.type for t in tables],
+        [t.law for t in tables],
         drive,
         {key: np.zeros((n, len(joints))) for key in PORT_KEYS["friction"]},
         {"offset": np.zeros((n, len(joints))), "scale": np.ones((n, len(joints)))},

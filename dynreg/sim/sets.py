@@ -23,6 +23,7 @@ NAMES = {
 }
 DRIVE_DEFAULTS = {  # of drives whose type does not have the key
     "gain": 1.0,
+    "integral_gain": 0.0,
     "rate_gain": 0.0,
     "torque_limit": 1e6,
     "speed_limit": 1e6,

@@ -80,6 +80,11 @@ class DriveTable(Table):
         "It needs no table of its own.",
     )
 
+    @property
+    def law(self) -> str:
+        """The type of drive whose law the engines run."""
+        return self.type
+
 
 _PROFILE_SPEED = Field(
     default=1e6,
@@ -116,6 +121,32 @@ class PositionDrive(DriveTable):
     )
     profile_speed: float = _PROFILE_SPEED
     profile_acceleration: float = _PROFILE_ACCELERATION
+
+
+class PidDrive(DriveTable):
+    """As `position`, with an integral part: torque = clip(gain (target - q) + integral_gain integral(target - q) -
+    rate_gain qd, -torque_limit (1 + qd / speed_limit), torque_limit (1 - qd / speed_limit)).
+
+    The rate is the measured angle's, so that a step of the target gives no kick. The integral begins at 0 with an
+    episode and when the drive is switched on, and does not grow while the torque is clipped in its direction. The loop
+    runs at the physics time step, and targets come at `control_rate`: 125 Hz for a robot with frames of 8 ms.
+    """
+
+    type: Literal["pid"] = Field(description="The control law.")
+    gain: float = Field(gt=0, description="Proportional gain, P [N*m/rad; N/m of a slide].")
+    integral_gain: float = Field(default=0.0, ge=0, description="Integral gain, I [N*m/(rad*s)].")
+    rate_gain: float = Field(default=0.0, ge=0, description="Derivative gain, D [N*m*s/rad].")
+    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    speed_limit: float = Field(
+        default=1e6,
+        gt=0,
+        description="No-load speed [rad/s]: the largest torque falls in proportion to speed and is zero there. It "
+        "limits nothing where `torque_limit` is not stated.",
+    )
+
+    @property
+    def law(self) -> str:
+        return "position"  # an integral part moves its target: `effects.integral`
 
 
 class TorqueDrive(DriveTable):
@@ -182,7 +213,7 @@ class VelocityDrive(DriveTable):
 
 
 Drive = Annotated[
-    PositionDrive | TorqueDrive | DutyServo | DcMotor | SpeedDrive | VelocityDrive,
+    PositionDrive | PidDrive | TorqueDrive | DutyServo | DcMotor | SpeedDrive | VelocityDrive,
     Field(discriminator="type"),
 ]
 

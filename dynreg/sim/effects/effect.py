@@ -309,5 +309,5 @@ def stacked(count: int, groups: Iterable[tuple[Sequence[int], Terms]]) -> Terms 
 
 
 def drives(robot: Robot, *types: str) -> bool:
-    """Whether the robot has a drive of one of these types."""
-    return bool(robot.actions) and any(t.type in types for t in robot.file.drives)
+    """Whether the robot has a drive with the law of one of these types."""
+    return bool(robot.actions) and any(t.law in types for t in robot.file.drives)

@@ -10,6 +10,7 @@ import numpy as np
 from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
 from dynreg.sim.effects import Effect, Moment, Site, Term, Terms, Values, effects
+from dynreg.sim.effects.integral import INTEGRAL, integral_values
 from dynreg.sim.ports import UNLIMITED, Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -88,20 +89,38 @@ def _in_order(active: list[Acting]) -> list[Acting]:
     )
 
 
-def with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting]:
-    """The terms, and the effect `profile_speed` on the drives of n simulations that state one of their own.
+def with_drives(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting]:
+    """The terms, and what drives of n simulations do as effects do: profiles of targets, and integral parts.
 
-    What a drive's own profile generator does and what a hidden one does is one law. Call it when ports are set.
+    Call it when ports are set. An integral part sees the target that all effects on commands have left.
+    """
+    integrating = []
+    for joint in np.flatnonzero((ports.drive["integral_gain"] > 0.0).any(axis=0)):
+        if ports.types[joint] == "position":
+            values = integral_values(ports, joint)
+            integrating.append(_of_drive(INTEGRAL, robot, ports, joint, values))
+    return _with_profiles(active, robot, ports) + integrating
+
+
+def _with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting]:
+    """The terms, and the effect `profile_speed` on the drives that state one of their own.
+
+    What a drive's own profile generator does and what a hidden one does is one law.
     """
     speed, acceleration = ports.drive["profile_speed"], ports.drive["profile_acceleration"]
     stated = ((speed < UNLIMITED) | (acceleration < UNLIMITED)).any(axis=0)
     generator, out = effects()["profile_speed"], list(active)
     for joint in np.flatnonzero(stated):
-        rows, joints = slice(0, len(speed)), np.array([joint])
         reach = 0.5 * speed[:, [joint]] ** 2 / acceleration[:, [joint]]
         values = {"speed": speed[:, [joint]], "reach": reach}
-        out.append(Acting(generator, rows, joints, _where(rows, joints, len(robot.joints)), values))
+        out.append(_of_drive(generator, robot, ports, joint, values))
     return _in_order(out)
+
+
+def _of_drive(effect: Effect, robot: Robot, ports: Ports, joint: int, values: Values) -> Acting:
+    """An effect on one drive (its number) of all simulations, (n, 1) each of its values."""
+    rows, joints = slice(0, len(ports.drive["gain"])), np.array([joint])
+    return Acting(effect, rows, joints, _where(rows, joints, len(robot.joints)), values)
 
 
 def require(robot: Robot, term: Term) -> None:

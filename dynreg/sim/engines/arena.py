@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_profiles
+from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_drives
 from dynreg.sim.engines.alone import Alone
 from dynreg.sim.engines.mujoco_model import (
     compiled,
@@ -57,7 +57,7 @@ class Simulations:
         self.ports = ports = configure(robot, batch, model, values, run)
         self._active = acting(robot, terms)
         configure_terms(robot, self._active, ports, batch.expand)
-        self._active = with_profiles(self._active, robot, ports)
+        self._active = with_drives(self._active, robot, ports)
         if slope:
             gravity = batch.expand("opt.gravity")
             ahead, up = gravity[:, 0].copy(), gravity[:, 2].copy()  # a tilted base has some ahead already

@@ -1,7 +1,7 @@
 """The joint engine's kernel: written out for the effects that are asked for, compiled by numba, and kept on disk.
 
-One kernel holds all effects of the table, and the noise of hidden robots, so that one compilation (8 s) serves every
-robot; other effects make another.
+One kernel holds all effects of the table, the integral part of drives, and the noise of hidden robots, so that one
+compilation (8 s) serves every robot; other effects make another.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +12,7 @@ from dynreg.compiled import compiled, numba
 from dynreg.errors import SimulationError
 from dynreg.sim.effects import effects
 from dynreg.sim.effects.disturbance import Disturbance
+from dynreg.sim.effects.integral import INTEGRAL
 from dynreg.sim.engines import joint_kernel
 from dynreg.sim.engines.tracing import PORTS, Traced, traced, traced_law
 
@@ -58,7 +59,7 @@ def _of(every: tuple) -> tuple[Traced, ...]:
 
 
 def _table() -> tuple[Traced, ...]:
-    return _of((*effects().values(), _DISTURBANCE))
+    return _of((*effects().values(), _DISTURBANCE, INTEGRAL))
 
 
 @lru_cache(maxsize=16)

@@ -16,7 +16,7 @@ from dynreg.sim.engines.acting import (
     configure_terms,
     observed,
     true_states,
-    with_profiles,
+    with_drives,
 )
 from dynreg.sim.engines.joint_blocks import Joints, integrate
 from dynreg.sim.engines.joint_stops import stop_rows
@@ -37,7 +37,7 @@ def simulate(
     ports = configure(robot, batch, model, values, run)
     active = acting(robot, terms)
     configure_terms(robot, active, ports, batch.expand)
-    active = with_profiles(active, robot, ports)
+    active = with_drives(active, robot, ports)
     batch.set_const()
     inputs = episode_inputs(robot, run)
     q, v = _start(robot, layout, batch, run, ports)
@@ -69,7 +69,8 @@ def _of_drives(ports: Ports) -> dict[str, np.ndarray]:
     types = {
         f"IS_{kind.upper()}": np.broadcast_to([kind == own for own in ports.types], shape) for kind in TYPES
     }
-    others = ("lag", "profile_speed", "profile_acceleration")  # of wheels, and of what acts as an effect
+    # of wheels, and of what acts as an effect
+    others = ("lag", "profile_speed", "profile_acceleration", "integral_gain")
     keys = {key.upper(): values for key, values in (ports.drive | ports.sensor).items() if key not in others}
     return types | keys
 

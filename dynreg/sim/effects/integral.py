@@ -1,0 +1,46 @@
+"""The integral part of a `pid` drive: no cause that anybody looks for, and so not in the table of effects."""
+
+import numpy as np
+
+from dynreg.sim.effects.effect import EffectParameter, Moment, OfAnyDrive, Values
+from dynreg.sim.ports import Ports
+
+
+class IntegralPart(OfAnyDrive):
+    """The target is moved by `rate` times the integral of the error, rate = integral_gain / gain.
+
+    So the drive's own law, that of a `position` drive, gives the torque of the integral beside its own: it is clipped,
+    weakened, delayed and integrated with it, and every effect meets both. The error is that of the encoder's reading.
+    The integral does not grow while the drive gives all that it can in its direction, and begins anew when the drive
+    is switched on.
+    """
+
+    id, acts_on, title = "integral_part", "command", "the integral part of a drive"
+    parameters = (
+        EffectParameter("rate", "1/s", "of the target, for one unit of error", 1.0, 1.0, 1.0, 1.0),
+        EffectParameter("gain", "N*m/rad", "the loop's", 1.0, 1.0, 1.0, 1.0),
+        EffectParameter("fade", "s/rad", "share of the torque limit lost with speed", 1.0, 1.0, 1.0, 1.0),
+    )
+
+    def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
+        before = x.memory.get("integral")
+        before = np.zeros_like(u) if before is None else before
+        error = u - x.q
+        asked = p["gain"] * (error + p["rate"] * before) - x.rate * x.v
+        most = x.limit * np.clip(1.0 - p["fade"] * x.v, 0.0, 1.0)
+        least = -x.limit * np.clip(1.0 + p["fade"] * x.v, 0.0, 1.0)
+        stuck = ((asked > most) & (error > 0.0)) | ((asked < least) & (error < 0.0))
+        after = before + np.where(stuck, 0.0, x.h * error)
+        x.memory["integral"] = np.where(x.stiffness > 0.0, after, 0.0)
+        return u + p["rate"] * 0.5 * (before + after)  # the mean over the time step
+
+
+INTEGRAL = IntegralPart()
+
+
+def integral_values(ports: Ports, joint: int) -> Values:
+    """{name: (n, 1)} its values for one drive (its number) of n simulations, by their ports."""
+    drive = {key: value[:, [joint]] for key, value in ports.drive.items()}
+    rate = drive["integral_gain"] / np.maximum(drive["gain"], 1e-9)
+    fade = np.where(drive["back_emf"] > 0.5, 0.0, 1.0 / drive["speed_limit"])
+    return {"rate": rate, "gain": drive["gain"] * drive["gain_factor"], "fade": fade}
