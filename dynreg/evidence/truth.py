@@ -76,7 +76,7 @@ class Hidden:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies and tool frames among its places."""
+        """The bodies, tool frames and materials among its places."""
         return tuple(b for t in self._stated for b in t.bodies)
 
     @property

@@ -31,7 +31,7 @@ def cause_key(effect: str, places: tuple[str, ...]) -> str:
 class EffectOn(Result):
     """An effect on some joints; none for all of them, or for the robot as a whole.
 
-    bodies : the body or tool frame that has an effect of a body; none for the one that it takes for granted.
+    bodies : the body, tool frame or material that has an effect of one; none for what it takes for granted.
     """
 
     effect: str
@@ -40,7 +40,7 @@ class EffectOn(Result):
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Its joints, or its body or tool frame."""
+        """Its joints, or its body, tool frame or material."""
         return self.joints or self.bodies
 
     @property

@@ -15,6 +15,7 @@ from dynreg.sim.excitation import bank_period
 from dynreg.sim.extremes import try_out
 from dynreg.sim.finding import Finding, Said, in_one_order
 from dynreg.sim.lint import doubts
+from dynreg.sim.materials import material_problems
 from dynreg.sim.mjcf import model_files, trust_model
 from dynreg.sim.reading import read_all
 from dynreg.sim.robot import Robot, robot_from
@@ -185,6 +186,9 @@ def _declared(robot: Robot) -> Iterator[Said]:
             ("fall",),
             "[fall] needs a free joint and the model has none; remove [fall] or add a <freejoint>",
         )
+    geoms = [robot.model.geom(i).name for i in range(robot.model.ngeom)]
+    for location, problem, expected, do in material_problems(robot.file, geoms):
+        yield location, str(RobotError(problem, expected=expected, do=do))
     for setting in robot.file.settings:
         if not setting.values:
             told = f"setting {setting.name!r} has no `values`: populations would not cover it; list them"

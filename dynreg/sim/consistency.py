@@ -30,6 +30,7 @@ def inconsistencies(file: RobotFile) -> Iterator[Problem]:
                 except RobotError as error:
                     yield (group, i, "sets"), error.problem, error.expected, error.do
     yield from _populations(file)
+    yield from _twice(file, ("materials",))
     actions = [table.name for table in file.actions]
     for side in ("left", "right") if file.base else ():
         name = f"{getattr(file.base, side)}/velocity_command"

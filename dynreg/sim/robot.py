@@ -111,6 +111,16 @@ class Robot:
         return tuple(self.file.robot.tools)
 
     @property
+    def materials(self) -> dict[str, tuple[int, ...]]:
+        """{material: numbers of its geoms}; RobotError where the model has no such geom, or two claim one."""
+        from dynreg.sim.materials import geoms_of
+
+        if not self.file.materials:
+            return {}
+        names = [self.model.geom(i).name for i in range(self.model.ngeom)]
+        return geoms_of(self.file, self.files.files[TOML].decode(), TOML, names)
+
+    @property
     def input_defaults(self) -> np.ndarray:
         """(I,) values where a log lacks the input: nominal ones, drives enabled."""
         given = [i.nominal for i in self.file.inputs]

@@ -213,7 +213,7 @@ class VelocityDrive(DriveTable):
 
 
 Drive = Annotated[
-    PositionDrive | PidDrive | TorqueDrive | DutyServo | DcMotor | SpeedDrive | VelocityDrive,
+    PositionDrive | TorqueDrive | PidDrive | DutyServo | DcMotor | SpeedDrive | VelocityDrive,
     Field(discriminator="type"),
 ]
 
@@ -338,6 +338,22 @@ class ParameterTable(Table):
         if self.scale == "log" and self.low <= 0:
             raise ValueError(f"a log scale needs low > 0, not {self.low}")
         return self
+
+
+class MaterialTable(Table):
+    """[[materials]]: geoms of one material, such as rubber paws beside plastic elbows.
+
+    A diagnosis looks whether one material is more slippery than all others: `second_friction_material[paw]`.
+    """
+
+    name: str = Field(
+        pattern=r"^[A-Za-z][A-Za-z0-9_]*$",
+        description="The material's name, of letters, digits and `_`, such as `paw`.",
+    )
+    geoms: list[str] = Field(
+        min_length=1,
+        description='Geoms of the MJCF model, by names or globs: `["*_paw"]`. A geom is of one material at most.',
+    )
 
 
 class BaseTable(Table):
@@ -475,6 +491,9 @@ class RobotFile(Table):
     )
     parameters: list[ParameterTable] = Field(
         min_length=1, description="What differs from simulator to simulator."
+    )
+    materials: list[MaterialTable] = Field(
+        default_factory=list, description="Geoms of one material, where the robot has several."
     )
     base: BaseTable | None = Field(default=None, description="A base on two driven wheels.")
     reset: ResetTable = Field(default=ResetTable(), description="Where episodes start.")

@@ -160,7 +160,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
                 effect=term.effect.id,
                 joints=term.joints,
                 bodies=term.bodies,
-                title=term.effect.title,
+                title=term.effect.title_at(term.at),
                 verdict=later if number else made.verdict,
                 parameters={name: EffectEstimate(**vars(e)) for name, e in seen.causes[number].items()},
                 evidence_nats=naming.chosen.nats,

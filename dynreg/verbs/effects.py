@@ -23,7 +23,7 @@ def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> Ef
     return EffectRow(
         id=effect.id,
         acts_on=effect.acts_on,
-        title=effect.title,
+        title=effect.title if robot is None or why_not else _title(effect, robot),
         parameters=tuple(
             EffectSize(
                 name=p.name,
@@ -42,6 +42,11 @@ def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> Ef
         applies=None if robot is None else why_not is None,
         why_not=why_not,
     )
+
+
+def _title(effect: Effect, robot: Robot) -> str:
+    """What it is, at each of the places where it is looked for on the robot."""
+    return "; ".join(dict.fromkeys(effect.title_at(at) for at in effect.places(robot)))
 
 
 def _one_group(robot: Robot | None, first: Effect, second: Effect) -> bool:

@@ -197,7 +197,7 @@ def _effects(terms: Terms, does: Traced, posterior: Gaussian) -> tuple[Carried, 
         sizes = [n for n in posterior.names if n.startswith(f"{term.key}.")]
         if not why and not any(reached(does, name) for name in sizes):
             why, where = "its sizes are not free", MODEL
-        out.append(Carried(term.key, term.effect.title, where, why))
+        out.append(Carried(term.key, term.effect.title_at(term.at), where, why))
     return tuple(out)
 
 

@@ -117,7 +117,7 @@ def applicable(robot: Robot) -> dict[str, Effect]:
 
 
 def placed(robot: Robot, effect: Effect) -> list[Term]:
-    """The effect at every place where it is looked for: all joints and each of them, or bodies and tool frames."""
+    """The effect at every place where it is looked for: all joints and each, bodies, tools or materials."""
     return [Term(effect, at) for at in effect.places(robot)]
 
 

@@ -35,15 +35,32 @@ class GroundFriction(_OnGround):
 
 
 class SecondFrictionMaterial(_OnGround):
-    """Under the feet of the left side the ground is slippery: another floor, or worn pads."""
+    """A group of geoms is more slippery on the ground than all others.
+
+    Without a place it is the feet of the left side: another floor, or worn pads. Else it is a material of robot.toml.
+    """
 
     id, title = "second_friction_material", "one side stands on a more slippery material"
     parameters = (EffectParameter("loss", "1", "friction lost on the left", 0.3, 0.5, 0.8, 0.97),)
     near = ("ground_friction",)
     separate_by = "turn the robot by 180 degrees on the spot"
+    scope = "material"
 
     def why_not(self, robot: Robot) -> str | None:
-        return super().why_not(robot) or (None if len(left_feet(robot)) else "no feet on a left side")
+        return super().why_not(robot) or (None if self.places(robot) else "no feet on a left side")
+
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        sides = ((),) if len(left_feet(robot)) else ()
+        return (*sides, *((name,) for name in unlike_materials(robot)))
+
+    def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
+        places = self.places(robot)
+        expected = f"one of the materials {[place[0] for place in places if place]}"
+        wrong = f"no material {','.join(at)!r} beside another touches anything" if at else "no left side"
+        return None if at in places else (wrong, expected)
+
+    def title_at(self, at: tuple[str, ...]) -> str:
+        return f"the material {at[0]!r} is more slippery than the others" if at else self.title
 
     def configure(self, site: Site, p: Values) -> None:
         # contact takes the larger of both friction coefficients: the ground steps back for the other feet
@@ -54,8 +71,8 @@ class SecondFrictionMaterial(_OnGround):
         common = np.maximum(
             friction[np.ix_(rows, feet)][..., 0], friction[rows][:, ground, 0].max(1, keepdims=True)
         )
-        left = np.isin(feet, left_feet(site.robot))
-        friction[np.ix_(rows, feet, [0])] = (common * np.where(left, 1.0 - p["loss"], 1.0))[..., None]
+        group = np.isin(feet, unlike_materials(site.robot)[site.at[0]] if site.at else left_feet(site.robot))
+        friction[np.ix_(rows, feet, [0])] = (common * np.where(group, 1.0 - p["loss"], 1.0))[..., None]
         friction[np.ix_(rows, ground, [0])] = 1e-3
 
 
@@ -107,6 +124,18 @@ def left_feet(robot: Robot) -> np.ndarray:
         return np.zeros(0, dtype=int)
     y = at_reset(robot).geom_xpos[feet, 1]
     return feet[y > 1e-3] if (y < -1e-3).any() else np.zeros(0, dtype=int)
+
+
+def unlike_materials(robot: Robot) -> dict[str, np.ndarray]:
+    """{material: numbers of its geoms that can touch the ground}, of those beside which another one can.
+
+    Where all that touches is of one material, its friction is that of the ground.
+    """
+    if not robot.file.materials:
+        return {}
+    feet = np.setdiff1d(touching_geoms(robot), grounds(robot))
+    touching = {name: np.intersect1d(feet, geoms) for name, geoms in robot.materials.items()}
+    return {name: geoms for name, geoms in touching.items() if 0 < len(geoms) < len(feet)}
 
 
 def _scale(site: Site, field: str, factor: np.ndarray) -> None:

@@ -138,7 +138,8 @@ class Effect:
     group : the exact equivalence group; no excitation of the standard protocol separates its members.
     near : effects that only the right excitation separates from this one. separate_by : that experiment.
     scope : where it acts, and so what the names of a term's place are: "joint" (one, several or all joints), "body"
-    (a body or a tool frame; without a name the one that the effect takes for granted), "robot" (the whole).
+    (a body or a tool frame; without a name the one that the effect takes for granted), "material" (one of robot.toml;
+    without a name as for a body), "robot" (the whole).
 
     Ports
     -----
@@ -167,7 +168,7 @@ class Effect:
     group: ClassVar[str] = ""
     near: ClassVar[tuple[str, ...]] = ()
     separate_by: ClassVar[str] = ""
-    scope: ClassVar[Literal["joint", "body", "robot"]] = "joint"
+    scope: ClassVar[Literal["joint", "body", "material", "robot"]] = "joint"
 
     remodel: ClassVar[Callable | None] = None
     configure: ClassVar[Callable | None] = None
@@ -199,6 +200,10 @@ class Effect:
         return (
             (f"no action drives {unknown[0]!r}", f"joints out of {sorted(robot.driven)}") if unknown else None
         )
+
+    def title_at(self, at: tuple[str, ...]) -> str:
+        """What it is, in some words, at a place."""
+        return self.title
 
     def told(self, robot: Robot, at: tuple[str, ...], values: Mapping[str, float]) -> Mapping[str, float]:
         """The values of a stored simulator by the names of today's parameters; as they are unless names changed.
@@ -242,8 +247,8 @@ class OfAnyDrive(Effect):
 class Term:
     """An effect at a place of a robot.
 
-    at : names of joints, or of a body or tool frame, as the effect's scope says; none for all joints, for the place
-    that the effect takes for granted, or for the robot as a whole.
+    at : names of joints, or of a body, tool frame or material, as the effect's scope says; none for all joints, for
+    the place that the effect takes for granted, or for the robot as a whole.
     """
 
     effect: Effect
@@ -256,8 +261,8 @@ class Term:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The body or tool frame that has it; none for the one that the effect takes for granted."""
-        return self.at if self.effect.scope == "body" else ()
+        """The body, tool frame or material that has it; none for the one that the effect takes for granted."""
+        return self.at if self.effect.scope in ("body", "material") else ()
 
     @property
     def key(self) -> str:
