@@ -134,7 +134,7 @@ class PidDrive(DriveTable):
 
     type: Literal["pid"] = Field(description="The control law.")
     gain: float = Field(gt=0, description="Proportional gain, P [N*m/rad; N/m of a slide].")
-    integral_gain: float = Field(default=0.0, ge=0, description="Integral gain, I [N*m/(rad*s)].")
+    integral_gain: float = Field(default=0.0, ge=0, description="Integral gain, I [N*m/rad/s].")
     rate_gain: float = Field(default=0.0, ge=0, description="Derivative gain, D [N*m*s/rad].")
     torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
     speed_limit: float = Field(
