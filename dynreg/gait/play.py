@@ -8,8 +8,9 @@ import numpy as np
 
 from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
+from dynreg.gait.family import SLACK
 from dynreg.gait.runs import joint_states, mcap
-from dynreg.gait.space import SLACK, GaitSpace
+from dynreg.gait.sines import Sines
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Played(Protocol):
     joints: Sequence[Sine]
 
 
-def joints(space: GaitSpace, genes: np.ndarray) -> tuple[Sine, ...]:
+def joints(space: Sines, genes: np.ndarray) -> tuple[Sine, ...]:
     """What a gait (G,) means for every joint, in the order of the actions; those of no leg stay at rest."""
     by_name = space.as_dict(genes)
     offset, amplitude, phase = space.pose.copy(), np.zeros(len(space.pose)), np.zeros(len(space.pose))
@@ -87,7 +88,7 @@ def require_playable(gait: Played) -> None:
             raise _unlike(gait.robot, what, f"at most {j.speed} rad/s")
 
 
-def require_own(space: GaitSpace, genes: Mapping[str, float], gait: Played) -> None:
+def require_own(space: Sines, genes: Mapping[str, float], gait: Played) -> None:
     """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
     vector = space.from_dict(genes)
     space.require(vector)
@@ -109,7 +110,7 @@ def _unlike(robot: str, what: str, expected: str) -> UsageError:
     )
 
 
-def told(space: GaitSpace, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:
+def told(space: Sines, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:
     """(T, A) joint commands at times (T,) [s]: to the last bit those of the genes, if nobody has changed the joints."""
     vector = space.from_dict(genes)
     own = [astuple(joint) for joint in joints(space, vector)]

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dynreg.errors import RobotError
-from dynreg.gait.space import GaitSpace, gait_space
+from dynreg.gait.family import Family
+from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig, terms_of
@@ -20,7 +21,7 @@ from dynreg.sim.run import Run, Walk, motor_noise
 if TYPE_CHECKING:
     from mujoco import MjModel
 
-LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which a sine is none
+LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which what is told is not the gait
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +69,13 @@ class Trials:
                 expected="walking robots to name it in robot.toml",
                 do="add it to `engines`",
             )
-        self.space: GaitSpace = gait_space(robot)
-        fastest = self.space.bounds[0, 1]
+        self.space: Family = gait_space(robot)
+        fastest = self.space.fastest
         if rate < LEAST_RATE * fastest:
             raise RobotError(
                 f"{rate:.3g} commands a second for gaits of up to {fastest:g} Hz",
                 expected=f"at least {LEAST_RATE * fastest:g} Hz",
-                do="lower `frequency` of [gait], or command the robot more often",
+                do="lower the frequency of [gait], or command the robot more often",
             )
         self.robot, self.task, self.simulators, self.rate = robot, task, simulators, rate
         self.rollouts = self.physics_steps = 0

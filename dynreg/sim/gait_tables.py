@@ -3,19 +3,39 @@
 import math
 from typing import Annotated
 
-from pydantic import Field, Strict, field_validator, model_validator
+from pydantic import BeforeValidator, Field, Strict, field_validator, model_validator
 
 from dynreg.sim.table import Table
 
 Range = Annotated[tuple[float, float], Strict(False)]
 
 
+def _listed(given: object) -> object:
+    """One table stands for a list of it, an empty one for none."""
+    if isinstance(given, dict):
+        return [given] if given else []
+    return given
+
+
+def _require_order(name: str, bounds: tuple[float, float]) -> None:
+    """ValueError where the low bound is not below the high one."""
+    if not bounds[0] < bounds[1]:
+        raise ValueError(f"{name}: low {bounds[0]} is not below high {bounds[1]}")
+
+
 class RoleTable(Table):
-    """[[gait.roles]]: what the joints of this name have in common in every leg."""
+    """[[gait.roles]]: what the joints of this name have in common in every leg.
+
+    Sines need both ranges; other kinds of gaits have none of them.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="The role's name, such as `hip`.")
-    amplitude: Range = Field(description="Least and largest amplitude of the sine [rad].")
-    offset: Range = Field(description="Least and largest angle about which the joint swings [rad].")
+    amplitude: Range | None = Field(
+        default=None, description="Of sines: least and largest amplitude of the sine [rad]."
+    )
+    offset: Range | None = Field(
+        default=None, description="Of sines: least and largest angle about which the joint swings [rad]."
+    )
 
 
 class LegTable(Table):
@@ -28,36 +48,46 @@ class LegTable(Table):
     )
 
 
-class GaitTable(Table):
-    """[gait]: bounds of a sinusoidal gait."""
+Starts = Annotated[list[dict[str, float]], BeforeValidator(_listed)]
 
-    frequency: Range = Field(description="Least and largest frequency [Hz].")
-    ramp: float = Field(default=1.0, gt=0, le=3600, description="Time from the reset pose into the gait [s].")
-    roles: list[RoleTable] = Field(min_length=1, description="Joints that every leg has.")
-    legs: list[LegTable] = Field(min_length=2, description="The legs, each with a joint for every role.")
-    start: list[dict[str, float]] = Field(
+
+class MotionTable(Table):
+    """What the tables of all gaits and motions have in common."""
+
+    kind: str
+    ranges: dict[str, Range] = Field(
+        default_factory=dict,
+        description="Other bounds of genes, `{gene = [low, high]}`; genes that are not named keep theirs. Those of "
+        "sines are told by `frequency` and the roles.",
+    )
+    start: Starts = Field(
         default_factory=list,
         description="Gaits that searches try first, `{gene = value}`; genes that are not named stand in "
         "the middle.",
     )
 
-    @field_validator("start", mode="before")
+    @field_validator("ranges")
     @classmethod
-    def _one_is_a_list(cls, given):
-        if isinstance(given, dict):
-            return [given] if given else []
-        return given
+    def _order(cls, ranges: dict[str, tuple[float, float]]):
+        for name, bounds in ranges.items():
+            _require_order(name, bounds)
+        return ranges
+
+
+class GaitTable(MotionTable):
+    """[gait]: how a legged robot walks, and the bounds of its gaits."""
+
+    kind: str = Field(
+        default="sines",
+        description="What a gait is: `sines` of the joint angles, or a kind of a plugin.",
+    )
+    frequency: Range | None = Field(default=None, description="Of sines: least and largest frequency [Hz].")
+    ramp: float = Field(default=1.0, gt=0, le=3600, description="Time from the reset pose into the gait [s].")
+    roles: list[RoleTable] = Field(min_length=1, description="Joints that every leg has.")
+    legs: list[LegTable] = Field(min_length=2, description="The legs, each with a joint for every role.")
 
     @model_validator(mode="after")
-    def _parts(self):
-        ranges = {"frequency": self.frequency}
-        for role in self.roles:
-            ranges |= {f"amplitude of {role.name}": role.amplitude, f"offset of {role.name}": role.offset}
-        for name, (low, high) in ranges.items():
-            if not low < high:
-                raise ValueError(f"{name}: low {low} is not below high {high}")
-        if self.frequency[0] <= 0 or any(role.amplitude[0] < 0 for role in self.roles):
-            raise ValueError("a frequency must be above 0, and an amplitude not below it")
+    def _legs(self):
         roles = [role.name for role in self.roles]
         names = [leg.name for leg in self.legs]
         if len({*roles, *names}) < len(roles) + len(names):
@@ -75,17 +105,30 @@ class GaitTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _begins(self):
-        bounds = {"frequency": self.frequency}
+    def _sines(self):
+        ranges = {"frequency": self.frequency}
         for role in self.roles:
-            bounds |= {f"amplitude_{role.name}": role.amplitude, f"offset_{role.name}": role.offset}
+            ranges |= {f"amplitude_{role.name}": role.amplitude, f"offset_{role.name}": role.offset}
+        for name, bounds in ranges.items():
+            if (bounds is None) is (self.kind == "sines"):
+                raise ValueError(f"{name.replace('_', ' of ', 1)}: sines have one, and other kinds have none")
+            if bounds is not None:
+                _require_order(name.replace("_", " of ", 1), bounds)
+        if self.kind != "sines":
+            return self
+        if self.ranges:
+            raise ValueError(
+                "ranges: those of sines are `frequency`, and `amplitude` and `offset` of each role"
+            )
+        if self.frequency[0] <= 0 or any(role.amplitude[0] < 0 for role in self.roles):
+            raise ValueError("a frequency must be above 0, and an amplitude not below it")
         phases = [*self.roles, *self.legs[1:]]
-        bounds |= {f"phase_{turning.name}": (-math.pi, math.pi) for turning in phases}
+        ranges |= {f"phase_{turning.name}": (-math.pi, math.pi) for turning in phases}
         for name, value in (item for gait in self.start for item in gait.items()):
-            if name not in bounds:
-                raise ValueError(f"start names {name!r}, not one of {list(bounds)}")
-            if not bounds[name][0] <= value <= bounds[name][1]:
-                raise ValueError(f"start: {name} = {value} lies outside {list(bounds[name])}")
+            if name not in ranges:
+                raise ValueError(f"start names {name!r}, not one of {list(ranges)}")
+            if not ranges[name][0] <= value <= ranges[name][1]:
+                raise ValueError(f"start: {name} = {value} lies outside {list(ranges[name])}")
         return self
 
 

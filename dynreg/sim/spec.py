@@ -508,7 +508,9 @@ class RobotFile(Table):
         default_factory=dict,
         description="Other ranges of parameters, by name: `dynreg populate ROBOT --ranges NAME`.",
     )
-    gait: GaitTable | None = Field(default=None, description="Bounds of a sinusoidal gait.")
+    gait: GaitTable | None = Field(
+        default=None, description="How the robot walks, and the bounds of its gaits."
+    )
     tasks: list[TaskTable] = Field(
         default_factory=list, description="What a gait is sought for; the first is the usual one."
     )

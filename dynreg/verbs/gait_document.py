@@ -64,7 +64,7 @@ def document(
         seconds=task.seconds,
         rate=trials.rate,
         ramp=space.ramp,
-        frequency=float(sought.genes[0]),
+        frequency=space.frequency(sought.genes),
         genes={
             g.name: GaitGene(value=float(v), low=g.low, high=g.high, unit=g.unit)
             for g, v in zip(space.genes, sought.genes, strict=True)

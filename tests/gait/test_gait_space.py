@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynreg.errors import RobotError, UsageError
+from dynreg.gait.sines import Sines
 from dynreg.gait.space import gait_space
 from dynreg.rng import stream
 from dynreg.sim.robot import load_robot
@@ -154,3 +155,39 @@ def test_draws_about_rest_are_small_and_keep_legs_in_or_against_phase(quadruped)
     ordered = np.abs(np.sin(genes["phase_fr"])) < 0.6
     assert 0.7 < ordered.mean() < 0.9, "the others have any phase"
     assert 0.4 < (np.cos(genes["phase_fr"][ordered]) < 0).mean() < 0.6
+
+
+def test_a_family_of_a_plugin_is_sought_as_the_packaged_ones(brief_folder, tmp_path, monkeypatch) -> None:
+    import shutil
+    from importlib.metadata import EntryPoint
+
+    from dynreg import plugins
+    from dynreg.gait import space
+
+    class Bounce(Sines):
+        kind = "bounce"
+
+    shutil.copytree(brief_folder, tmp_path / "own")
+    path = tmp_path / "own" / "robot.toml"
+    text = path.read_text(encoding="utf-8")
+    bare = "\n".join(
+        line for line in text.splitlines() if not line.startswith(("amplitude = [", "offset = ["))
+    )
+    bare = bare.replace("frequency = [0.5, 2.5]", 'kind = "bounce"')
+    path.write_text(bare, encoding="utf-8")
+    robot = load_robot(tmp_path / "own")
+    with pytest.raises(RobotError, match="unknown kind 'bounce'.*'sines'"):
+        gait_space(robot)
+    monkeypatch.setattr(Bounce, "of", classmethod(lambda cls, robot, table: ("of", robot.name, table.kind)))
+    point = EntryPoint("bounce", "here:Bounce", "dynreg.gaits")
+    monkeypatch.setattr(EntryPoint, "load", lambda self: Bounce)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point] if group == "dynreg.gaits" else [])
+    space.families.cache_clear()
+    try:
+        assert gait_space(robot) == ("of", "quadruped", "bounce")
+        monkeypatch.setattr(EntryPoint, "load", lambda self: object)
+        space.families.cache_clear()
+        with pytest.raises(RobotError, match="derived from dynreg.gait.family.Family"):
+            gait_space(robot)
+    finally:
+        space.families.cache_clear()
