@@ -6,6 +6,7 @@ from typing import Any
 
 from dynreg.errors import RobotError
 from dynreg.gait.family import Family
+from dynreg.gait.locus import Locus
 from dynreg.gait.sines import Sines
 from dynreg.plugins import with_plugins
 from dynreg.sim.robot import Robot
@@ -14,7 +15,7 @@ from dynreg.sim.robot import Robot
 @cache
 def families() -> Mapping[str, type[Family]]:
     """{kind: class} of dynreg's families and those of installed plugins; RobotError where a plugin is none."""
-    packaged = {cls.kind: cls for cls in (Sines,)}
+    packaged = {cls.kind: cls for cls in (Sines, Locus)}
     expected = "a class derived from dynreg.gait.family.Family, with its kind and all that it must give"
     return with_plugins(packaged, "dynreg.gaits", "kind", _made, expected)
 

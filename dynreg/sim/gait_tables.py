@@ -79,7 +79,9 @@ class GaitTable(MotionTable):
 
     kind: str = Field(
         default="sines",
-        description="What a gait is: `sines` of the joint angles, or a kind of a plugin.",
+        description="What a gait is: `sines` of the joint angles, a `locus` on which each foot goes round, or a kind of "
+        "a plugin. A locus needs four legs with the roles `rotor` (about the lateral axis), `elevator` (about the "
+        "fore-aft axis) and `knee`.",
     )
     frequency: Range | None = Field(default=None, description="Of sines: least and largest frequency [Hz].")
     ramp: float = Field(default=1.0, gt=0, le=3600, description="Time from the reset pose into the gait [s].")
