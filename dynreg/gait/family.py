@@ -39,11 +39,12 @@ class Family(ABC):
     pose : (A,) [rad] at rest. low, high : (A,) position limits [rad]. speed : (A,) rate limits [rad/s].
     ramp : time [s] in which a gait fades in from rest. first : {gene: value} of the gaits that searches try first.
 
-    A kind gives `of`, `targets`, `feasible`, `problems`, `frequency` and `fastest`; and `rest`, where draws about the
+    told_by : the tables of robot.toml that can be of this kind. A kind gives `of`, `targets`, `feasible`, `problems`, `frequency` and `fastest`; and `rest`, where draws about the
     pose at rest shall not be uniform.
     """
 
     kind: ClassVar[str]
+    told_by: ClassVar[type[MotionTable]] = MotionTable
 
     robot: str
     actions: tuple[str, ...]

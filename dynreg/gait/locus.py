@@ -39,6 +39,7 @@ class Locus(Family):
     """
 
     kind = "locus"
+    told_by = GaitTable
 
     legs: tuple[Leg, ...]
     names_of_legs: tuple[str, ...]

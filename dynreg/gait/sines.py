@@ -29,6 +29,7 @@ class Sines(Family):
     """
 
     kind = "sines"
+    told_by = GaitTable
 
     roles: tuple[str, ...]
     legs: tuple[str, ...]

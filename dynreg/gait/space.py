@@ -7,6 +7,7 @@ from typing import Any
 from dynreg.errors import RobotError
 from dynreg.gait.family import Family
 from dynreg.gait.locus import Locus
+from dynreg.gait.poses import Poses
 from dynreg.gait.sines import Sines
 from dynreg.plugins import with_plugins
 from dynreg.sim.robot import Robot
@@ -15,7 +16,7 @@ from dynreg.sim.robot import Robot
 @cache
 def families() -> Mapping[str, type[Family]]:
     """{kind: class} of dynreg's families and those of installed plugins; RobotError where a plugin is none."""
-    packaged = {cls.kind: cls for cls in (Sines, Locus)}
+    packaged = {cls.kind: cls for cls in (Sines, Locus, Poses)}
     expected = "a class derived from dynreg.gait.family.Family, with its kind and all that it must give"
     return with_plugins(packaged, "dynreg.gaits", "kind", _made, expected)
 
@@ -25,19 +26,26 @@ def _made(plugin: Any) -> type[Family] | None:
     return plugin if whole and hasattr(plugin, "kind") else None
 
 
-def gait_space(robot: Robot) -> Family:
-    """The gaits of a robot, as its robot.toml gives them; RobotError where it has no [gait] or its kind is unknown."""
-    table = robot.file.gait
+def gait_space(robot: Robot, motion: str | None = None) -> Family:
+    """The gaits of a robot, or what one of its motions can be, as its robot.toml gives them.
+
+    Raises RobotError where it has no [gait] or no such motion, or where its kind is unknown.
+    """
+    tables = {table.name: table for table in robot.file.motions}
+    table = robot.file.gait if motion is None else tables.get(motion)
     if table is None:
         raise RobotError(
-            f"robot {robot.name!r} has no walking task",
-            expected="[gait] with its legs and roles, and [[tasks]], in robot.toml",
+            f"robot {robot.name!r} has no " + ("walking task" if motion is None else f"motion {motion!r}"),
+            expected="[gait] with its legs and roles, and [[tasks]], in robot.toml"
+            if motion is None
+            else f"one of {list(tables)}",
             do="add them, or name a robot that walks, such as 'quadruped'",
         )
-    if table.kind not in families():
+    offered = [kind for kind, family in families().items() if isinstance(table, family.told_by)]
+    if table.kind not in offered:
         raise RobotError(
-            f"[gait] is of unknown kind {table.kind!r}",
-            expected=f"one of {list(families())}",
+            f"{'[gait]' if motion is None else f'motion {motion!r}'} is of unknown kind {table.kind!r}",
+            expected=f"one of {offered}",
             do="correct it in robot.toml, or install the plugin that brings it",
         )
     return families()[table.kind].of(robot, table)

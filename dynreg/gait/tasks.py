@@ -25,7 +25,7 @@ class Task:
 
     unit : of the fitness. defaults : {name: value} of the kind's numbers, which `values` of [[tasks]] overrides.
     score(base) : (B, E) from base (B, E, T+1, 12), in the order of `layout.BASE`; see `Walk`.
-    slope() : angle of the ground [rad].
+    slope() : angle of the ground [rad]. motion : the robot's motion that is sought, None for its gait.
     """
 
     kind: ClassVar[str]
@@ -41,7 +41,8 @@ class Task:
                 expected=f"some of {sorted(self.defaults)}",
                 do="correct [[tasks]] in robot.toml",
             )
-        self.name, self.seconds, self.success = table.name, table.seconds, table.success
+        self.name, self.motion = table.name, table.motion
+        self.seconds, self.success = table.seconds, table.success
         self.values = {**self.defaults, **table.values}
 
     def slope(self) -> float:

@@ -69,7 +69,7 @@ class Trials:
                 expected="walking robots to name it in robot.toml",
                 do="add it to `engines`",
             )
-        self.space: Family = gait_space(robot)
+        self.space: Family = gait_space(robot, task.motion)
         fastest = self.space.fastest
         if rate < LEAST_RATE * fastest:
             raise RobotError(

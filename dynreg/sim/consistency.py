@@ -57,8 +57,14 @@ def _gait(file: RobotFile) -> Iterator[Problem]:
                     f"joints out of {driven}",
                     "correct [[gait.legs]]",
                 )
-    if file.tasks and file.gait is None:
-        yield ("tasks", 0, "name"), "there are tasks, but no [gait]", "the legs and roles", "add [gait]"
+    motions = [motion.name for motion in file.motions]
+    for i, task in enumerate(file.tasks):
+        if task.motion is None and file.gait is None:
+            yield ("tasks", i, "name"), "there are tasks, but no [gait]", "the legs and roles", "add [gait]"
+        elif task.motion is not None and task.motion not in motions:
+            problem = f"task {task.name!r}: there is no motion {task.motion!r}"
+            yield ("tasks", i, "motion"), problem, f"one of {motions}", "add it to [[motions]], or correct it"
+    yield from _twice(file, ("motions",))
     yield from _twice(file, ("tasks",))
 
 

@@ -79,9 +79,9 @@ class GaitTable(MotionTable):
 
     kind: str = Field(
         default="sines",
-        description="What a gait is: `sines` of the joint angles, a `locus` on which each foot goes round, or a kind of "
-        "a plugin. A locus needs four legs with the roles `rotor` (about the lateral axis), `elevator` (about the "
-        "fore-aft axis) and `knee`.",
+        description="What a gait is: `sines` of the joint angles, a `locus` on which each foot goes round, or a "
+        "kind of a plugin. A locus needs four legs with the roles `rotor` (about the lateral axis), `elevator` (about "
+        "the fore-aft axis) and `knee`.",
     )
     frequency: Range | None = Field(default=None, description="Of sines: least and largest frequency [Hz].")
     ramp: float = Field(default=1.0, gt=0, le=3600, description="Time from the reset pose into the gait [s].")
@@ -134,6 +134,25 @@ class GaitTable(MotionTable):
         return self
 
 
+class PosesTable(MotionTable):
+    """[[motions]]: what a robot does once, such as a kick: through poses, and back to rest."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$", description="The motion's name, for tasks.")
+    kind: str = Field(default="poses", description="What a motion is: `poses`, or a kind of a plugin.")
+    poses: int = Field(default=2, ge=1, le=100, description="How many poses lie between rest and rest.")
+    joints: list[str] = Field(
+        default_factory=list,
+        description="Joints that move, each with an angle of its own in every pose; by default all that follow none.",
+    )
+    mirrored: dict[str, str] = Field(
+        default_factory=dict,
+        description='Joints that turn the other way as another one, `{fr_hip = "fl_hip"}`.',
+    )
+    together: dict[str, str] = Field(
+        default_factory=dict, description='Joints that turn as another one, `{fr_knee = "fl_knee"}`.'
+    )
+
+
 class TaskTable(Table):
     """[[tasks]]: what a gait is sought for; the first is the usual one."""
 
@@ -141,6 +160,9 @@ class TaskTable(Table):
     kind: str = Field(
         default="forward",
         description="What is scored: `forward`, `slope`, `turn`, `speed`, or a kind of a plugin.",
+    )
+    motion: str | None = Field(
+        default=None, description="The one of [[motions]] that is sought; without it, the gait."
     )
     seconds: float = Field(default=10.0, gt=0, le=3600, description="Length of a trial [s].")
     success: float = Field(default=0.3, description="Least fitness that counts as done, without a fall.")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict, field_validator, model_validator
 
 from dynreg.sim.engine import ENGINES
-from dynreg.sim.gait_tables import GaitTable, TaskTable
+from dynreg.sim.gait_tables import GaitTable, PosesTable, TaskTable
 from dynreg.sim.table import Table
 
 COMMANDS = 10_000_000  # of one simulator, in a population: 40 times those of the packaged robot that has most
@@ -510,6 +510,9 @@ class RobotFile(Table):
     )
     gait: GaitTable | None = Field(
         default=None, description="How the robot walks, and the bounds of its gaits."
+    )
+    motions: list[PosesTable] = Field(
+        default_factory=list, description="What the robot can do once, such as a kick."
     )
     tasks: list[TaskTable] = Field(
         default_factory=list, description="What a gait is sought for; the first is the usual one."

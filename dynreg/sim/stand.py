@@ -20,7 +20,7 @@ from dynreg.tomlfile import literal, toml_text
 SUFFIX = "_on_stand"
 ABOVE = 1.5  # times the length of a stretched leg at which the base is held: links may be longer than nominal
 # what only a robot says that moves freely: it cannot fall from a stand, nor walk on it
-ONLY_FREE = ("fall", "gait", "tasks", "populations")
+ONLY_FREE = ("fall", "gait", "motions", "tasks", "populations")
 # s: on the packaged quadruped its usual 4 ms move fast reversals by 11 mrad, five times its encoders' noise and more
 # than a spring shows, 1 ms by 2.8
 TIMESTEP = 0.001

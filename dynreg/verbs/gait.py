@@ -88,7 +88,7 @@ def gait(
     began = time.perf_counter()
     robot = asked.robot
     task = task_of(robot, settings.task)
-    gait_space(robot)  # raises its errors before the registry is read, as too few rollouts do
+    gait_space(robot, task.motion)  # raises its errors before the registry is read, as too few rollouts do
     many = settings.k if settings.on in SEVERAL else 1
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)

@@ -77,7 +77,7 @@ def gait_rounds(
             break
         seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
         each = replace(settings.each, seed=seed, resume=True)
-        sought = _Sought(each, _best_first(asked.robot, tried), progress)
+        sought = _Sought(each, _best_first(asked.robot, task, tried), progress)
         found = kept(number, lambda: sought.first_of(last, by))  # noqa: B023
         by = _told_by(found, number, each, task, (last, by))
         require_playable(found)
@@ -137,12 +137,14 @@ def require_query(on: str) -> None:
         )
 
 
-def _best_first(robot: "Robot", tried: "list[tuple[float, Gait]]") -> tuple[tuple[float, ...], ...]:
+def _best_first(
+    robot: "Robot", task: "Task", tried: "list[tuple[float, Gait]]"
+) -> tuple[tuple[float, ...], ...]:
     """Genes of the gaits that the robot has had, in the order of what they reached there."""
     from dynreg.gait.space import gait_space
     from dynreg.verbs.gaits import genes_of
 
-    space, order = gait_space(robot), sorted(tried, key=lambda one: -one[0])
+    space, order = gait_space(robot, task.motion), sorted(tried, key=lambda one: -one[0])
     return tuple(tuple(space.from_dict(genes_of(found)).tolist()) for _, found in order)
 
 

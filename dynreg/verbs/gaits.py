@@ -37,7 +37,7 @@ def gait_of(registry: Registry, ref: str | Path) -> Gait:
         ) from None
     if gait.robot_hash in registry.robots():
         robot = load_robot(registry.robot_folder(gait.robot_hash))
-        require_own(gait_space(robot), genes_of(gait), gait)
+        require_own(gait_space(robot, task_of(robot, gait.task).motion), genes_of(gait), gait)
     return gait
 
 
