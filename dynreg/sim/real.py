@@ -5,6 +5,7 @@ time step, a torque disturbance, sensor noise and quantisation.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,8 +16,8 @@ from dynreg.errors import BudgetError, UsageError
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.effects.disturbance import Disturbance, Unsteadiness
-from dynreg.sim.engines import Arena
-from dynreg.sim.ports import nominal_ports
+from dynreg.sim.engines import Arena, rollout
+from dynreg.sim.ports import UNLIMITED, largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk
 
@@ -46,15 +47,22 @@ class Spent:
 
 @dataclass(frozen=True, eq=False)
 class RealTrial:
-    """One trial: its log, and how the body moved (1, 1, T+1, 12), as a camera or a tape measure tells."""
+    """One trial: its log, and how the body moved (1, 1, T+1, 12), as a camera or a tape measure tells.
+
+    walk : None of a robot whose base is held, or that has wheels.
+    """
 
     recording: Recording
-    walk: Walk
+    walk: Walk | None
 
     @property
     def fell(self) -> bool:
         """Whether the robot fell."""
-        return bool(self.walk.fell[0, 0] < self.walk.base.shape[2])
+        return self.walk is not None and bool(self.walk.fell[0, 0] < self.walk.base.shape[2])
+
+    def lasted(self, steps: int) -> int:
+        """How many of so many commands were played before it fell."""
+        return steps if self.walk is None else int(min(self.walk.fell[0, 0], steps))
 
 
 @dataclass
@@ -86,7 +94,7 @@ class RealRobot(ABC):
         except BaseException:
             self.spent = Spent(before.trials + 1, before.seconds + steps / rate, before.falls)
             raise
-        seconds = int(min(trial.walk.fell[0, 0], steps)) / rate
+        seconds = trial.lasted(steps) / rate
         self.spent = Spent(before.trials + 1, before.seconds + seconds, before.falls + int(trial.fell))
         return trial
 
@@ -132,6 +140,18 @@ def disturbance(robot: Robot) -> Term:
     return _UNSTEADINESS if robot.planar else _DISTURBANCE
 
 
+def largest_drive(robot: Robot) -> float:
+    """What a disturbance is a share of: the mean torque limit [N m], of a planar base the mean largest speed [m/s].
+
+    Drives that state no limit do not count; 0 where none states one.
+    """
+    if robot.planar:
+        return float(largest_speeds(robot).mean())
+    limit = servo_law(nominal_ports(robot, 1), robot.input_defaults[None]).limit[0]
+    stated = limit[limit < UNLIMITED]
+    return float(stated.mean()) if len(stated) else 0.0
+
+
 def disturbed(robot: Robot, run: Run, rng: np.random.Generator) -> Run:
     """The run with draws of its own for every episode."""
     return replace(run, draws=rng.standard_normal((run.episodes, run.steps, len(robot.actions))))
@@ -160,12 +180,22 @@ def sensed(robot: Robot, states: np.ndarray, rng: np.random.Generator) -> np.nda
     return np.where(quantum > 0, np.round(states / grid) * grid, states)
 
 
+@dataclass(frozen=True, eq=False)
+class Secret:
+    """What a simulated robot is from a trial on: true parameters (P,) and effects, each term with its values."""
+
+    parameters: np.ndarray
+    terms: tuple[Term, ...] = ()
+    values: tuple[np.ndarray, ...] = ()
+
+
 @dataclass
 class SimulatedRobot(RealRobot):
     """A robot with a secret: true parameters (P,) and effects, each term with its values; see `RealRobot`.
 
-    Every trial has disturbances and sensor noise of its own, drawn from `seed` and the number of the trial.
-    slope : angle [rad] of the ground.
+    It walks, its base is held, or it is a base on wheels. Every trial has disturbances and sensor noise of its own,
+    drawn from `seed` and the number of the trial.
+    slope : angle [rad] of the ground. changes : {number of a trial: what the robot is from it on}, as it wears.
     """
 
     parameters: np.ndarray
@@ -174,23 +204,34 @@ class SimulatedRobot(RealRobot):
     seed: int = 0
     slope: float = 0.0
     threads: int = 1
+    changes: Mapping[int, Secret] = field(default_factory=dict)
 
     def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
         number = self.spent.trials
-        truth = finer(self.robot)
+        truth, secret = finer(self.robot), self.secret(number)
         rng = stream(self.seed, "real robot", self.robot.name, number)
         noise = rng.standard_normal((1, 1, *actions.shape))
         run = disturbed(truth, Run(actions[None], period=1.0 / rate, noise=noise), rng)
-        limit = nominal_ports(self.robot, 1).drive["torque_limit"].mean()
         active = Terms(
-            (*self.terms, disturbance(truth)),
-            (*(v[None] for v in self.values), np.array([[DISTURBANCE * limit]])),
+            (*secret.terms, disturbance(truth)),
+            (*(v[None] for v in secret.values), np.array([[DISTURBANCE * largest_drive(self.robot)]])),
         )
-        arena = Arena(truth, self.parameters[None], run, terms=active, threads=self.threads, slope=self.slope)
+        if not self.robot.floating:
+            told = {"terms": active, "threads": self.threads}
+            states = rollout(truth, secret.parameters[None], run, **told).states[0, 0]
+            return RealTrial(self._log(sensed(self.robot, states, rng), actions, rate, name), None)
+        arena = Arena(
+            truth, secret.parameters[None], run, terms=active, threads=self.threads, slope=self.slope
+        )
         walk = arena.walk(run)
         ends = int(min(walk.fell[0, 0], len(actions)))
         states = arena.rollout(run).states[0, 0, : ends + 1]
         return RealTrial(self._log(sensed(self.robot, states, rng), actions, rate, name), walk)
+
+    def secret(self, trial: int) -> Secret:
+        """What the robot is in a trial, by its number from 0."""
+        begun = [number for number in self.changes if number <= trial]
+        return self.changes[max(begun)] if begun else Secret(self.parameters, self.terms, self.values)
 
     def _log(self, states: np.ndarray, actions: np.ndarray, rate: float, name: str) -> Recording:
         told = np.concatenate([actions, actions[-1:]])[: len(states)]

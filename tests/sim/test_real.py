@@ -9,7 +9,7 @@ from dynreg.errors import BudgetError, UsageError
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.real import Budget, SimulatedRobot, Spent, finer
+from dynreg.sim.real import Budget, Secret, SimulatedRobot, Spent, finer
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.spec import RobotTable
@@ -103,3 +103,32 @@ def test_where_nothing_collides_the_truth_does_not_act_half_a_time_step_early() 
     first_order = position(stepped(robot.file.robot, 10, "implicitfast"))
     assert np.abs(position(finer(robot)) - exact).max() < 0.4 * np.abs(first_order - exact).max()
     assert finer(ROBOT).model.opt.integrator == ROBOT.model.opt.integrator  # feet collide
+
+
+@pytest.mark.parametrize("name", ["servo_pendulum", "diffdrive", "two_joint_arm"])
+def test_arms_servos_and_bases_on_wheels_have_the_same_door(name: str) -> None:
+    robot = load_robot(name)
+    actions = excitation(robot, seed=1, episodes=1, steps=50).actions[0]
+    real = SimulatedRobot(robot, robot.space.nominal, seed=2, budget=Budget(trials=2))
+    first, second = real.run(actions, robot.rate), real.run(actions, robot.rate)
+    assert first.walk is None and not first.fell
+    assert real.spent == Spent(2, 2 * 50 / robot.rate, 0)
+    logs = [one.recording.episodes[0].values for one in (first, second)]
+    assert logs[0].shape == (51, len(robot.channels) + len(robot.actions))
+    assert not np.array_equal(*logs) and np.abs(logs[0] - logs[1]).max() < 1.0, "noise of its own, no more"
+    with pytest.raises(BudgetError, match="2 trials"):
+        real.run(actions, robot.rate)
+
+
+def test_a_robot_that_wears_is_another_from_a_trial_on() -> None:
+    robot = load_robot("servo_pendulum")
+    actions = excitation(robot, seed=1, episodes=1, steps=50).actions[0]
+    heavy = robot.space.from_dict(robot.space.as_dict(robot.space.nominal) | {"tip_mass": 0.6})
+
+    def logs(**changes) -> list[np.ndarray]:
+        real = SimulatedRobot(robot, robot.space.nominal, seed=2, **changes)
+        return [real.run(actions, robot.rate).recording.episodes[0].values for _ in range(4)]
+
+    same, worn = logs(), logs(changes={2: Secret(heavy)})
+    assert all(np.array_equal(a, b) for a, b in zip(same[:2], worn[:2], strict=True))
+    assert all(np.abs(a - b).max() > 0.01 for a, b in zip(same[2:], worn[2:], strict=True))
