@@ -13,6 +13,7 @@ from dynreg.sim.excitation import excitation, reset_pose
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
+from dynreg.sim.spec import PidDrive
 
 Row = Mapping[Effect, str | float]  # the effects of one simulator, with their sizes
 
@@ -53,7 +54,8 @@ def plain(bench: Bench) -> np.ndarray:
 
 @cache
 def bench(name: str) -> Bench:
-    """servo (lively: it saturates), servo_mujoco, servo_short, arm, air, stand (a leg), lean (a quadruped), wheels.
+    """servo (lively: it saturates), servo_mujoco, servo_short, pid, pid_mujoco (the same on a pid drive), arm, air,
+    stand (a leg), lean (a quadruped), wheels.
 
     The two on the ground move slowly, so that contacts neither open nor close by chance.
     """
@@ -67,6 +69,22 @@ def bench(name: str) -> Bench:
         if name == "servo_short":  # tiny gaps and ramps take a time step that resolves them
             fine = robot.file.robot.model_copy(update={"timestep": 0.002})
             robot = replace(robot, file=robot.file.model_copy(update={"robot": fine}))
+        return Bench(name, robot, run, "mujoco" if name.endswith("mujoco") else "joint")
+    if name.startswith("pid"):
+        servo = bench("servo")
+        loop = {
+            "gain": 4.0,
+            "integral_gain": 12.0,
+            "rate_gain": 0.08,
+            "torque_limit": 0.6,
+            "speed_limit": 30.0,
+        }
+        (own,) = servo.robot.file.drives
+        drives = [PidDrive(joint="arm", type="pid", enable=own.enable, **loop)]
+        robot = replace(servo.robot, file=servo.robot.file.model_copy(update={"drives": drives}))
+        settings = servo.run.settings.copy()
+        settings[:, robot.settings.index("kp")] = [8.0, 4.0, 6.0, 8.0]  # which is the gain
+        run = replace(servo.run, settings=settings)
         return Bench(name, robot, run, "mujoco" if name.endswith("mujoco") else "joint")
     if name == "wheels":
         robot = load_robot("diffdrive")
