@@ -38,9 +38,9 @@ class IntegralPart(OfAnyDrive):
 INTEGRAL = IntegralPart()
 
 
-def integral_values(ports: Ports, joint: int) -> Values:
-    """{name: (n, 1)} its values for one drive (its number) of n simulations, by their ports."""
-    drive = {key: value[:, [joint]] for key, value in ports.drive.items()}
+def integral_values(ports: Ports, joints: np.ndarray) -> Values:
+    """{name: (n, A')} its values for drives (A',) by their numbers, of n simulations, by their ports."""
+    drive = {key: value[:, joints] for key, value in ports.drive.items()}
     rate = drive["integral_gain"] / np.maximum(drive["gain"], 1e-9)
     fade = np.where(drive["back_emf"] > 0.5, 0.0, 1.0 / drive["speed_limit"])
     return {"rate": rate, "gain": drive["gain"] * drive["gain_factor"], "fade": fade}

@@ -94,12 +94,12 @@ def with_drives(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting
 
     Call it when ports are set. An integral part sees the target that all effects on commands have left.
     """
-    integrating = []
-    for joint in np.flatnonzero((ports.drive["integral_gain"] > 0.0).any(axis=0)):
-        if ports.types[joint] == "position":
-            values = integral_values(ports, joint)
-            integrating.append(_of_drive(INTEGRAL, robot, ports, joint, values))
-    return _with_profiles(active, robot, ports) + integrating
+    out = _with_profiles(active, robot, ports)
+    position = np.array([kind == "position" for kind in ports.types])
+    joints = np.flatnonzero((ports.drive["integral_gain"] > 0.0).any(axis=0) & position)
+    if len(joints):
+        out.append(_of_drives(INTEGRAL, robot, ports, joints, integral_values(ports, joints)))
+    return out
 
 
 def _with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting]:
@@ -113,13 +113,13 @@ def _with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Act
     for joint in np.flatnonzero(stated):
         reach = 0.5 * speed[:, [joint]] ** 2 / acceleration[:, [joint]]
         values = {"speed": speed[:, [joint]], "reach": reach}
-        out.append(_of_drive(generator, robot, ports, joint, values))
+        out.append(_of_drives(generator, robot, ports, np.array([joint]), values))
     return _in_order(out)
 
 
-def _of_drive(effect: Effect, robot: Robot, ports: Ports, joint: int, values: Values) -> Acting:
-    """An effect on one drive (its number) of all simulations, (n, 1) each of its values."""
-    rows, joints = slice(0, len(ports.drive["gain"])), np.array([joint])
+def _of_drives(effect: Effect, robot: Robot, ports: Ports, joints: np.ndarray, values: Values) -> Acting:
+    """An effect on drives (A',) by their numbers, of all simulations; (n, A') each of its values."""
+    rows = slice(0, len(ports.drive["gain"]))
     return Acting(effect, rows, joints, _where(rows, joints, len(robot.joints)), values)
 
 

@@ -1,0 +1,120 @@
+"""A hidden AIBO and its logs for paper E: joints in the air, motions on the ground, and walks, bad ones included."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynreg.data.recording import Episode, Recording
+from dynreg.gait.space import gait_space
+from dynreg.rng import stream
+from dynreg.sim.effects import Term, term
+from dynreg.sim.excitation import command_limits, reset_pose
+from dynreg.sim.real import SimulatedRobot
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.stand import on_stand
+
+SHARE = 0.8  # of a joint's way, as in the paper
+AIR = 60.0  # s: half a sine of rising frequency, half a square wave
+SLOWEST, FASTEST, SQUARE = 0.2, 1.5, 0.5  # Hz
+WALK = 5.0  # s
+FIT, HELD = 40, 20  # walks of groups A and B
+SPREAD = 0.7  # of the nameplate's tolerance, 1 sigma, by which hidden parameters differ from nominal
+LOSS = 0.6  # of the elbows' friction
+
+
+@dataclass(frozen=True, eq=False)
+class Hidden:
+    """A robot: parameters {name: value}, and whether its elbows are more slippery than its paws."""
+
+    seed: int
+    parameters: dict[str, float]
+    material: bool
+
+    def real(self, robot: Robot) -> SimulatedRobot:
+        """The door to it, on its feet or on its stand."""
+        space = robot.space
+        told = {name: value for name, value in self.parameters.items() if name in space.names}
+        terms: tuple[Term, ...] = ()
+        if self.material and robot.floating:
+            terms = (term("second_friction_material[elbow]"),)
+        values = tuple(np.array([LOSS]) for _ in terms)
+        return SimulatedRobot(robot, space.from_dict(told), terms, values, seed=self.seed)
+
+
+def hidden(seed: int, *, material: bool = True) -> Hidden:
+    """A robot that differs from the nameplate by its tolerances."""
+    space, rng = load_robot("aibo").space, stream(seed, "hidden aibo")
+    share = np.array([p.tolerance for p in space.parameters])
+    log = np.array([p.scale == "log" for p in space.parameters])
+    draw = SPREAD * share * rng.standard_normal(len(space))
+    values = np.where(log, space.nominal * np.exp(draw), space.nominal + draw)
+    inside = space.from_unit(np.clip(space.to_unit(values), 0.02, 0.98))
+    return Hidden(seed, space.as_dict(inside), material)
+
+
+def in_the_air(robot: Robot, seconds: float = AIR) -> np.ndarray:
+    """(T, A) commands of a robot on its stand: all joints at once, each with a phase of its own."""
+    rate = robot.rate
+    time = np.arange(round(0.5 * seconds * rate)) / rate
+    low, high = command_limits(robot).T
+    middle, reach = 0.5 * (low + high), 0.5 * SHARE * (high - low)
+    phase = 2 * np.pi * np.arange(len(low)) / len(low)
+    turned = 2 * np.pi * (SLOWEST * time + 0.5 * (FASTEST - SLOWEST) * time**2 / time[-1])
+    sine = np.sin(turned[:, None] + phase)
+    square = np.sign(np.sin(2 * np.pi * SQUARE * time[:, None] + phase))
+    return middle + reach * np.concatenate([sine, square])
+
+
+def on_the_ground(robot: Robot, seconds: float = WALK) -> dict[str, np.ndarray]:
+    """{name: (T, A)} a walk, a kick of a front leg, getting up from the knees, and pushing back and forth."""
+    time, rest = np.arange(round(seconds * robot.rate)) / robot.rate, reset_pose(robot)
+    at = {name.split("/")[0]: i for i, name in enumerate(robot.actions)}
+    out = {name: np.tile(rest, (len(time), 1)) for name in ("kick", "get_up", "push")}
+    begun = np.clip(time / 0.5, 0.0, 1.0)
+    swing = np.where((time % 2.0) < 1.0, -0.5, 0.7) * begun
+    out["kick"][:, at["fr_rotor"]] += swing
+    out["kick"][:, at["fr_knee"]] -= 0.5 * np.abs(swing)
+    low = 0.5 * begun * (1.0 + np.sign(np.sin(2 * np.pi * 0.5 * time)))
+    for leg in ("fl", "fr", "rl", "rr"):
+        out["get_up"][:, at[f"{leg}_knee"]] += 0.3 * low
+        out["get_up"][:, at[f"{leg}_rotor"]] -= 0.15 * low
+        ahead = 1.0 if leg[0] == "f" else -1.0  # a rear leg is a front one, mirrored
+        out["push"][:, at[f"{leg}_rotor"]] += ahead * 0.25 * begun * np.sin(2 * np.pi * 0.7 * time)
+    return {"walk": walks(robot, 1, 0, seconds)[0], **out}
+
+
+def walks(robot: Robot, count: int, seed: int, seconds: float = WALK) -> np.ndarray:
+    """(count, T, A) walks by the way of the feet: ahead, back, in curves; some are bad, none is drawn anew for that."""
+    space, rng = gait_space(robot), stream(seed, "walks")
+    unit = space.about_rest(count, rng)
+    fast = np.array([name in ("speed", "length") for name in space.names])
+    unit[:, fast] = rng.uniform(0.3, 1.0, (count, fast.sum()))
+    genes = space.feasible(space.from_unit(unit))
+    back = rng.uniform(size=count) < 1 / 3
+    genes[back, space.names.index("length")] *= -1.0
+    return space.targets(genes, np.arange(round(seconds * robot.rate)) / robot.rate)
+
+
+def logged(real: SimulatedRobot, commands: dict[str, np.ndarray]) -> Recording:
+    """Trials of commands {name: (T, A)} as one recording; what fell is logged until then, and left out below a second."""
+    robot, episodes, channels = real.robot, [], ()
+    for number, (name, actions) in enumerate(commands.items()):
+        recording = real.run(actions, robot.rate, name).recording
+        (episode,) = recording.episodes
+        channels = recording.channels
+        if len(episode.time) > 1.5 * robot.rate:
+            episodes.append(Episode(name, episode.time + 100.0 * number, episode.values))
+    return Recording(channels, tuple(episodes), measured=False)
+
+
+def logs(robot: Hidden, *, fit: int = FIT, held: int = HELD, air: float = AIR) -> dict[str, Recording]:
+    """{"air": of `aibo_on_stand`, "ground": motions, "walks": groups A and B, of `aibo`}."""
+    aibo = load_robot("aibo")
+    stand = on_stand(aibo)
+    named = {f"A{i:02}": w for i, w in enumerate(walks(aibo, fit, robot.seed))}
+    named |= {f"B{i:02}": w for i, w in enumerate(walks(aibo, held, robot.seed + 1_000_000))}
+    return {
+        "air": logged(robot.real(stand), {"air": in_the_air(stand, air)}),
+        "ground": logged(robot.real(aibo), on_the_ground(aibo)),
+        "walks": logged(replace(robot, seed=robot.seed + 1).real(aibo), named),
+    }
