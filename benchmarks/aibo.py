@@ -1,16 +1,19 @@
 """A hidden AIBO and its logs for paper E: joints in the air, motions on the ground, and walks, bad ones included."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Episode, Recording
+from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.gait.space import gait_space
 from dynreg.rng import stream
-from dynreg.sim.effects import Term, term
+from dynreg.sim.effects import Term, Terms, term
+from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import command_limits, reset_pose
-from dynreg.sim.real import SimulatedRobot
+from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, largest_drive, sensed
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
+from dynreg.sim.space import ParameterSpace
 from dynreg.sim.stand import on_stand
 
 SHARE = 0.8  # of a joint's way, as in the paper
@@ -19,6 +22,7 @@ SLOWEST, FASTEST, SQUARE = 0.2, 1.5, 0.5  # Hz
 WALK = 5.0  # s
 FIT, HELD = 40, 20  # walks of groups A and B
 SPREAD = 0.7  # of the nameplate's tolerance, 1 sigma, by which hidden parameters differ from nominal
+SHORTEST = 2.0  # s of a walk that is kept
 LOSS = 0.6  # of the elbows' friction
 
 
@@ -30,15 +34,15 @@ class Hidden:
     parameters: dict[str, float]
     material: bool
 
-    def real(self, robot: Robot) -> SimulatedRobot:
-        """The door to it, on its feet or on its stand."""
-        space = robot.space
-        told = {name: value for name, value in self.parameters.items() if name in space.names}
-        terms: tuple[Term, ...] = ()
-        if self.material and robot.floating:
-            terms = (term("second_friction_material[elbow]"),)
-        values = tuple(np.array([LOSS]) for _ in terms)
-        return SimulatedRobot(robot, space.from_dict(told), terms, values, seed=self.seed)
+    def values(self, space: ParameterSpace) -> np.ndarray:
+        """(P,) of those that the robot has, on its feet or on its stand."""
+        return space.from_dict({name: self.parameters[name] for name in space.names})
+
+    def effects(self, robot: Robot) -> tuple[tuple[Term, ...], tuple[np.ndarray, ...]]:
+        """What it has beside its parameters."""
+        if not (self.material and robot.floating):
+            return (), ()
+        return (term("second_friction_material[elbow]"),), (np.array([LOSS]),)
 
 
 def hidden(seed: int, *, material: bool = True) -> Hidden:
@@ -95,16 +99,31 @@ def walks(robot: Robot, count: int, seed: int, seconds: float = WALK) -> np.ndar
     return space.targets(genes, np.arange(round(seconds * robot.rate)) / robot.rate)
 
 
-def logged(real: SimulatedRobot, commands: dict[str, np.ndarray]) -> Recording:
-    """Trials of commands {name: (T, A)} as one recording; what fell is logged until then, and left out below a second."""
-    robot, episodes, channels = real.robot, [], ()
-    for number, (name, actions) in enumerate(commands.items()):
-        recording = real.run(actions, robot.rate, name).recording
-        (episode,) = recording.episodes
-        channels = recording.channels
-        if len(episode.time) > 1.5 * robot.rate:
-            episodes.append(Episode(name, episode.time + 100.0 * number, episode.values))
-    return Recording(channels, tuple(episodes), measured=False)
+def logged(hidden: Hidden, robot: Robot, commands: dict[str, np.ndarray], threads: int = 0) -> Recording:
+    """What the robot did under commands {name: (T, A)} of one length, from its reset pose each time.
+
+    The truth has a finer time step, disturbances of its own, sensor noise and quantisation, as `SimulatedRobot` has. A
+    log ends with a fall, and is left out where that comes in the first `SHORTEST` seconds.
+    """
+    truth, actions = finer(robot), np.stack([*commands.values()])
+    rng = stream(hidden.seed, "hidden aibo", robot.name, *commands)
+    run = disturbed(truth, Run(actions, period=1.0 / robot.rate), rng)
+    terms, values = hidden.effects(robot)
+    active = Terms(
+        (*terms, disturbance(truth)),
+        (*(v[None] for v in values), np.array([[DISTURBANCE * largest_drive(robot)]])),
+    )
+    done = rollout(truth, hidden.values(robot.space)[None], run, terms=active, threads=threads)
+    told = np.concatenate([actions, actions[:, -1:]], axis=1)
+    table = np.concatenate([sensed(robot, done.states[0], rng), told], axis=-1)
+    named = (*robot.file.channels, *robot.file.actions)
+    time = np.arange(table.shape[1]) / robot.rate
+    episodes = []
+    for number, (name, rows, fell) in enumerate(zip(commands, table, done.fell[0], strict=True)):
+        last = min(int(fell), len(rows))
+        if last >= SHORTEST * robot.rate:
+            episodes.append(Episode(name, time[:last] + 100.0 * number, rows[:last]))
+    return Recording(tuple(Channel(c.name, c.unit) for c in named), tuple(episodes), measured=False)
 
 
 def logs(robot: Hidden, *, fit: int = FIT, held: int = HELD, air: float = AIR) -> dict[str, Recording]:
@@ -114,7 +133,7 @@ def logs(robot: Hidden, *, fit: int = FIT, held: int = HELD, air: float = AIR) -
     named = {f"A{i:02}": w for i, w in enumerate(walks(aibo, fit, robot.seed))}
     named |= {f"B{i:02}": w for i, w in enumerate(walks(aibo, held, robot.seed + 1_000_000))}
     return {
-        "air": logged(robot.real(stand), {"air": in_the_air(stand, air)}),
-        "ground": logged(robot.real(aibo), on_the_ground(aibo)),
-        "walks": logged(replace(robot, seed=robot.seed + 1).real(aibo), named),
+        "air": logged(robot, stand, {"air": in_the_air(stand, air)}),
+        "ground": logged(robot, aibo, on_the_ground(aibo)),
+        "walks": logged(robot, aibo, named),
     }

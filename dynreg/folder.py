@@ -12,7 +12,7 @@ from dynreg.errors import RobotError
 from dynreg.limits import limits, refuse
 
 TOML = "robot.toml"
-MAPS = "maps"  # log maps, which a robot's hash leaves out
+MAPS, PLANS = "maps", "plans"  # log maps, and plans of calibrations, which a robot's hash leaves out
 _OPENED = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC", "O_NONBLOCK"))
 
 
@@ -24,7 +24,7 @@ class Folder:
 
     @cached_property
     def hashed(self) -> dict[str, bytes]:
-        """The files that make the robot, in the order of their names: all but the log maps in `maps/`."""
+        """The files that make the robot, in the order of their names: all but `maps/` and `plans/`."""
         names = sorted((name for name in self.files if is_hashed(name)), key=lambda name: name.split("/"))
         return {name: self.files[name] for name in names}
 
@@ -44,7 +44,7 @@ def is_hashed(name: str) -> bool:
     (True, False, False)
     """
     parts = name.split("/")
-    return parts[0] != MAPS and not any(part.startswith((".", "__")) for part in parts)
+    return parts[0] not in (MAPS, PLANS) and not any(part.startswith((".", "__")) for part in parts)
 
 
 def read_folder(path: Path, *, links: bool = False) -> Folder:

@@ -32,18 +32,25 @@ def loss_of(stage: Stage, data: Data, replayer: Replayer) -> Loss:
     if table.loss == "replay":
         return Loss(replayed, MOST)
     if table.loss == "joint":
-        own = _joints(data, table.name)
+        own = _joints(data, stage)
         reach = round(table.shift / data.windows.period)
         return Loss(
             lambda unit: joint_loss(states(unit)[..., own], measured[..., own], rows, reach), np.pi**2
         )
-    speeds = _speeds(data, table.name)
-    weight = np.array([1.0, 1.0, table.rotation])
+    try:
+        velocities = mean_velocities(data)
+    except UsageError as error:
+        raise _untold(stage, data, error.problem, "'replay' or 'joint'") from None
+    weight, of_log = np.array([1.0, 1.0, table.rotation]), velocities(measured[:, rows:])
 
     def velocity(unit: np.ndarray) -> np.ndarray:
-        apart = speeds(states(unit)[:, :, rows:]) - speeds(measured[None, :, rows:])
-        squared = np.nan_to_num((weight * apart) ** 2, nan=FASTEST**2, posinf=FASTEST**2).sum(axis=-1)
-        return np.minimum(squared, FASTEST**2).mean(axis=1)
+        simulated = states(unit)[:, :, rows:]
+        # of a log that ends with a fall, both count until then
+        over = ~np.isfinite(measured[:, rows:]).any(axis=-1)
+        diverged = (~np.isfinite(simulated).all(axis=-1) & ~over).any(axis=-1)
+        apart = velocities(np.where(over[..., None], np.nan, simulated)) - of_log
+        squared = np.minimum(np.nan_to_num(((weight * apart) ** 2).sum(axis=-1), nan=np.inf), FASTEST**2)
+        return np.where(diverged, FASTEST**2, squared).mean(axis=1)
 
     return Loss(velocity, FASTEST**2)
 
@@ -80,19 +87,27 @@ def _rows(stage: Stage, data: Data) -> int:
     return first
 
 
-def _joints(data: Data, stage: str) -> np.ndarray:
+def _joints(data: Data, stage: Stage) -> np.ndarray:
     own = [i for i, name in enumerate(data.robot.channels) if quantity_of(name) == "position"]
     if not own or data.robot.planar:
-        raise UsageError(
-            f"stage {stage!r}: loss 'joint' of {data.robot.name!r}, which has no channel of a joint's position",
-            expected="'replay' or 'velocity'",
-            do="choose one of these",
-        )
+        raise _untold(stage, data, "no channel of a joint's position", "'replay' or 'velocity'")
     return np.array(own)
 
 
-def _speeds(data: Data, stage: str) -> Callable[[np.ndarray], np.ndarray]:
-    """(n, W, 3) mean velocity ahead, to the left [m/s] and yaw rate [rad/s] of states (n, W, T, S)."""
+def _untold(stage: Stage, data: Data, lack: str, other: str) -> UsageError:
+    table = stage.table
+    return UsageError(
+        f"stage {table.name!r}: loss {table.loss!r} of {data.robot.name!r}, which has {lack}",
+        expected=other,
+        do="choose one of these",
+    )
+
+
+def mean_velocities(data: Data) -> Callable[[np.ndarray], np.ndarray]:
+    """(..., 3) mean velocity ahead, to the left [m/s] and yaw rate [rad/s] of states (..., T, S).
+
+    Raises UsageError for a robot whose channels tell none.
+    """
     robot, period = data.robot, data.windows.period
     pose = pose_columns(robot)
     if pose is not None:
@@ -100,20 +115,19 @@ def _speeds(data: Data, stage: str) -> Callable[[np.ndarray], np.ndarray]:
     columns = [[i for i, c in enumerate(robot.channels) if quantity_of(c) == q] for q in SPEEDS]
     if not all(len(found) == 1 for found in columns):
         raise UsageError(
-            f"stage {stage!r}: loss 'velocity' of {robot.name!r}, whose base has no channels {', '.join(SPEEDS)}",
-            expected="'replay' or 'joint'",
-            do="choose one of these",
+            f"a base without channels {', '.join(SPEEDS)}",
+            expected="a robot whose base is measured",
+            do="add them to robot.toml",
         )
     own = np.array([found[0] for found in columns])
-    with np.errstate(invalid="ignore", over="ignore"):
-        return lambda states: np.nanmean(states[..., own], axis=2)
+    return lambda states: np.nanmean(states[..., own], axis=-2)
 
 
 def _from_poses(pose: np.ndarray, period: float) -> np.ndarray:
-    """(n, W, 3) of poses (n, W, T, 3): the mean of steps, each turned to the heading in which it begins."""
-    step = np.diff(pose, axis=2)
-    heading = pose[:, :, :-1, 2]
+    """(..., 3) of poses (..., T, 3): the mean of steps, each turned to the heading in which it begins."""
+    step = np.diff(pose, axis=-2)
+    heading = pose[..., :-1, 2]
     ahead = np.cos(heading) * step[..., 0] + np.sin(heading) * step[..., 1]
     left = np.cos(heading) * step[..., 1] - np.sin(heading) * step[..., 0]
     turn = np.arctan2(np.sin(step[..., 2]), np.cos(step[..., 2]))
-    return np.nanmean(np.stack([ahead, left, turn], axis=-1), axis=2) / period
+    return np.nanmean(np.stack([ahead, left, turn], axis=-1), axis=-2) / period

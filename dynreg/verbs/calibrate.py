@@ -43,7 +43,11 @@ class CalibrateSettings(Settings):
         metavar="ID",
         old=OLD,
     )
-    plan: Path | None = option(None, "TOML file with the stages of `staged`.", metavar="FILE")
+    plan: Path | None = option(
+        None,
+        "TOML file with the stages of `staged`, or one that a robot brings, as aibo/air.",
+        metavar="FILE",
+    )
     population: str | None = option(
         None,
         "Population of `nearest` and `synthesis`.",
@@ -180,6 +184,17 @@ def _begin(asked: "Recorded", settings: CalibrateSettings, robot: "Robot") -> "S
     return found
 
 
+def _plan_file(given: Path) -> Path:
+    """The file itself, or that of a packaged robot's plan: "aibo/air" is plans/air.toml in the folder of `aibo`."""
+    from dynreg.folder import PLANS
+    from dynreg.sim.robot import packaged_robots
+
+    folder = packaged_robots().get(str(given.parent))
+    if folder is None or given.exists():
+        return given
+    return folder / PLANS / f"{given.name}.toml"
+
+
 def _shared(begin: "Simulator", robot: "Robot") -> dict[str, float]:
     """{parameter: value} of a simulator that the robot has, too."""
     return {name: value for name, value in begin.config.values.items() if name in robot.space.names}
@@ -198,7 +213,7 @@ def _posed(
     from dynreg.replay.data import data
     from dynreg.search.journal import Journal
 
-    plan = None if settings.plan is None else read_plan(settings.plan)
+    plan = None if settings.plan is None else read_plan(_plan_file(settings.plan))
     key = {
         "calibrate": settings.method,
         "robot": robot.hash,
