@@ -11,6 +11,7 @@ from dynreg.results import (
     GaitRound,
     GaitRounds,
     GaitStep,
+    GaitTable,
     GaitTrial,
 )
 
@@ -35,7 +36,7 @@ def gait(fell: bool = False) -> Gait:
         seconds=10.0,
         rate=36.0,
         ramp=1.0,
-        frequency=1.5,
+        kind="sines",
         genes={
             "frequency": GaitGene(value=1.5, low=0.5, high=2.5, unit="Hz"),
             "amplitude_shoulder": GaitGene(value=0.1, low=0.0, high=0.6, unit="rad"),
@@ -45,14 +46,16 @@ def gait(fell: bool = False) -> Gait:
             GaitJoint(
                 action=f"{leg}_shoulder/target",
                 rest=0.75,
-                offset=0.4,
-                amplitude=0.1,
-                phase=phase,
                 low=-1.527,
                 high=None,
                 speed=6.5,
             )
-            for leg, phase in (("fl", 0.0), ("fr", 3.1))
+            for leg in ("fl", "fr")
+        ),
+        table=GaitTable(
+            period=1 / 1.5,
+            times=[k / 48 for k in range(33)],
+            targets=[[0.4 + 0.1 * math.sin(2 * math.pi * k / 32 + p) for p in (0.0, 3.1)] for k in range(33)],
         ),
         accept="min",
         value=least,

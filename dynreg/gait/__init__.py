@@ -1,1 +1,1 @@
-"""Gaits: sinusoidal joint commands as data, tasks, and the search for gaits on several simulators at once."""
+"""Gaits: families of joint commands, tasks, and the search for gaits on several simulators at once."""

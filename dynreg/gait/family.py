@@ -13,11 +13,13 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from dynreg.errors import RobotError, UsageError
+from dynreg.gait.table import JointTable
 from dynreg.sim.excitation import command_limits, reset_pose
 from dynreg.sim.gait_tables import MotionTable
 from dynreg.sim.robot import Robot
 
 SLACK = 1e-9  # rad, rad/s: what rounding may add
+POINTS = 128  # of a period of smooth joint angles: between them a sine of 0.6 rad is 0.2 mrad off
 SCATTER = 0.12  # of the ranges, 1 sigma, of draws about the pose at rest
 
 
@@ -39,8 +41,9 @@ class Family(ABC):
     pose : (A,) [rad] at rest. low, high : (A,) position limits [rad]. speed : (A,) rate limits [rad/s].
     ramp : time [s] in which a gait fades in from rest. first : {gene: value} of the gaits that searches try first.
 
-    told_by : the tables of robot.toml that can be of this kind. A kind gives `of`, `targets`, `feasible`, `problems`, `frequency` and `fastest`; and `rest`, where draws about the
-    pose at rest shall not be uniform.
+    told_by : the tables of robot.toml that can be of this kind. A kind gives `of`, `targets`, `feasible`, `problems`,
+    `frequency` and `fastest`. It also gives `rest` where draws about the pose at rest shall not be uniform, and `table`
+    where it is no period of `targets`, or one with corners.
     """
 
     kind: ClassVar[str]
@@ -127,6 +130,15 @@ class Family(ABC):
         about = rest + SCATTER * rng.standard_normal(draws.shape)
         draws = np.where(np.isnan(rest), draws, about)
         return np.where(self.periodic, np.mod(draws, 1.0), np.clip(draws, 0.0, 1.0))
+
+    def table(self, genes: np.ndarray) -> JointTable:
+        """What a gait (G,) tells the joints, without the ramp."""
+        period = 1.0 / self.frequency(genes)
+        times = np.linspace(0.0, period, POINTS + 1)
+        whole = period * np.ceil(self.ramp / period)  # the first period after the ramp
+        targets = self.targets(genes[None], whole + times)[0]
+        targets[-1] = targets[0]
+        return JointTable(period, times, targets)
 
     def as_dict(self, genes: np.ndarray) -> dict[str, float]:
         """{name: value} of one gait (G,)."""

@@ -16,6 +16,7 @@ from dynreg.errors import RobotError
 from dynreg.gait.family import SLACK, Family, Gene, of_robot, ranged
 from dynreg.gait.leg import ROLES, Leg, legs_of
 from dynreg.gait.swing import swung
+from dynreg.gait.table import JointTable
 from dynreg.sim.gait_tables import GaitTable
 from dynreg.sim.robot import Robot
 
@@ -23,6 +24,7 @@ FASTEST = 3.0  # Hz, of the steps of a leg
 STANCE = (
     16  # points on the ground, between which joints turn evenly: the foot of an AIBO is 0.05 mm off the line
 )
+SAME = 1e-9  # s, between two points that are one
 MISSED = 1e-7  # m, between a foot and where it should be, that counts as there
 HALVINGS = 14  # of the way to a gait that can be run
 ENDS = ("front", "rear")
@@ -73,7 +75,20 @@ class Locus(Family):
         )
 
     def targets(self, genes: np.ndarray, times: np.ndarray) -> np.ndarray:
-        return np.stack([self.faded(self._steady(one, times), times) for one in genes])
+        out = np.empty((len(genes), len(times), len(self.pose)))
+        for i, one in enumerate(genes):
+            out[i] = self.faded(self._steady(one, times), times)
+        return out
+
+    def table(self, genes: np.ndarray) -> JointTable:
+        knots = self.ways(genes[None])[0][0]
+        period = knots[-1]
+        times = np.sort(np.concatenate([knots, np.mod(knots + period / 2, period)]))
+        times = times[np.diff(times, prepend=-1.0) > SAME]
+        times[-1] = period
+        targets = self._steady(genes, times)
+        targets[-1] = targets[0]
+        return JointTable(period, times, targets)
 
     def frequency(self, genes: np.ndarray) -> float | None:
         return float(self._frequency(genes[None])[0])

@@ -1,100 +1,120 @@
 """Gaits as joint commands: tables, logs, and a Python module that needs nothing else."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from typing import Protocol
 
 import numpy as np
 
 from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
-from dynreg.gait.family import SLACK
+from dynreg.gait.family import Family
 from dynreg.gait.runs import joint_states, mcap
-from dynreg.gait.sines import Sines
+from dynreg.gait.table import JointTable
+
+SLACK = 1e-7  # rad, and relative: what the digits of a document may add
+SAME = 1e-9  # rad, between tables that say the same
 
 
 @dataclass(frozen=True)
-class Sine:
-    """What one joint is told [rad]: offset + amplitude sin(2 pi frequency t + phase), faded in from `rest`.
-
-    low, high [rad], speed [rad/s] : the robot's limits, None where it states none.
-    """
+class Joint:
+    """A joint that is told: its angle at rest, the robot's limits [rad, rad/s]; None where it states none."""
 
     action: str
     rest: float
-    offset: float
-    amplitude: float
-    phase: float
     low: float | None
     high: float | None
     speed: float | None
+
+
+class Table(Protocol):
+    """A `JointTable` as a document holds it."""
+
+    period: float | None
+    times: Sequence[float]
+    targets: Sequence[Sequence[float]]
 
 
 class Played(Protocol):
     """A gait as a robot plays it, `rate` times a second for `seconds`, faded in over `ramp` [s]: a gait's document."""
 
     robot: str
-    frequency: float
     rate: float
     ramp: float
     seconds: float
-    joints: Sequence[Sine]
+    joints: Sequence[Joint]
+    table: Table
 
 
-def joints(space: Sines, genes: np.ndarray) -> tuple[Sine, ...]:
-    """What a gait (G,) means for every joint, in the order of the actions; those of no leg stay at rest."""
-    by_name = space.as_dict(genes)
-    offset, amplitude, phase = space.pose.copy(), np.zeros(len(space.pose)), np.zeros(len(space.pose))
-    for (leg, role), at in np.ndenumerate(space.columns):
-        sign, name = space.signs[leg, role], space.roles[role]
-        offset[at] = sign * by_name[f"offset_{name}"]
-        amplitude[at] = sign * by_name[f"amplitude_{name}"]
-        phase[at] = by_name[f"phase_{name}"] + by_name.get(f"phase_{space.legs[leg]}", 0.0)
+def joints(space: Family) -> tuple[Joint, ...]:
+    """The joints that gaits tell, in the order of the actions."""
     limit = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+    each = zip(space.actions, space.pose, space.low, space.high, space.speed, strict=True)
     return tuple(
-        Sine(
-            action=action,
-            rest=float(space.pose[i]),
-            offset=float(offset[i]),
-            amplitude=float(amplitude[i]),
-            phase=float(phase[i]),
-            low=limit(space.low[i]),
-            high=limit(space.high[i]),
-            speed=limit(space.speed[i]),
-        )
-        for i, action in enumerate(space.actions)
+        Joint(action, float(rest), limit(low), limit(high), limit(speed))
+        for action, rest, low, high, speed in each
     )
 
 
 def require_playable(gait: Played) -> None:
     """UsageError where a gait's joints would pass their limits, or a number is none, as after a change by hand."""
     numbers = "finite numbers, times and rates above 0"
-    for name in ("frequency", "rate", "ramp", "seconds"):
-        if not 0.0 < (value := getattr(gait, name)) < np.inf:
+    for name in ("rate", "seconds", "ramp"):
+        value = getattr(gait, name)
+        if not 0.0 <= value < np.inf or (value == 0.0 and name != "ramp"):
             raise _unlike(gait.robot, f"{name} = {value}", numbers)
-    for j in gait.joints:
-        for name in ("rest", "offset", "amplitude", "phase"):
-            if not np.isfinite(value := getattr(j, name)):
-                raise _unlike(gait.robot, f"{name} of {j.action} = {value}", numbers)
-    for j in gait.joints:
-        size = abs(j.amplitude)
-        least, most = j.offset - size, j.offset + size
+    table = _table(gait)
+    rest = np.array([j.rest for j in gait.joints])
+    _require_finite(gait, "rest", rest[None])
+    away = np.abs(table.targets - rest)
+    fastest = np.abs(table.rates())
+    if gait.ramp:
+        fastest = fastest + np.maximum(away[1:], away[:-1]) / gait.ramp
+    elif away[0].max() > SLACK:
+        what = f"{gait.joints[int(away[0].argmax())].action} would begin away from rest, without a ramp"
+        raise _unlike(gait.robot, what, "a motion that begins at rest")
+    for i, j in enumerate(gait.joints):
+        least, most = table.targets[:, i].min(), table.targets[:, i].max()
         if (j.low is not None and least < j.low - SLACK) or (j.high is not None and most > j.high + SLACK):
             what = f"{j.action} would go from {least:.3f} to {most:.3f} rad"
             raise _unlike(gait.robot, what, f"{j.low} to {j.high} rad")
-        fastest = size * (2 * np.pi * gait.frequency + 1 / gait.ramp) + abs(j.offset - j.rest) / gait.ramp
-        if j.speed is not None and fastest > j.speed + SLACK:
-            what = f"{j.action} would turn at {fastest:.2f} rad/s"
+        if j.speed is not None and fastest[:, i].max() > j.speed * (1 + SLACK):
+            what = f"{j.action} would turn at {fastest[:, i].max():.2f} rad/s"
             raise _unlike(gait.robot, what, f"at most {j.speed} rad/s")
 
 
-def require_own(space: Sines, genes: Mapping[str, float], gait: Played) -> None:
-    """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
-    vector = space.from_dict(genes)
-    space.require(vector)
-    stated, own = (
-        [(j.action, j.low, j.high, j.speed) for j in of] for of in (gait.joints, joints(space, vector))
+def _require_finite(gait: Played, name: str, angles: np.ndarray) -> None:
+    """UsageError where one of the angles (n, A) is no number."""
+    if len(lost := np.argwhere(~np.isfinite(angles))):
+        action = gait.joints[lost[0, 1]].action
+        raise _unlike(gait.robot, f"{name} of {action} = {angles[tuple(lost[0])]}", "finite numbers")
+
+
+def _table(gait: Played) -> JointTable:
+    """The table of a gait; UsageError where it is none."""
+    table, whole = (
+        gait.table,
+        "two or more times that rise from 0 to the period, an angle of each joint at each",
     )
+    times = np.array(table.times, dtype=float)
+    if len(times) < 2 or not (np.isfinite(times).all() and times[0] == 0.0 and (np.diff(times) > 0).all()):
+        raise _unlike(gait.robot, "its times do not rise from 0", whole)
+    if len(table.targets) != len(times) or {len(row) for row in table.targets} != {len(gait.joints)}:
+        raise _unlike(gait.robot, "its table does not hold an angle of each joint at each time", whole)
+    targets = np.array(table.targets, dtype=float).reshape(len(times), len(gait.joints))
+    _require_finite(gait, "targets", targets)
+    if table.period is not None and not (
+        np.isclose(times[-1], table.period) and np.allclose(targets[0], targets[-1], atol=SLACK)
+    ):
+        raise _unlike(gait.robot, "its period does not end as it begins", whole)
+    return JointTable(table.period, times, targets)
+
+
+def require_own(space: Family, genes: Mapping[str, float], gait: Played) -> None:
+    """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
+    space.require(space.from_dict(genes))
+    stated = [(j.action, j.rest, j.low, j.high, j.speed) for j in gait.joints]
+    own = [astuple(joint) for joint in joints(space)]
     if stated != own:
         wrong = next((a[0] for a, b in zip(stated, own, strict=False) if a != b), "the number of joints")
         expected = "the robot's own joints, with their limits of angle and rate"
@@ -110,24 +130,29 @@ def _unlike(robot: str, what: str, expected: str) -> UsageError:
     )
 
 
-def told(space: Sines, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:
-    """(T, A) joint commands at times (T,) [s]: to the last bit those of the genes, if nobody has changed the joints."""
+def told(space: Family, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:
+    """(T, A) joint commands at times (T,) [s]: to the last bit those of the genes, if nobody has changed the table."""
     vector = space.from_dict(genes)
-    own = [astuple(joint) for joint in joints(space, vector)]
-    if own == [tuple(getattr(j, f.name) for f in fields(Sine)) for j in gait.joints]:
-        return space.targets(vector[None], times)[0]
-    return commands(gait)[1]
+    own, table = space.table(vector), _table(gait)
+    if gait.ramp == space.ramp and own.targets.shape == table.targets.shape:
+        alike = zip((own.times, own.targets), (table.times, table.targets), strict=True)
+        if all(np.allclose(a, b, rtol=0.0, atol=SAME) for a, b in alike):
+            return space.targets(vector[None], times)[0]
+    return _commands(gait, table, times)
 
 
 def commands(gait: Played) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,) [s] and what the joints are told then (T, A) [rad]."""
+    """Times (T,) [s] and what the joints are told then (T, A) [rad], by the table of the gait."""
     times = np.arange(max(round(gait.seconds * gait.rate), 1)) / gait.rate
-    rest, offset, amplitude, phase = np.array(
-        [(j.rest, j.offset, j.amplitude, j.phase) for j in gait.joints]
-    ).T
-    told = offset + amplitude * np.sin(2 * np.pi * gait.frequency * times[:, None] + phase)
+    return times, _commands(gait, _table(gait), times)
+
+
+def _commands(gait: Played, table: JointTable, times: np.ndarray) -> np.ndarray:
+    if not gait.ramp:
+        return table.at(times)
+    rest = np.array([j.rest for j in gait.joints])
     begun = np.clip(times / gait.ramp, 0.0, 1.0)[:, None]
-    return times, rest + begun * (told - rest)
+    return rest + begun * (table.at(times) - rest)
 
 
 def csv(gait: Played) -> bytes:
@@ -150,12 +175,13 @@ def log(gait: Played) -> bytes:
 
 def module(gait: Played) -> bytes:
     """A Python module that plays the gait."""
-    rows = "".join(
-        f"    {joint_of(j.action)!r}: {(j.rest, j.offset, j.amplitude, j.phase, j.low, j.high)!r},\n"
-        for j in gait.joints
-    )
+    rows = ""
+    for i, j in enumerate(gait.joints):
+        angles = tuple(float(row[i]) for row in gait.table.targets)
+        rows += f"    {joint_of(j.action)!r}: ({j.rest!r}, {j.low!r}, {j.high!r}, {angles!r}),\n"
     # names only as literals: a document of a stranger must not become a program
-    return _MODULE.format(gait=gait, said=str(gait), rows=rows).encode()
+    times = tuple(float(t) for t in gait.table.times)
+    return _MODULE.format(gait=gait, said=str(gait), times=times, rows=rows).encode()
 
 
 _MODULE = '''\
@@ -166,26 +192,31 @@ Needs nothing but Python 3. On the robot, give `play` what moves a joint:
     play(lambda joint, angle: servos[joint].write(angle))
 """
 
+import bisect
 import math
 import time
 
 ROBOT = {gait.robot!r}
 FOUND = {said!r}
-FREQUENCY = {gait.frequency!r}  # Hz
 RATE = {gait.rate!r}  # commands a second
 SECONDS = {gait.seconds!r}
 RAMP = {gait.ramp!r}  # seconds from rest into the gait
-# joint: (rest, offset, amplitude, phase, lowest, highest), all rad
+PERIOD = {gait.table.period!r}  # seconds after which it begins again; None where it ends
+TIMES = {times!r}  # seconds
+# joint: (rest, lowest, highest, angles at TIMES), all rad; evenly in between
 JOINTS = {{
 {rows}}}
 
 
 def targets(t):
     """{{joint: angle [rad]}} that the joints are told t seconds after the start, inside their limits."""
-    begun = min(max(t / RAMP, 0.0), 1.0)
+    begun = min(max(t / RAMP, 0.0), 1.0) if RAMP else 1.0
+    at = t % PERIOD if PERIOD else min(max(t, 0.0), TIMES[-1])
+    after = min(bisect.bisect_right(TIMES, at), len(TIMES) - 1)
+    share = (at - TIMES[after - 1]) / (TIMES[after] - TIMES[after - 1])
     told = {{}}
-    for joint, (rest, offset, amplitude, phase, low, high) in JOINTS.items():
-        angle = offset + amplitude * math.sin(2.0 * math.pi * FREQUENCY * t + phase)
+    for joint, (rest, low, high, angles) in JOINTS.items():
+        angle = angles[after - 1] + share * (angles[after] - angles[after - 1])
         angle = rest + begun * (angle - rest)
         angle = angle if low is None else max(angle, low)
         told[joint] = angle if high is None else min(angle, high)
@@ -198,7 +229,7 @@ def play(move, seconds=SECONDS, clock=time.monotonic, sleep=time.sleep):
     for step in range(math.ceil((seconds + RAMP) * RATE - 1e-6) + 1):
         t = step / RATE
         sleep(max(0.0, began + t - clock()))
-        back = min(max(0.0, t - seconds) / RAMP, 1.0)
+        back = min(max(0.0, t - seconds) / RAMP, 1.0) if RAMP else 0.0
         for joint, angle in targets(min(t, seconds)).items():
             move(joint, angle + back * (JOINTS[joint][0] - angle))
 

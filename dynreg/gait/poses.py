@@ -11,6 +11,7 @@ import numpy as np
 
 from dynreg.errors import RobotError
 from dynreg.gait.family import SLACK, Family, Gene, of_robot, ranged
+from dynreg.gait.table import JointTable
 from dynreg.sim.gait_tables import PosesTable
 from dynreg.sim.robot import Robot
 
@@ -75,6 +76,10 @@ class Poses(Family):
             out[i, :, at] = np.interp(times, knots[i], told[i, :, at])
         return out
 
+    def table(self, genes: np.ndarray) -> JointTable:
+        (times,), (told,) = self.passed(genes[None])
+        return JointTable(None, times, told)
+
     def frequency(self, genes: np.ndarray) -> float | None:
         return None
 
@@ -123,7 +128,7 @@ class Poses(Family):
 
     def passed(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Times (n, P+2) [s] and the joint angles (n, P+2, A) [rad] then, rest at both ends."""
-        free = genes[:, :-1].reshape(len(genes), self.poses, -1)
+        free = genes[:, :-1].reshape(len(genes), self.poses, self.free.max() + 1)
         told = np.tile(self.pose, (len(genes), self.poses + 2, 1))
         told[:, 1:-1, self.columns] = self.signs * free[:, :, self.free]
         return genes[:, -1:] / self.rate * np.arange(self.poses + 2), told

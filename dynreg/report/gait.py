@@ -26,7 +26,7 @@ def tables(result: Gait) -> RenderableType:
     return Group(
         Text(result.headline, style="bold"),
         *([Text(result.prediction)] if result.prediction else []),
-        table(("gene", "value", "low", "high", "unit"), genes, "sinusoidal joint commands"),
+        table(("gene", "value", "low", "high", "unit"), genes, f"joint commands of kind {result.kind}"),
         table(columns, trials, f"task {result.task}, {result.seconds:g} s in each simulator"),
         Text(
             f"\nfitness: min {fitness.min:.3g}, lower quartile {fitness.quantile:.3g}, mean {fitness.mean:.3g}"
@@ -74,9 +74,10 @@ def _way(trial: Any) -> Chart | None:
 
 
 def _traces(result: Gait) -> list[Chart]:
-    """The commands of every joint over two periods, after the ramp."""
+    """The commands of every joint over two periods, after the ramp; all of a motion that is made once."""
     times, angles = commands(result)
-    at = (times >= result.ramp) & (times <= result.ramp + PERIODS / result.frequency)
+    shown = PERIODS * result.table.period if result.table.period else result.table.times[-1]
+    at = (times >= result.ramp) & (times <= result.ramp + shown)
     drawn = (
         chart(f"{joint.action} [rad]", "time [s]", times[at].tolist(), {"answer": angles[at, i].tolist()})
         for i, joint in enumerate(result.joints)

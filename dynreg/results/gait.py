@@ -1,8 +1,10 @@
 """The answer of `gait`: joint commands that walk in k simulators, and their fitness."""
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dynreg.axes import axes_for
 from dynreg.results.result import Cost, Interval, Result
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 OFTEN = 0.1  # share of runs that fall, above which a gait is not told as a success: by contract
+POINTS = 128  # of a period, in the table of a document of version 1: as many as new ones of sines have
 
 
 class GaitGene(Interval):
@@ -19,19 +22,25 @@ class GaitGene(Interval):
 
 
 class GaitJoint(Result):
-    """The command of one joint [rad]: offset + amplitude sin(2 pi frequency t + phase), faded in from `rest`.
-
-    low, high [rad], speed [rad/s] : the robot's limits, null where it states none.
-    """
+    """A joint that is told: its angle at rest, and the robot's limits [rad, rad/s], null where it states none."""
 
     action: str
     rest: float
-    offset: float
-    amplitude: float
-    phase: float
     low: float | None
     high: float | None
     speed: float | None
+
+
+class GaitTable(Result):
+    """What the joints are told without the ramp: an angle [rad] of each joint at each time [s], evenly in between.
+
+    period : the last time, after which it begins again [s]; null of a motion that ends and holds its last angles.
+    targets : a row for each time, in the order of the joints.
+    """
+
+    period: float | None
+    times: tuple[float, ...]
+    targets: tuple[tuple[float, ...], ...]
 
 
 class GaitTrial(Result):
@@ -96,11 +105,19 @@ class GaitExpected(Result):
     p95: float
 
 
-class Gait(Result):
-    """Sinusoidal joint commands found by a search in k simulators.
+def _sines(frequency: float, joints: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+    """A period of offset + amplitude sin(2 pi frequency t + phase) of each joint."""
+    turns = [2 * math.pi * k / POINTS for k in range(POINTS)]
+    rows = [[j["offset"] + j["amplitude"] * math.sin(turn + j["phase"]) for j in joints] for turn in turns]
+    times = [k / POINTS / frequency for k in range(POINTS + 1)]
+    return {"period": 1.0 / frequency, "times": times, "targets": [*rows, rows[0]]}
 
-    genes : the numbers of the search, by role and leg. joints : the commands of every joint, sent at `rate` [Hz] for
-    `seconds` and faded in from rest over `ramp` [s]; they are all that is needed to play the gait.
+
+class Gait(Result):
+    """Joint commands found by a search in k simulators.
+
+    kind : the family of gaits. genes : the numbers of the search. table : what every joint is told, sent at `rate` [Hz]
+    for `seconds` and faded in from the joints' `rest` over `ramp` [s]; they are all that is needed to play the gait.
 
     recording : the recording for which the simulators were chosen. on : how they were chosen. source : the stored
     result that named them. value : the objective of the search, `accept` over `trials` (one run in each simulator).
@@ -110,7 +127,7 @@ class Gait(Result):
     in all simulators, and fell neither there nor in the finals. ended : why the search ended. notes : further remarks.
     """
 
-    schema_: Literal["dynreg/gait/1"] = Field(default="dynreg/gait/1", alias="schema")
+    schema_: Literal["dynreg/gait/2"] = Field(default="dynreg/gait/2", alias="schema")
     robot: str
     robot_hash: str
     recording: str
@@ -124,9 +141,10 @@ class Gait(Result):
     seconds: float
     rate: float
     ramp: float
-    frequency: float
+    kind: str
     genes: dict[str, GaitGene]
     joints: tuple[GaitJoint, ...]
+    table: GaitTable
     accept: Literal["min", "mean", "quantile"]
     value: float
     fitness: Fitness
@@ -143,6 +161,29 @@ class Gait(Result):
     resumed: int
     notes: tuple[str, ...] = ()
     cost: Cost
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_first_version(cls, document: Any) -> Any:
+        """A document of version 1 knew sines alone, and stated those of each joint in place of a table."""
+        if not isinstance(document, Mapping) or "dynreg/gait/1" not in (
+            document.get("schema"),
+            document.get("schema_"),
+        ):
+            return document
+        here = {name: value for name, value in document.items() if name not in ("schema", "schema_")}
+        if not {"joints", "frequency"} <= here.keys():
+            return here
+        frequency, sines = here.pop("frequency"), here["joints"]
+        if not 0.0 < frequency < math.inf:
+            raise ValueError(f"frequency = {frequency}")
+        joints = [{name: j[name] for name in GaitJoint.model_fields if name in j} for j in sines]
+        return here | {"kind": "sines", "joints": joints, "table": _sines(frequency, sines)}
+
+    @property
+    def frequency(self) -> float | None:
+        """Periods a second [Hz]; None of a motion that is made once."""
+        return 1.0 / self.table.period if self.table.period else None
 
     def rows(self) -> list[dict[str, Any]]:
         return [{"gene": name, **gene.to_dict()} for name, gene in self.genes.items()]

@@ -64,7 +64,9 @@ def _data(registry: Registry, gait: Gait, recording: Recording | None, form: str
     if form == RUN:
         return mcap(rerun(trials, least, commands))
     model, poses = trials.poses(commands, least)
-    return draw(model, poses, gait.rate, moments(gait.seconds, form, 1.0 / gait.frequency), form)
+    return draw(
+        model, poses, gait.rate, moments(gait.seconds, form, gait.table.period or gait.table.times[-1]), form
+    )
 
 
 def _beside(registry: Registry, gait: Gait, recording: Recording) -> list[Topic]:

@@ -11,10 +11,11 @@ import numpy as np
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
 from dynreg.gait.seek import SearchSettings, Sought
+from dynreg.gait.table import JointTable
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
-from dynreg.results.gait import Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTrial
+from dynreg.results.gait import Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTable, GaitTrial
 from dynreg.results.result import Cost
 from dynreg.results.trials import rate
 from dynreg.verbs.gait_simulators import Chosen
@@ -64,12 +65,13 @@ def document(
         seconds=task.seconds,
         rate=trials.rate,
         ramp=space.ramp,
-        frequency=space.frequency(sought.genes),
+        kind=space.kind,
         genes={
             g.name: GaitGene(value=float(v), low=g.low, high=g.high, unit=g.unit)
             for g, v in zip(space.genes, sought.genes, strict=True)
         },
-        joints=joints(space, sought.genes),
+        joints=joints(space),
+        table=_table(space.table(sought.genes)),
         accept=search.accept,
         value=values[search.accept],
         fitness=Fitness(**values),
@@ -87,6 +89,10 @@ def document(
         notes=_notes(sought, search.accept),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
     )
+
+
+def _table(table: JointTable) -> GaitTable:
+    return GaitTable(period=table.period, times=table.times.tolist(), targets=table.targets.tolist())
 
 
 def _trials(chosen: Chosen, trials: Trials, sought: Sought) -> tuple[GaitTrial, ...]:

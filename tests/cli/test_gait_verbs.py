@@ -131,7 +131,7 @@ def test_export_as_commands(form: str, dynreg, asked) -> None:
 def test_a_film_is_drawn_of_what_was_found(dynreg, asked) -> None:
     ended = dynreg("gait", "yard", "--film", "walk.gif", "--json")
     assert ended.status == 0 and "walk.gif: written" in ended.err
-    assert json.loads(ended.out)["schema"] == "dynreg/gait/1"
+    assert json.loads(ended.out)["schema"] == "dynreg/gait/2"
     assert asked.asked[1] == ("export_gait", (asked.answers["gait"], Path("walk.gif"), "gif"), {})
 
 

@@ -72,6 +72,7 @@ def test_what_is_made_feasible_keeps_every_limit_at_every_time(motion: str, tmp_
     told = space.targets(genes, FINE)
     assert (told >= space.low - 1e-9).all() and (told <= space.high + 1e-9).all()
     assert (np.abs(np.diff(told, axis=1)) / FINE[1] <= space.speed + 1e-6).all()
+    assert len(space.feasible(genes[:0])) == len(space.targets(genes[:0], FINE)) == 0
     assert np.allclose(space.feasible(genes), genes)
     if "points" not in motion:
         assert np.array_equal(genes[:, :-1], wild[:, :-1]), "only slower"

@@ -236,12 +236,12 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
             opened.gait_rounds("log", folder, trials=2, **(asked | other))
 
     kept = json.loads((folder / "gait_2.json").read_text())
-    found_amplitude = kept["joints"][0]["amplitude"]
-    kept["joints"][0]["amplitude"] = 9.0  # changed by hand
+    row = kept["table"]["targets"][5]
+    told, row[0] = row[0], 9.0  # changed by hand
     (folder / "gait_2.json").write_text(json.dumps(kept))
     with pytest.raises(UsageError, match="fl_hip/target would go from"):
         opened.gait_rounds("log", folder, trials=2, **asked)
-    kept["joints"][0]["amplitude"] = found_amplitude
+    row[0] = told
     (folder / "gait_2.json").write_text(json.dumps(kept))
 
     (folder / "trial_2.csv").write_text("time\n")

@@ -13,6 +13,7 @@ import pytest
 
 from dynreg import session
 from dynreg.errors import NoMatchError, PictureError, UsageError
+from dynreg.gait import play
 from dynreg.gait.play import commands
 from dynreg.gait.space import gait_space
 from dynreg.results import Gait, Neighbour
@@ -90,7 +91,33 @@ def test_the_joints_of_the_document_are_the_targets_of_the_genes(found: Gait, br
     space = gait_space(brief)
     genes = space.from_dict({name: g.value for name, g in found.genes.items()})
     times, told = commands(found)
-    assert np.allclose(told, space.targets(genes[None], times)[0])
+    assert np.abs(told - space.targets(genes[None], times)[0]).max() < 2e-4  # chords of a sine
+    assert found.kind == "sines" and found.frequency == pytest.approx(found.genes["frequency"].value)
+
+
+def test_a_document_of_the_first_version_is_played_as_before(found: Gait, opened: Session, brief) -> None:
+    """It stated the sine of each joint, and no table."""
+    space = gait_space(brief)
+    genes = {name: g.value for name, g in found.genes.items()}
+    old = found.to_dict() | {"schema": "dynreg/gait/1", "frequency": genes["frequency"]}
+    del old["table"], old["kind"]
+    for leg, role in np.ndindex(*space.columns.shape):
+        sign, name = space.signs[leg, role], space.roles[role]
+        old["joints"][space.columns[leg, role]] |= {
+            "offset": sign * genes[f"offset_{name}"],
+            "amplitude": sign * genes[f"amplitude_{name}"],
+            "phase": genes[f"phase_{name}"] + genes.get(f"phase_{space.legs[leg]}", 0.0),
+        }
+    read = Gait.model_validate(old)
+    assert read.schema_ == "dynreg/gait/2" and read.joints == found.joints
+    assert np.allclose(read.table.targets, found.table.targets) and np.allclose(
+        read.table.times, found.table.times
+    )
+    times = np.arange(30) / found.rate
+    exact = space.targets(space.from_dict(genes)[None], times)[0]
+    assert np.array_equal(play.told(space, genes, read, times), exact)
+    identity = opened.registry.put_result("gait", found.recording, old)
+    assert opened.result(identity) == read
 
 
 def test_in_the_neighbours_and_in_the_synthesised_one(opened: Session, monkeypatch) -> None:
@@ -300,8 +327,10 @@ def test_a_gait_is_drawn_as_it_walked(found: Gait, opened: Session, tmp_path: Pa
     steps = np.round(np.array(trial.time) * found.rate).astype(int)
     assert np.array_equal(seen["poses"][steps, :2], np.stack([trial.x, trial.y], axis=1))
     assert (seen["rate"], seen["form"], seen["times"][-1]) == (found.rate, "gif", pytest.approx(0.96))
-    slower = tuple(j.model_copy(update={"amplitude": 0.5 * j.amplitude}) for j in found.joints)
-    opened.export_gait(found.model_copy(update={"joints": slower}), tmp_path / "slower.gif", "gif")
+    rest = np.array([j.rest for j in found.joints])
+    smaller = rest + 0.5 * (np.array(found.table.targets) - rest)
+    slower = found.table.model_copy(update={"targets": tuple(map(tuple, smaller.tolist()))})
+    opened.export_gait(found.model_copy(update={"table": slower}), tmp_path / "slower.gif", "gif")
     assert abs(seen["poses"][steps[-1], 0] - trial.x[-1]) > 1e-4  # what was changed by hand is what is drawn
     with pytest.raises(UsageError, match="exists already"):
         opened.export_gait(found, tmp_path / "walk.gif", "gif")
@@ -341,16 +370,33 @@ def test_without_opengl_a_gait_is_not_drawn(
 
 def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, tmp_path: Path) -> None:
     gait = opened.result("@last")
-    wild = [j.model_copy(update={"amplitude": 3.0}) for j in gait.joints]
     path = tmp_path / "wild.json"
-    path.write_text(gait.model_copy(update={"joints": tuple(wild)}).to_json())
+    rows = np.array(gait.table.targets)
+
+    def write(**changes: object) -> None:
+        table = type(gait.table).model_validate(gait.table.to_dict() | changes)
+        path.write_text(gait.model_copy(update={"table": table}).to_json())
+
+    write(targets=(3.0 * rows).tolist())
     with pytest.raises(UsageError, match="fl_hip/target would go from"):
         opened.export_gait(path, tmp_path / "wild.csv")
+    middle = rows.copy()
+    middle[5, 1] += 0.3
+    for change, says in (
+        ({"targets": middle.tolist()}, "fl_shoulder/target would turn at"),
+        ({"targets": rows[:, :3].tolist()}, "does not hold an angle of each joint"),
+        ({"targets": rows[1:].tolist()}, "does not hold an angle of each joint"),
+        ({"times": gait.table.times[::-1]}, "times do not rise"),
+        ({"period": 7.0}, "its period does not end as it begins"),
+    ):
+        write(**change)
+        with pytest.raises(UsageError, match=f"cannot be run.*{says}"):
+            opened.export_gait(path, tmp_path / "wild.csv")
     text = gait.to_json()
-    phase = f'"phase": {gait.joints[0].phase}'
     for old, new, says in (
-        ('"ramp": 1.0', '"ramp": 0.0', "ramp = 0.0"),
-        (phase, '"phase": NaN', "phase of fl_hip"),
+        ('"ramp": 1.0', '"ramp": -1.0', "ramp = -1.0"),
+        ('"ramp": 1.0', '"ramp": 0.0', "would begin away from rest"),
+        (f"[[{rows[0, 0]}", "[[NaN", "targets of fl_hip"),
     ):
         assert old in text
         path.write_text(text.replace(old, new, 1))
@@ -369,9 +415,10 @@ def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, 
         path.write_text(gait.model_copy(update=change).to_json())
         with pytest.raises(UsageError, match=says):
             opened.export_gait(path, tmp_path / "wild.csv")
-    path.write_text('{"schema": "dynreg/gait/1"}')
-    with pytest.raises(UsageError, match="is not a gait"):
-        opened.export_gait(path, tmp_path / "wild.csv")
+    for version in (1, 2):
+        path.write_text(f'{{"schema": "dynreg/gait/{version}"}}')
+        with pytest.raises(UsageError, match="is not a gait"):
+            opened.export_gait(path, tmp_path / "wild.csv")
     assert not (tmp_path / "wild.csv").exists()
 
 
