@@ -39,7 +39,7 @@ def model(ball: bool = False) -> str:
     legs = "".join(_leg(end, side) for end in ENDS for side in SIDES)
     pose = " ".join(f"{STANCE[name.split('_')[1]] * 0.017453292519943295:.9g}" for name in JOINTS)
     drives = "".join(f'<general name="{name}" joint="{name}" biastype="affine"/>' for name in JOINTS)
-    toy = '<body name="ball" pos="0.16 0.03 0.03"><freejoint name="ball"/>'
+    toy = '<body name="ball" pos="0.125 0.081 0.03"><freejoint name="ball"/>'
     toy += '<geom type="sphere" size="0.03" mass="0.02" contype="3" conaffinity="3"/></body>'
     return f"""<mujoco model="dog">
   <compiler angle="degree" autolimits="true"/>
@@ -56,7 +56,7 @@ def model(ball: bool = False) -> str:
     </body>{toy if ball else ""}
   </worldbody>
   <actuator>{drives}</actuator>
-  <keyframe><key name="stance" qpos="0 0 0.14 1 0 0 0 {pose}{" 0.16 0.03 0.03 1 0 0 0" if ball else ""}"/></keyframe>
+  <keyframe><key name="stance" qpos="0 0 0.14 1 0 0 0 {pose}{" 0.125 0.081 0.03 1 0 0 0" if ball else ""}"/></keyframe>
 </mujoco>"""
 
 

@@ -23,13 +23,16 @@ class Task:
 
     A robot that fell has the fitness 0, so a score must be above 0 where something was achieved.
 
-    unit : of the fitness. defaults : {name: value} of the kind's numbers, which `values` of [[tasks]] overrides.
-    score(base) : (B, E) from base (B, E, T+1, 12), in the order of `layout.BASE`; see `Walk`.
+    unit : of the fitness. bodies : how many the robot's folder must track for it. defaults : {name: value} of the
+    kind's numbers, which `values` of [[tasks]] overrides.
+    score(base) : (B, E) from base (B, E, T+1, 12), in the order of `layout.BASE`; see `Walk`. What scores more than the
+    base gives `scored(walk)` instead.
     slope() : angle of the ground [rad]. motion : the robot's motion that is sought, None for its gait.
     """
 
     kind: ClassVar[str]
     unit: ClassVar[str] = "m"
+    bodies: ClassVar[int] = 0
     defaults: ClassVar[Mapping[str, float]] = MappingProxyType({})
     score: ClassVar[Callable]
 
@@ -49,13 +52,17 @@ class Task:
         """Angle of the ground [rad], rising ahead."""
         return 0.0
 
+    def scored(self, walk: Walk) -> np.ndarray:
+        """(B, E) scores of walks, whether the robot fell or not."""
+        return self.score(walk.base)
+
     def grade(self, walk: Walk) -> np.ndarray:
         """(B, E) scores of walks; where the robot fell, `FELL` and the share of the time that it stood.
 
         The fitness of a fall is 0 (`fitness`), but a search that ranks wants to know the less bad ones.
         """
         whole = walk.base.shape[2]
-        return np.where(walk.fell < whole, FELL + walk.fell / whole, self.score(walk.base))
+        return np.where(walk.fell < whole, FELL + walk.fell / whole, self.scored(walk))
 
 
 def fell(grades: np.ndarray) -> np.ndarray:
@@ -130,17 +137,38 @@ class Speed(Task):
         return 1.0 - np.hypot(ahead - wanted, left) / abs(wanted)
 
 
+class Kick(Task):
+    """Metres D that the first tracked body went, less for an angle psi off `direction` [rad, to the left].
+
+    D exp(-k psi^2), with k = `sharpness` [1/rad^2]. A cosine in its place is flat about 0, and searches do not aim.
+    """
+
+    kind = "kick"
+    bodies = 1
+    defaults = MappingProxyType({"direction": 0.0, "sharpness": 5.0})
+
+    def scored(self, walk: Walk) -> np.ndarray:
+        if walk.bodies is None:  # nobody saw the ball
+            return np.full(walk.fell.shape, np.nan)
+        moved = walk.bodies[:, :, -1, 0, :2] - walk.bodies[:, :, 0, 0, :2]
+        wanted = walk.base[:, :, 0, YAW] + self.values["direction"]
+        angle = np.arctan2(moved[..., 1], moved[..., 0]) - wanted
+        angle = np.mod(angle + np.pi, 2 * np.pi) - np.pi
+        return np.hypot(*np.moveaxis(moved, -1, 0)) * np.exp(-self.values["sharpness"] * angle**2)
+
+
 @cache
 def kinds() -> Mapping[str, type[Task]]:
     """{kind: class} of dynreg's tasks and those of installed plugins; RobotError where a plugin is none."""
-    packaged = {cls.kind: cls for cls in (Forward, Turn, Speed, Slope)}
+    packaged = {cls.kind: cls for cls in (Forward, Turn, Speed, Slope, Kick)}
     expected = "a class derived from dynreg.gait.tasks.Task, with its kind and score"
     return with_plugins(packaged, "dynreg.tasks", "kind", _made, expected)
 
 
 def _made(plugin: Any) -> type[Task] | None:
-    whole = isinstance(plugin, type) and issubclass(plugin, Task) and {"kind", "score"} <= {*dir(plugin)}
-    return plugin if whole else None
+    whole = isinstance(plugin, type) and issubclass(plugin, Task) and hasattr(plugin, "kind")
+    scores = whole and (hasattr(plugin, "score") or plugin.scored is not Task.scored)
+    return plugin if scores else None
 
 
 def task_of(robot: Robot, name: str | None = None) -> Task:
@@ -168,4 +196,12 @@ def task_of(robot: Robot, name: str | None = None) -> Task:
             expected=f"one of {list(kinds())}",
             do="correct it, or install the plugin that brings it",
         )
-    return kinds()[table.kind](table)
+    kind = kinds()[table.kind]
+    if len(robot.file.robot.tracked) < kind.bodies:
+        raise RobotError(
+            f"task {table.name!r} scores {kind.bodies} tracked bodies, robot {robot.name!r} has"
+            f" {len(robot.file.robot.tracked)}",
+            expected="their names in `tracked` of [robot]",
+            do="add them to robot.toml, each with a free joint in the MJCF",
+        )
+    return kind(table)

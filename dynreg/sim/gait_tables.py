@@ -159,7 +159,7 @@ class TaskTable(Table):
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$", description="The task's name.")
     kind: str = Field(
         default="forward",
-        description="What is scored: `forward`, `slope`, `turn`, `speed`, or a kind of a plugin.",
+        description="What is scored: `forward`, `slope`, `turn`, `speed`, `kick`, or a kind of a plugin.",
     )
     motion: str | None = Field(
         default=None, description="The one of [[motions]] that is sought; without it, the gait."

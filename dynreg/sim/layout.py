@@ -17,7 +17,8 @@ BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz
 class Layout:
     """Columns of the state vector in qpos, qvel and the base's motion; qpos, dof and actuator of each action.
 
-    `position`, `velocity` and `base` are (channel columns, addresses or BASE indexes).
+    `position`, `velocity` and `base` are (channel columns, addresses or BASE indexes). `tracked` : where the positions
+    of the bodies beside the robot begin in qpos.
     """
 
     position: tuple[np.ndarray, np.ndarray]
@@ -29,6 +30,7 @@ class Layout:
     action_dof: np.ndarray
     action_actuator: np.ndarray
     action_range: np.ndarray
+    tracked: np.ndarray
 
 
 def layout_of(robot: Robot) -> Layout:
@@ -61,7 +63,22 @@ def layout_of(robot: Robot) -> Layout:
         int(model.jnt_qposadr[base]) if free else -1,
         int(model.jnt_dofadr[base]) if free else -1,
         *_action_addresses(robot, joints),
+        _tracked_addresses(robot),
     )
+
+
+def _tracked_addresses(robot: Robot) -> np.ndarray:
+    model = robot.model
+    free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
+    beside = {model.body(int(model.jnt_bodyid[j])).name: int(model.jnt_qposadr[j]) for j in free[1:]}
+    for name in robot.file.robot.tracked:
+        if name not in beside:
+            raise RobotError(
+                f"tracked body {name!r} is not beside the robot in the model",
+                expected=f"one of {list(beside)}: bodies with a free joint, after the robot's own",
+                do="correct `tracked` of [robot], or add a <freejoint> to the body in the MJCF",
+            )
+    return np.array([beside[name] for name in robot.file.robot.tracked], dtype=int)
 
 
 def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray, ...]:

@@ -110,12 +110,15 @@ class Walk:
     fell : (B, E) the first step at which the robot had fallen or diverged, T+1 where it had not.
     physics_steps : time steps taken, over all simulators.
     contact : {foot: (B, E, T+1)} whether it touches the ground, where that was asked for.
+    bodies : (B, E, T+1, n, 3) where the bodies are that the robot's folder tracks [m], in its order; they stay where
+        they were before a fall. None where it tracks none, or nobody saw them.
     """
 
     base: np.ndarray
     fell: np.ndarray
     physics_steps: int
     contact: dict[str, np.ndarray] = field(default_factory=dict)
+    bodies: np.ndarray | None = None
 
 
 def motor_noise(seeds: np.ndarray, episodes: int, steps: int, actions: int) -> np.ndarray:

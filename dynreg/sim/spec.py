@@ -49,6 +49,11 @@ class RobotTable(Table):
         description="Sites of the MJCF model where the robot may carry something, such as its flange: a diagnosis "
         "looks for a `payload` at each of them. The site's type and size are the payload's shape.",
     )
+    tracked: list[str] = Field(
+        default_factory=list,
+        description="Bodies of the MJCF model beside the robot, each with a free joint, such as a ball: tasks may "
+        "score where they go.",
+    )
     title: str = Field(default="", description="One line for people.")
     source: str = Field(default="", description="Where the model and its numbers come from.")
 

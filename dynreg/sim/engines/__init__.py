@@ -96,7 +96,8 @@ class Arena:
         walk = self._simulations.walk(self._crossed(run), feet=feet)
         contact = {name: _folded(touches, self._shape) for name, touches in walk.contact.items()}
         base, fell = _folded(walk.base, self._shape), _folded(walk.fell, self._shape)
-        return Walk(base, fell, walk.physics_steps, contact)
+        bodies = None if walk.bodies is None else _folded(walk.bodies, self._shape)
+        return Walk(base, fell, walk.physics_steps, contact, bodies)
 
     def poses(self, run: Run) -> np.ndarray:
         """(B, E, T+1, nq) where all joints of the model are at the command times, for drawing.

@@ -144,12 +144,21 @@ class Simulations:
             )
         steps = self._steps(run)
         model = compiled(self.robot)[0]
-        spheres = foot_spheres(model) if feet else np.zeros(0, dtype=int)
+        spheres = self._feet(model) if feet else np.zeros(0, dtype=int)
         heights = np.full((run.steps + 1, self._batch.nsim, len(spheres)), np.inf)
-        base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights)
+        tracked = self.layout.tracked
+        places = np.empty((run.steps + 1, self._batch.nsim, len(tracked), 3)) if len(tracked) else None
+        base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights, places)
+        bodies = None if places is None else np.swapaxes(places, 0, 1)
         touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
         names = [model.geom(int(g)).name for g in spheres]
-        return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)})
+        return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)}, bodies)
+
+    def _feet(self, model: mujoco.MjModel) -> np.ndarray:
+        """Numbers of the robot's own spheres that can touch the ground."""
+        spheres, free = foot_spheres(model), model.jnt_qposadr[model.body_jntadr]
+        beside = np.isin(free, self.layout.tracked) & (model.body_jntnum > 0)
+        return spheres[~beside[model.body_rootid[model.geom_bodyid[spheres]]]]
 
     def _trace(self, steps: Steps, *, read: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """(T+1, n, nq), (T+1, n, nv) of whole episodes; read : with joints where their encoders stand."""
@@ -196,12 +205,19 @@ def _diverged(trace_v: np.ndarray) -> np.ndarray:
 
 
 def _walk(
-    robot: Robot, batch: Batch, layout: Layout, steps: Steps, feet: np.ndarray, heights: np.ndarray
+    robot: Robot,
+    batch: Batch,
+    layout: Layout,
+    steps: Steps,
+    feet: np.ndarray,
+    heights: np.ndarray,
+    places: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """(n, T+1, 12) the base, (n,) the step at which each simulation fell or diverged, time steps taken.
 
     Simulations that fell stand still from then on, and are not advanced. The heights (T+1, n, F) [m] of the centres
-    of the `feet` (geoms) are written from the first command on, where there are any.
+    of the `feet` (geoms) are written from the first command on, where there are any. So are the
+    places (T+1, n, N, 3) [m] of the tracked bodies, from the start.
     """
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     centres = batch.bind("geom_xpos") if len(feet) else None
@@ -209,6 +225,9 @@ def _walk(
     at, dof = layout.base_qpos, layout.base_dof
     trace_q, trace_v = np.empty((commands + 1, batch.nsim, 7)), np.empty((commands + 1, batch.nsim, 6))
     trace_q[0], trace_v[0] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
+    beside = layout.tracked[:, None] + np.arange(3)
+    if places is not None:
+        places[:] = qpos[:, beside]
     fell, taken = np.full(batch.nsim, commands + 1), 0
     for t in range(commands):
         standing = fell > commands
@@ -220,6 +239,8 @@ def _walk(
             heights[t + 1] = np.where(standing[:, None], centres[:, feet, 2], np.inf)
         taken += int(steps.clock.substeps[standing].sum())
         trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
+        if places is not None:
+            places[t + 1 :] = qpos[:, beside]
         down = standing & (has_fallen(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
         if down.any():
             fell[down] = t + 1
@@ -227,6 +248,8 @@ def _walk(
     last = np.where(fell > commands, commands, fell - 1)
     still = np.minimum(np.arange(commands + 1)[:, None], last)
     rows = np.arange(batch.nsim)
+    if places is not None:
+        places[:] = places[still, rows]
     base = base_motion(replace(layout, base_qpos=0, base_dof=0), trace_q[still, rows], trace_v[still, rows])
     return np.swapaxes(base, 0, 1), fell, taken
 
