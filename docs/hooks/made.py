@@ -17,6 +17,7 @@ DOCS = Path(__file__).parents[1]
 MADE = {
     "robot_file": reference.robot_file,
     "map_file": reference.map_file,
+    "plan_file": reference.plan_file,
     "help": commands.help_of,
     "commands": commands.index,
 }

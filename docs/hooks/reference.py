@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from dynreg.adapt.plan import StageTable
 from dynreg.data.maps import LogMap
 from dynreg.sim.spec import RobotFile
 
@@ -24,6 +25,11 @@ def robot_file() -> str:
 def map_file() -> str:
     """Every table of a map with its keys."""
     return _file(LogMap)
+
+
+def plan_file() -> str:
+    """The keys of a stage of a staged calibration."""
+    return _keys(StageTable)
 
 
 def _file(kind: type[BaseModel]) -> str:

@@ -42,7 +42,7 @@ class StageTable(Table):
         description="Largest time [s] by which `joint` may move the log against the simulation.",
     )
     skip: float = Field(
-        default=0.0, ge=0, le=3600, description="Time [s] at the start of a window that counts not."
+        default=0.0, ge=0, le=3600, description="Time [s] at the start of a window that does not count."
     )
     rotation: float = Field(
         default=0.1,

@@ -54,7 +54,14 @@ VERSIONS = ("stage", "simulator", "from", "objective before", "after", "shaped b
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
     """What to do next."""
-    return (f"Compare with a query: dynreg query {result.recording[:12]}",)
+    steps = (f"Compare with a query: dynreg query {result.recording[:12]}",)
+    if result.test_error is None or result.test_error <= result.nominal_test_error:
+        return steps
+    return (
+        "It errs more than the nominal simulator on what was held out, so it does not carry over: ask"
+        f" dynreg diagnose {result.recording[:12]} what is missing.",
+        *steps,
+    )
 
 
 def tables(result: Calibration) -> Group:

@@ -10,6 +10,8 @@ from dynreg.verbs.simulators import made
 
 KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
+# Of a result's document, what tells it from others of its kind.
+TELLING = ("on", "method", "task", "verdict", "test_error")
 
 
 def listing(registry: Registry, kind: str | None = None) -> Listing:
@@ -68,6 +70,7 @@ def _simulators(registry: Registry) -> Iterator[Row]:
 def _results(registry: Registry) -> Iterator[Row]:
     for record in [registry.result(i) for i in registry.ids("result")]:
         detail = {"recording": record.recording_id[:12]} if record.recording_id else {}
+        detail |= {name: record.document[name] for name in TELLING if record.document.get(name) is not None}
         yield record.id, record.kind, record.document.get("robot", ""), detail
 
 

@@ -188,8 +188,12 @@ def made(lineage: Mapping[str, Any]) -> str:
 
     >>> made({"made_by": "query", "kind": "synthesised"}), made({"made_by": "calibrate cma"})
     ('synthesised', 'calibrated by cma')
+    >>> made({"made_by": "calibrate staged", "stage": "air"})
+    'calibrated by staged, air'
     """
-    return lineage.get("kind") or (lineage.get("made_by") or "").replace("calibrate", "calibrated by")
+    by = lineage.get("kind") or (lineage.get("made_by") or "").replace("calibrate", "calibrated by")
+    stage = lineage.get("stage")
+    return by if stage is None or by.endswith(f" {stage}") else f"{by}, {stage}"
 
 
 def _newest(registry: "Registry", ref: str, recording: str, robot: str) -> "ResultRecord":
