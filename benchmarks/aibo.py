@@ -23,6 +23,14 @@ WALK = 5.0  # s
 FIT, HELD = 40, 20  # walks of groups A and B
 SPREAD = 0.7  # of the nameplate's tolerance, 1 sigma, by which hidden parameters differ from nominal
 SHORTEST = 2.0  # s of a walk that is kept
+ON_ELBOWS, BACK = 0.75, 1 / 3  # shares of the walks
+# Shares of their ranges in which genes are drawn, of the walks on elbows alone or of all.
+RANGES = (
+    (("length", "speed"), (0.3, 1.0), False),
+    (("front_z",), (0.85, 1.0), True),
+    (("front_x",), (0.7, 1.0), True),
+    (("rear_z",), (0.5, 0.8), True),
+)
 LOSS = 0.6  # of the elbows' friction
 
 
@@ -88,15 +96,21 @@ def on_the_ground(robot: Robot, seconds: float = WALK) -> dict[str, np.ndarray]:
 
 
 def walks(robot: Robot, count: int, seed: int, seconds: float = WALK) -> np.ndarray:
-    """(count, T, A) walks by the way of the feet: ahead, back, in curves; some are bad, none is drawn anew for that."""
+    """(count, T, A) walks by the way of the feet: ahead and back, in curves, some on the elbows; bad ones stay.
+
+    Commands may be faster than the joints, as those of the paper were.
+    """
     space, rng = gait_space(robot), stream(seed, "walks")
     unit = space.about_rest(count, rng)
-    fast = np.array([name in ("speed", "length") for name in space.names])
-    unit[:, fast] = rng.uniform(0.3, 1.0, (count, fast.sum()))
-    genes = space.feasible(space.from_unit(unit))
-    back = rng.uniform(size=count) < 1 / 3
-    genes[back, space.names.index("length")] *= -1.0
-    return space.targets(genes, np.arange(round(seconds * robot.rate)) / robot.rate)
+    low = rng.uniform(size=count) < ON_ELBOWS
+    for names, (least, most), which in RANGES:
+        at = [space.names.index(name) for name in names]
+        rows = low if which else np.ones(count, dtype=bool)
+        unit[np.ix_(rows, at)] = rng.uniform(least, most, (rows.sum(), len(at)))
+    genes = space.from_unit(unit)
+    genes[rng.uniform(size=count) < BACK, space.names.index("length")] *= -1.0
+    targets = space.targets(genes, np.arange(round(seconds * robot.rate)) / robot.rate)
+    return np.clip(targets, *command_limits(robot).T)
 
 
 def logged(hidden: Hidden, robot: Robot, commands: dict[str, np.ndarray], threads: int = 0) -> Recording:
