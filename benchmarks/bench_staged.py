@@ -3,14 +3,15 @@
 Table 1 of the paper beside ours: how far mean velocities of simulated walks are from those of the real robot, over the
 walks that were fitted (A), those that were not (B), and all. Standard and largest deviation as printed there, and the
 root of the mean square, which a mean bias does not hide. The hidden robot has a second material, which no stage can
-fit, and parameters that differ from the nameplate. `--scale` runs a share of each stage's generations. Beside the
-stages: all parameters at once on the walks, by as many simulated walks (`--at-once`).
+fit, and parameters that differ from the nameplate. `--scale` runs a share of each stage's generations. Only the table of
+a whole run is kept.
 """
 
 import argparse
 import json
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 
 import aibo
@@ -26,7 +27,7 @@ from dynreg.session import Session
 from dynreg.sim.robot import load_robot
 from dynreg.sim.stand import on_stand
 
-REPORT, TUNE = 20261130, 7
+REPORT = 20261130
 FILE = RESULTS / "staged.json"
 SKIP = 1.0  # s of a walk, as in the paper
 UNITS = (("x", 1000.0, "mm/s"), ("y", 1000.0, "mm/s"), ("r", 180.0 / np.pi, "deg/s"))
@@ -59,12 +60,14 @@ def calibrated(session: Session, given: argparse.Namespace, hidden: aibo.Hidden)
         print(f"{result.cost.rollouts} simulators, {time.perf_counter() - began:.0f} s", flush=True)
 
     def plan(name: str) -> Path:
-        text = (robot.folder / "plans" / f"{name}.toml").read_text(encoding="utf-8")
-        for line in {line for line in text.splitlines() if line.startswith("generations")}:
-            own = max(round(given.scale * int(line.split("=")[1])), 1)
-            text = text.replace(line, f"generations = {own}")
+        stages = tomllib.loads((robot.folder / "plans" / f"{name}.toml").read_text(encoding="utf-8"))[
+            "stages"
+        ]
+        for stage in stages:
+            stage["generations"] = max(round(given.scale * stage["generations"]), 1)
+        lines = ["\n".join(["[[stages]]", *(f"{k} = {json.dumps(v)}" for k, v in s.items())]) for s in stages]
         path = Path(session.registry.path) / f"{name}.toml"
-        path.write_text(text, encoding="utf-8")
+        path.write_text("\n\n".join(lines), encoding="utf-8")
         return path
 
     air = session.calibrate("air", plan=plan("air"), robot=stand, hold_out="0", **told)
@@ -123,8 +126,9 @@ def show(table: dict) -> None:
             cells = [f"{g}: {d[axis][0]:7.1f} {d[axis][1]:7.1f} {d[axis][2]:7.1f}" for g, d in groups.items()]
             print(f"{stage:10} {axis} [{unit}]  " + "   ".join(cells))
     first, last = table["initial"]["A+B"], table["walks"]["A+B"]
-    for axis, (_, of_paper) in zip("xyr", zip(range(3), (0.229, 0.487, 0.440), strict=True), strict=True):
-        print(f"last over initial, {axis}: {last[axis][0] / first[axis][0]:.3f} (published {of_paper})")
+    for i, (axis, _, _) in enumerate(UNITS):
+        published = PAPER["walks"][i] / PAPER["initial"][i]
+        print(f"last over initial, {axis}: {last[axis][0] / first[axis][0]:.3f} (published {published:.3f})")
 
 
 def main() -> None:
@@ -150,7 +154,10 @@ def main() -> None:
         table = deviations(hidden, session, found, given.threads)
     show(table)
     print(f"{spent:.0f} s")
-    if given.seed == REPORT and given.scale == 1.0:
+    whole = all(
+        getattr(given, name) == parser.get_default(name) for name in ("scale", "fit", "held", "air", "seed")
+    )
+    if whole:
         FILE.write_text(json.dumps({"seconds": spent, "table": table}, indent=1) + "\n", encoding="utf-8")
 
 

@@ -17,11 +17,12 @@ DOCS = Path(__file__).parents[1]
 MADE = {
     "robot_file": reference.robot_file,
     "map_file": reference.map_file,
+    "methods": reference.methods,
     "plan_file": reference.plan_file,
     "help": commands.help_of,
     "commands": commands.index,
 }
-_PART = re.compile(r"^(<!-- made: (\w+) ?(.*?) -->)$(?:.*?^<!-- end -->$)", re.DOTALL | re.MULTILINE)
+_PART = re.compile(r"^(<!-- made: (\w+) ?([^\n]*?) -->)$(?:.*?^<!-- end -->$)", re.DOTALL | re.MULTILINE)
 
 
 def pages() -> dict[str, str]:

@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from dynreg.adapt.plan import StageTable
 from dynreg.data.maps import LogMap
+from dynreg.methods.table import METHODS
 from dynreg.sim.spec import RobotFile
 
 _PLAIN = {str: "text", float: "number", int: "whole number", bool: "true or false", NoneType: ""}
@@ -25,6 +26,12 @@ def robot_file() -> str:
 def map_file() -> str:
     """Every table of a map with its keys."""
     return _file(LogMap)
+
+
+def methods() -> str:
+    """The methods of `calibrate`: what each is for, and what it needs."""
+    rows = [f"| `{k.name}` | {', '.join(k.needs)} | {k.about} |" for k in METHODS.values()]
+    return "\n".join(["| `--method` | needs | what it finds, and when to use it |", "|---|---|---|", *rows])
 
 
 def plan_file() -> str:

@@ -15,8 +15,6 @@ from dynreg.search.table import SEARCHES
 from dynreg.sim.table import Table
 from dynreg.tomlfile import read_toml
 
-LOSSES = ("replay", "joint", "velocity")
-
 
 class StageTable(Table):
     """[[stages]]: one search of a staged calibration (paper E)."""

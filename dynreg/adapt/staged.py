@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.adapt.plan import Stage
+from dynreg.adapt.plan import Stage, StageTable
 from dynreg.adapt.searched import Searched, searched
+from dynreg.errors import UsageError
 from dynreg.search.drive import Limits, Search
 from dynreg.search.journal import Journal
 from dynreg.search.start import Start
@@ -29,18 +30,19 @@ def staged(
     rng: Callable[[str], np.random.Generator],
     *,
     fitted: np.ndarray | None = None,
-    share: float = 1.0,
+    generations: Sequence[int] | None = None,
     journal: Callable[[str], Journal | None] = lambda _: None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Searched, ...]:
     """What each stage found; it begins where the one before it ended, first with unit parameters `start` (P,).
 
     A parameter that was fitted before begins with the small step `carry`: by an earlier stage, or where `fitted` (P,)
-    says so. rng, journal : of a stage, by its name. share : of each stage's generations that are run, one at least.
+    says so. rng, journal : of a stage, by its name. generations : of each stage; those of its table by default.
     """
     out: list[Searched] = []
     fitted = np.zeros(len(start), dtype=bool) if fitted is None else fitted.copy()
-    for stage in stages:
+    every = [stage.table.generations for stage in stages] if generations is None else generations
+    for stage, many in zip(stages, every, strict=True):
         table, own, free = stage.table, loss(stage), stage.parameters
         steps = np.where(fitted, table.carry, table.step)[free]
         found = searched(
@@ -48,7 +50,7 @@ def staged(
             out[-1].unit if out else start,
             free,
             lambda point, table=table, steps=steps: _search(table, point, steps, rng(table.name)),
-            Limits(1 + max(round(share * table.generations), 1) * table.children),
+            Limits(1 + many * table.children),
             most=own.most,
             journal=journal(table.name),
             progress=progress and (lambda done, total, name=table.name: progress(name, done, total)),
@@ -58,7 +60,28 @@ def staged(
     return tuple(out)
 
 
-def _search(table, point: np.ndarray, steps: np.ndarray, rng: np.random.Generator) -> Search:
+def within(stages: Sequence[Stage], simulations: int | None) -> list[int]:
+    """Generations of each stage of so many simulations in all: those of its table, or the same share of all of them.
+
+    Raises UsageError for fewer than one generation each, and the simulator that each stage begins with.
+    """
+    asked = [stage.table.generations for stage in stages]
+    children = [stage.table.children for stage in stages]
+    least = len(stages) + sum(children)
+    if simulations is None:
+        return asked
+    if simulations < least:
+        raise UsageError(
+            f"a budget of {simulations} simulations for a plan of {len(stages)} stages",
+            expected=f"at least {least}: one generation of each, and what each begins with",
+            do="raise --budget, or lower `children` in the plan",
+        )
+    more = sum((g - 1) * c for g, c in zip(asked, children, strict=True))
+    share = min((simulations - least) / max(more, 1), 1.0)
+    return [1 + int(share * (g - 1)) for g in asked]
+
+
+def _search(table: StageTable, point: np.ndarray, steps: np.ndarray, rng: np.random.Generator) -> Search:
     if table.search == "es":
         return EvolutionStrategy(
             point, rng=rng, mu=table.mu, children=table.children, rho=table.rho, steps=steps

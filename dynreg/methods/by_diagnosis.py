@@ -1,14 +1,12 @@
 """Parameters and physical causes together, by a diagnosis."""
 
-from typing import ClassVar
-
 import numpy as np
 
-from dynreg.adapt.version import Fitted, Version
 from dynreg.diagnose.account import Account, with_account
 from dynreg.diagnose.diagnose import Diagnosed, diagnose
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.evidence.lockstep import counted, run
+from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of
 from dynreg.sim.config import SimConfig
 
@@ -16,12 +14,7 @@ from dynreg.sim.config import SimConfig
 class ByDiagnosis:
     """The calibrated simulator, and that with the causes that the diagnosis names; their number sets what it spends."""
 
-    needs: ClassVar[tuple[str, ...]] = ()
-
-    def __init__(self, name: str):
-        self._name = name
-
-    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
         """One version or two. Raises as `diagnose.diagnose`."""
         data = question.data
         start = None if question.start is None else SimConfig.of(data.robot, question.start)
@@ -39,7 +32,7 @@ class ByDiagnosis:
                 }
             parent = len(versions) - 1 if versions else None
             versions.append(Version(kind, values, parent, episodes_of(question), effects=effects))
-        return Fitted(
+        return Answer(
             tuple(versions),
             made.verdict,
             rollouts,

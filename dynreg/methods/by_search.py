@@ -1,11 +1,9 @@
 """All parameters at once, by a search of the table over replays: the usual way."""
 
-from typing import ClassVar
-
 import numpy as np
 
 from dynreg.adapt.searched import searched
-from dynreg.adapt.version import Fitted, Version
+from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of, seconds_of
 from dynreg.methods.table import GENETIC, USUAL
 from dynreg.replay.residual import MOST
@@ -22,13 +20,11 @@ class BySearch:
     What it begins with is tried first, and what the recording tells stays as it is.
     """
 
-    needs: ClassVar[tuple[str, ...]] = ()
-
     def __init__(self, name: str):
         self._name = name
         self._kind = SEARCHES[{new: old for old, new in GENETIC.items()}.get(name, name)]
 
-    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
         """One version, never worse than what it begins with on what is not held out."""
         data = question.data
         replayer = Replayer(data.robot, data.windows, limits.threads)
@@ -48,4 +44,11 @@ class BySearch:
             self._name, data.values_of(found.unit), None, episodes_of(question), found.first, found.last
         )
         simulated = found.evaluations * seconds_of(question)
-        return Fitted((made,), found.ended, found.evaluations, simulated, history=found.history)
+        return Answer(
+            (made,),
+            found.ended,
+            found.evaluations,
+            simulated,
+            history=found.history,
+            resumed=found.resumed,
+        )

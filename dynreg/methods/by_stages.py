@@ -1,12 +1,10 @@
 """Parameters in stages, by a plan: paper E's way."""
 
-from typing import ClassVar
-
 import numpy as np
 
 from dynreg.adapt.plan import resolved
-from dynreg.adapt.staged import staged
-from dynreg.adapt.version import Fitted, Version
+from dynreg.adapt.staged import staged, within
+from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question
 from dynreg.methods.losses import loss_of
 from dynreg.replay.windows import Replayer
@@ -16,26 +14,20 @@ from dynreg.rng import stream
 class Staged:
     """Each stage fits its own parameters to its own recordings; see `adapt.plan`."""
 
-    needs: ClassVar[tuple[str, ...]] = ("plan",)
-
-    def __init__(self, name: str):
-        self._name = name
-
-    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
         """One version for each stage. Raises UsageError for a plan that does not fit the robot or the recording."""
         data = question.data
         space, replayer = data.robot.space, Replayer(data.robot, data.windows, limits.threads)
         episode = [data.recording.episodes[i].name for i in data.windows.episode]
         stages = resolved(evidence.plan, space.names, ~np.isnan(data.known), episode, data.parts.chosen)
-        asked = sum(stage.table.generations * stage.table.children for stage in stages)
-        share = 1.0 if limits.simulations is None else min(limits.simulations / asked, 1.0)
+        generations = within(stages, limits.simulations)
         found = staged(
             stages,
             lambda stage: loss_of(stage, data, replayer),
             question.begin,
             lambda name: stream(limits.seed, "staged", data.robot.name, name),
             fitted=question.fitted,
-            share=share,
+            generations=generations,
             journal=limits.journal,
             progress=limits.progress,
         )
@@ -51,9 +43,10 @@ class Staged:
             )
             for number, (stage, one) in enumerate(zip(stages, found, strict=True))
         )
-        return Fitted(
+        return Answer(
             versions,
-            "plan" if share == 1.0 else "budget",
+            "plan" if generations == [s.table.generations for s in stages] else "budget",
             sum(one.evaluations for one in found),
             sum(one.evaluations * len(s.windows) * window for s, one in zip(stages, found, strict=True)),
+            resumed=sum(one.resumed for one in found),
         )

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from dynreg.adapt.version import Fitted
+from dynreg.methods.answer import Answer
 from dynreg.progress import Progress
 from dynreg.replay.data import Data
 from dynreg.search.journal import Journal
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 class Question:
     """A robot's recording, cut and parted, and where to begin.
 
-    start : (P,) parameters in their units; by default those that the recording tells, else nominal. hold_out : the test
-    part as it was asked for, which no method reads.
+    start : (P,) parameters in their units; by default those that the recording tells, else nominal. hold_out : what was
+    asked for as the test part, of which no method sees the data.
     """
 
     data: Data
@@ -33,7 +33,8 @@ class Question:
     def begin(self) -> np.ndarray:
         """(P,) in the unit cube, with what the recording tells in its place."""
         space = self.data.robot.space
-        return self.data.with_known(space.to_unit(self.data.start if self.start is None else self.start))
+        start = space.to_unit(self.data.start if self.start is None else self.start)
+        return self.data.with_known(np.clip(start, 0.0, 1.0))
 
     @property
     def fitted(self) -> np.ndarray:
@@ -71,14 +72,9 @@ class Limits:
 
 
 class Calibrator(Protocol):
-    """One method: fit(question, evidence, limits), which draws from the seed alone and keeps nothing.
+    """One method; its line in `methods.table` says what it reads. It draws from the seed alone and keeps nothing."""
 
-    needs : what it needs of the evidence beside the recording.
-    """
-
-    needs: ClassVar[tuple[str, ...]]
-
-    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Fitted:
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
         """The simulators that it makes of the question, the last of which is its answer."""
 
 

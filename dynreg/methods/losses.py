@@ -13,21 +13,27 @@ from dynreg.replay.residual import MOST
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Replayer, errors
 
-FASTEST = 10.0  # m/s: the most that any error of a mean velocity counts, and what a diverged simulation does
+# m/s: the most that an error of a mean velocity counts, and what a diverged simulation counts. Our choice: far beyond
+# what a small robot does.
+FASTEST = 10.0
 SPEEDS = ("vx", "vy", "wz")  # of a floating base, in its own frame
 
 
 def loss_of(stage: Stage, data: Data, replayer: Replayer) -> Loss:
-    """The loss of a stage; UsageError for one that the robot's channels do not tell."""
+    """The loss of a stage, over the windows in which something was measured behind what it skips.
+
+    Raises UsageError for a loss that the robot's channels do not tell, and where no window is left.
+    """
     table, rows = stage.table, _rows(stage, data)
-    measured = data.windows.measured[stage.windows]
+    windows = _measured(stage, data, rows)
+    measured = data.windows.measured[windows]
 
     def replayed(unit: np.ndarray) -> np.ndarray:
-        residual = replayer.residuals(data.values_of(unit), stage.windows)
+        residual = replayer.residuals(data.values_of(unit), windows)
         return errors(residual[:, :, rows - 1 :]).mean(axis=1)
 
     def states(unit: np.ndarray) -> np.ndarray:
-        return replayer.states(data.values_of(unit), stage.windows)
+        return replayer.states(data.values_of(unit), windows)
 
     if table.loss == "replay":
         return Loss(replayed, MOST)
@@ -70,6 +76,20 @@ def joint_loss(simulated: np.ndarray, measured: np.ndarray, skip: int, reach: in
         squared = np.where(np.isfinite(apart), np.minimum(apart**2, np.pi**2), np.pi**2)
         out.append((squared * known).sum(axis=(1, 2, 3)) / max(known.sum(), 1))
     return np.min(out, axis=0)
+
+
+def _measured(stage: Stage, data: Data, rows: int) -> np.ndarray:
+    """Numbers of the stage's windows with a measured state from row `rows` on: a log may end before, as by a fall."""
+    scored = data.windows.weight > 0
+    there = np.isfinite(data.windows.measured[stage.windows, rows:][..., scored]).any(axis=(1, 2))
+    if not there.any():
+        name = data.recording.episodes[data.windows.episode[stage.windows[0]]].name
+        raise UsageError(
+            f"stage {stage.table.name!r}: nothing was measured behind skip = {stage.table.skip:g} s, as in {name!r}",
+            expected="a recording that lasts longer",
+            do="skip less",
+        )
+    return stage.windows[there]
 
 
 def _rows(stage: Stage, data: Data) -> int:

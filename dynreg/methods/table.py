@@ -1,6 +1,6 @@
 """The table of methods, one line each; without heavy imports.
 
-A method is a class with `needs` and `fit` (see `calibrator.Calibrator`), and a line here.
+A method is a class with `fit` (see `calibrator.Calibrator`), and a line here.
 """
 
 from collections.abc import Mapping
@@ -17,39 +17,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Kind:
-    """One method: its name, "module:class" that makes it of that name, and what it needs beside the recording.
+    """One method: its name, "module:class" of it, and when to use it.
 
-    needs : "population", "plan" or "wheels". usual : simulations where no number is asked for; None where the method
-    has its own. starts : whether it begins with a simulator. about : when to use it.
+    needs : settings of `calibrate` that it cannot do without, or "population". reads : further ones that mean something
+    to it, of "start", "budget" and "resume".
     """
 
     name: str
     where: str
     about: str
     needs: tuple[str, ...] = ()
-    usual: int | None = None
-    starts: bool = True
+    reads: tuple[str, ...] = ("start", "budget", "resume")
 
     def made(self) -> "Calibrator":
         """The method."""
         module, _, name = self.where.partition(":")
-        return getattr(import_module(f"dynreg.methods.{module}"), name)(self.name)
+        kind = getattr(import_module(f"dynreg.methods.{module}"), name)
+        return kind(self.name) if self.where == SEARCHED else kind()
 
 
 SEARCHED = "by_search:BySearch"
 USUAL = 600  # simulations of a search
 GENETIC = {"genetic": "ga"}  # a search, and what it is called as a method: the papers' word
 _ABOUT = {
-    "cma": "The usual choice among searches.",
-    "hill": "The hill climber of paper D, for a start that is nearly right.",
-    "random": "What every other method must beat.",
-    "ga": "The genetic algorithm of paper A.",
-    "bits": "A genetic algorithm on bits.",
-    "operon": "The operon algorithm of paper C.",
-    "es": "The evolution strategy of paper E, all parameters at once.",
-    "policy": "The policy gradient of paper B, about a good start.",
-    "roulette": "The genetic algorithm of paper B.",
+    "cma": "the usual choice among searches",
+    "hill": "the hill climber of paper D, for a start that is nearly right",
+    "random": "what every other method must beat",
+    "ga": "the genetic algorithm of paper A, where there are many optima",
+    "bits": "a genetic algorithm on bits, as the reference of `operon`",
+    "operon": "the algorithm of paper C, for hundreds of parameters",
+    "es": "the evolution strategy of paper E, for thousands of simulations",
+    "policy": "the policy gradient of paper B, near a good start",
+    "roulette": "the genetic algorithm of paper B, for thousands of simulations",
 }
+_REGISTERED = {"needs": ("population",), "reads": ("budget",)}
 
 METHODS: Mapping[str, Kind] = MappingProxyType(
     {
@@ -58,28 +59,31 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
             Kind(
                 "nearest",
                 "by_query:Nearest",
-                "Paper D: the nearest of registered simulators.",
-                ("population",),
-                starts=False,
+                "the registered simulator that moves most like the robot (paper D), where nothing shall be fitted",
+                **_REGISTERED,
             ),
             Kind(
                 "synthesis",
                 "by_query:Synthesis",
-                "A simulator made of the nearest ones.",
-                ("population",),
-                starts=False,
+                "a simulator made of the nearest ones, with intervals, from few simulations",
+                **_REGISTERED,
             ),
             *(
-                Kind(name, SEARCHED, _ABOUT[name], usual=USUAL)
+                Kind(name, SEARCHED, f"all parameters at once: {_ABOUT[name]}")
                 for name in (GENETIC.get(search, search) for search in SEARCHES)
             ),
             Kind(
                 "staged",
                 "by_stages:Staged",
-                "Paper E: parameters in stages, each by its own plan.",
-                ("plan",),
+                "parameters in stages (paper E), where each recording shows one thing",
+                needs=("plan",),
             ),
-            Kind("diagnose", "by_diagnosis:ByDiagnosis", "Parameters and physical causes together."),
+            Kind(
+                "diagnose",
+                "by_diagnosis:ByDiagnosis",
+                "parameters and physical causes together, where the model lacks something",
+                reads=("start",),
+            ),
         )
     }
 )

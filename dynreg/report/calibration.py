@@ -20,8 +20,13 @@ def verdict(result: Calibration) -> str:
         else (result.test_error, result.nominal_test_error)
     )
     named = "" if result.causes is None else f" and named {', '.join(result.causes) or 'no cause'}"
+    did = (
+        "chose a simulator of"
+        if result.method == "nearest"
+        else f"fitted {count(len(result.parameters), 'parameter')} of"
+    )
     return (
-        f"{result.method} fitted {count(len(result.parameters), 'parameter')} of {result.robot} to"
+        f"{result.method} {did} {result.robot} for"
         f" {result.recording[:12]}{named}: replay error {number(error)} on the {part} part (nominal"
         f" {number(nominal)})."
     )
@@ -40,7 +45,7 @@ def made(result: Calibration) -> list[tuple[str, ...]]:
         (
             v.stage,
             v.simulator[:12],
-            v.parent[:12] if v.parent else "nominal" if v.before is not None else "",
+            v.parent[:12] if v.parent else "nominal",
             number(v.before),
             number(v.after),
             count(len(v.episodes), "episode"),
@@ -54,14 +59,13 @@ VERSIONS = ("stage", "simulator", "from", "objective before", "after", "shaped b
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
     """What to do next."""
-    steps = (f"Compare with a query: dynreg query {result.recording[:12]}",)
+    asked = result.recording[:12]
+    query = (f"Compare with a query: dynreg query {asked}",) if result.population is None else ()
     if result.test_error is None or result.test_error <= result.nominal_test_error:
-        return steps
-    return (
-        "It errs more than the nominal simulator on what was held out, so it does not carry over: ask"
-        f" dynreg diagnose {result.recording[:12]} what is missing.",
-        *steps,
-    )
+        return query
+    worse = "It errs more than the nominal simulator on what was held out, so it does not carry over"
+    missing = "." if result.method == "diagnose" else f": ask dynreg diagnose {asked} what is missing."
+    return (worse + missing, *query)
 
 
 def tables(result: Calibration) -> Group:

@@ -33,7 +33,7 @@ class Fitted(Result):
 class CalibrationVersion(Result):
     """A simulator that the method made on its way.
 
-    simulator : its id. stage : what made it. parent : id of the simulator that it came from; null of the nominal one.
+    simulator : its id. stage : what made it. parent : id of the simulator that it came from; null for the nominal one.
     recordings, episodes : what shaped it: ids and names. before, after : the objective of its stage, at its parent and
     at it; null where the stage has none.
     """
@@ -50,10 +50,11 @@ class CalibrationVersion(Result):
 class CalibrationCost(Cost):
     """What a calibration cost.
 
-    simulated_seconds : of all simulators that were run; null of a diagnosis, which does not count them. core_seconds :
-    processor time of this run.
+    resumed : simulators that an interrupted run had left. simulated_seconds : of all simulators that were run; null of
+    a diagnosis, which does not count them. core_seconds : processor time of this run.
     """
 
+    resumed: int = 0
     simulated_seconds: float | None = None
     core_seconds: float | None = None
 
@@ -63,9 +64,10 @@ class Calibration(Result):
 
     versions : every simulator that was made on the way, in order; the last is `simulator`. causes : keys of the effects
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
-    the recording without its held-out part and on that part (null without one). ended : why the method ended: "budget",
-    "converged", "plan", or the verdict of a diagnosis. parts : episodes of the fit, select and test part; null in
-    results of version 1. population : id of the one that was searched.
+    the recording without its held-out part and on that part (null without one). parts : episodes of the fit, select and
+    test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
+    "plan" where all generations of one were run, or the verdict of a diagnosis. population : id of the one that was
+    searched.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")

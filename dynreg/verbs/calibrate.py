@@ -3,9 +3,10 @@
 import hashlib
 import json
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.methods.table import METHODS
@@ -14,11 +15,11 @@ from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, simulator
 
 if TYPE_CHECKING:
-    from dynreg.adapt.version import Fitted, Version
     from dynreg.distance.population import Population
     from dynreg.methods.calibrator import Evidence, Limits, Question
+    from dynreg.registry import Registry
     from dynreg.results.calibration import Calibration
-    from dynreg.sim.config import SimConfig
+    from dynreg.search.journal import Journal
     from dynreg.sim.robot import Robot
     from dynreg.verbs.simulators import Simulator
     from dynreg.verbs.subjects import Recorded
@@ -28,13 +29,15 @@ if TYPE_CHECKING:
 class CalibrateSettings(Settings):
     """The settings of `calibrate`.
 
-    Raises UsageError for a plan without the method that reads it, and the other way round.
+    Raises UsageError for a setting that means nothing to the method, and for a method without what it needs.
     """
 
-    method: str = option("cma", "Method.", choices=tuple(METHODS), old={"cmaes": "cma", "genetic": "ga"})
+    method: str = option(
+        "cma", "How the simulator is found.", choices=tuple(METHODS), old={"cmaes": "cma", "genetic": "ga"}
+    )
     seed: int = seed()
     budget: int | None = option(
-        None, "Most simulations.", usual="600 of a search, else the method's own number", least=1
+        None, "Most simulations.", usual="600 of a search, else its own number", least=1
     )
     hold_out: str | None = hold_out()
     start: str = option(
@@ -59,23 +62,20 @@ class CalibrateSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, given in (("plan", self.plan), ("population", self.population)):
-            if given is not None and name not in METHODS[self.method].needs:
-                able = [kind.name for kind in METHODS.values() if name in kind.needs]
-                raise UsageError(
-                    f"{name} {str(given)!r} with method {self.method!r}, which reads none",
-                    expected=f"it with {' or '.join(able)}",
-                    do="leave it out, or choose that method",
-                    setting=name,
-                )
-        if self.start != NOMINAL and not METHODS[self.method].starts:
+        kind = METHODS[self.method]
+        for name in ("plan", "population", "start", "budget", "resume"):
+            given = getattr(self, name)
+            if given == getattr(CalibrateSettings, name) or name in (*kind.needs, *kind.reads):
+                continue
+            able = [other.name for other in METHODS.values() if name in (*other.needs, *other.reads)]
+            shown = "" if given is True else f" {str(given)!r}"
             raise UsageError(
-                f"start {self.start!r} with method {self.method!r}, which begins with registered simulators",
-                expected="a method that begins with one",
-                do="leave it out, or choose another method",
-                setting="start",
+                f"{name}{shown} with method {self.method!r}, to which it means nothing",
+                expected=f"it with {', '.join(able)}",
+                do="leave it out, or choose one of these methods",
+                setting=name,
             )
-        if "plan" in METHODS[self.method].needs and self.plan is None:
+        if "plan" in kind.needs and self.plan is None:
             raise UsageError(
                 f"method {self.method!r} without a plan",
                 expected="the TOML file of its stages",
@@ -99,8 +99,9 @@ def calibrate(
     Example: dynreg calibrate monday --method cma --hold-out kp=400
     """
     from dynreg.methods.judged import replay_errors
-    from dynreg.results.calibration import Calibration, CalibrationCost, CalibrationStep
+    from dynreg.results.calibration import CalibrationCost
     from dynreg.sim.config import SimConfig
+    from dynreg.verbs.calibration import document, register
 
     began, worked = time.perf_counter(), time.process_time()
     population = _population(asked, settings)
@@ -111,38 +112,17 @@ def calibrate(
     found = METHODS[settings.method].made().fit(question, evidence, limits)
     configs = [SimConfig.of(robot, v.values, v.effects) for v in found.versions]
     errors = replay_errors(cut, [SimConfig.of(robot, cut.start), configs[-1]], settings.threads)
-    before = None if begin is None else begin.id
-    ids = _register(asked, settings.method, found, configs, before)
-    tested = (None, None) if not cut.parts.test.any() else tuple(errors[:, 1].tolist())
-    return Calibration(
-        robot=robot.name,
-        recording=asked.recording.id,
-        method=settings.method,
-        simulator=ids[-1],
-        versions=tuple(
-            _version(asked, one, identity, (*ids, before))
-            for one, identity in zip(found.versions, ids, strict=True)
-        ),
-        parameters=_parameters(robot, found),
-        causes=found.causes,
-        train_error=errors[1, 0],
-        test_error=tested[1],
-        nominal_train_error=errors[0, 0],
-        nominal_test_error=tested[0],
-        history=tuple(CalibrationStep(simulations=n, error=e) for n, e in found.history),
-        parts=cut.named,
-        ended=found.ended,
-        population=population and population.id,
-        seed=settings.seed,
-        cost=CalibrationCost(
-            evaluations=found.evaluations,
-            rollouts=found.rollouts,
-            test_rollouts=0 if tested[0] is None else 2,
-            seconds=time.perf_counter() - began,
-            simulated_seconds=found.simulated,
-            core_seconds=time.process_time() - worked,
-        ),
+    ids = register(asked, settings.method, found, configs, begin and begin.id)
+    cost = CalibrationCost(
+        evaluations=found.evaluations,
+        rollouts=found.rollouts,
+        test_rollouts=2 if cut.parts.test.any() else 0,
+        resumed=found.resumed,
+        seconds=time.perf_counter() - began,
+        simulated_seconds=found.simulated,
+        core_seconds=time.process_time() - worked,
     )
+    return document(asked, settings, question, population, found, ids, errors, cost)
 
 
 def _population(asked: "Recorded", settings: CalibrateSettings) -> "Population | None":
@@ -185,14 +165,26 @@ def _begin(asked: "Recorded", settings: CalibrateSettings, robot: "Robot") -> "S
 
 
 def _plan_file(given: Path) -> Path:
-    """The file itself, or that of a packaged robot's plan: "aibo/air" is plans/air.toml in the folder of `aibo`."""
+    """The file itself, or that of a packaged robot's plan: "aibo/air" is plans/air.toml in the folder of `aibo`.
+
+    Raises UsageError for a plan that the robot does not bring.
+    """
     from dynreg.folder import PLANS
     from dynreg.sim.robot import packaged_robots
 
     folder = packaged_robots().get(str(given.parent))
     if folder is None or given.exists():
         return given
-    return folder / PLANS / f"{given.name}.toml"
+    own = {path.stem: path for path in sorted((folder / PLANS).glob("*.toml"))}
+    name = given.name.removesuffix(".toml")
+    if name not in own:
+        raise UsageError(
+            f"plan {str(given)!r}",
+            expected=f"a file{''.join(f', {given.parent}/{one}' for one in own)}",
+            do="correct it",
+            setting="plan",
+        )
+    return own[name]
 
 
 def _shared(begin: "Simulator", robot: "Robot") -> dict[str, float]:
@@ -211,10 +203,9 @@ def _posed(
     from dynreg.adapt.plan import read_plan
     from dynreg.methods.calibrator import Evidence, Limits, Question
     from dynreg.replay.data import data
-    from dynreg.search.journal import Journal
 
     plan = None if settings.plan is None else read_plan(_plan_file(settings.plan))
-    key = {
+    told = {
         "calibrate": settings.method,
         "robot": robot.hash,
         "recording": asked.recording.id,
@@ -222,73 +213,47 @@ def _posed(
         "start": begin and begin.id,
         "plan": plan and [stage.model_dump() for stage in plan],
     }
-    told = {**key, "seed": settings.seed, "budget": settings.budget}
-
-    def journal(stage: str) -> Journal:
-        name = hashlib.sha256(json.dumps({**key, "stage": stage}, sort_keys=True).encode()).hexdigest()[:24]
-        return Journal(asked.registry.journal_path(name), {**told, "stage": stage}, resume=settings.resume)
-
+    journal = _Journals(
+        asked.registry, told, {"seed": settings.seed, "budget": settings.budget}, settings.resume
+    )
     space = robot.space
     start = begin and space.from_dict(space.as_dict(space.nominal) | _shared(begin, robot))
     question = Question(data(robot, asked.recording, settings.hold_out), start, settings.hold_out)
     evidence = Evidence(population, plan, asked.registry)
-    limits = Limits(settings.budget, settings.seed, settings.threads, journal, progress)
+    limits = Limits(settings.budget, settings.seed, settings.threads, journal.of, progress)
     return question, evidence, limits
 
 
-def _register(
-    asked: "Recorded", method: str, found: "Fitted", configs: "list[SimConfig]", begin: str | None
-) -> tuple[str, ...]:
-    """Ids of the versions' simulators, registered with what they came from."""
-    ids: list[str] = []
-    for version, config in zip(found.versions, configs, strict=True):
-        lineage = {
-            "made_by": f"calibrate {method}",
-            "stage": version.stage,
-            "recording": asked.recording.id,
-            "episodes": list(version.episodes),
-        }
-        if (parent := begin if version.parent is None else ids[version.parent]) is not None:
-            lineage["parent"] = parent
-        if asked.each:
-            lineage["recordings"] = [one.recording.id for one in asked.each]
-        ids.append(asked.registry.put_simulator(config.as_dict() | {"lineage": lineage}))
-    return tuple(ids)
+@dataclass(frozen=True)
+class _Journals:
+    """The journals of one calibration: what makes it this question, and how it is run.
+
+    Runs with other seeds or budgets have journals of their own, so that none overwrites another's.
+    """
+
+    registry: "Registry"
+    question: Mapping[str, Any]
+    how: Mapping[str, Any]
+    resume: bool
+
+    def of(self, stage: str) -> "Journal":
+        """The journal of a stage. Raises UsageError for one to resume where only runs in other ways have left one."""
+        from dynreg.search.journal import Journal
+
+        question = {**self.question, "stage": stage}
+        begins, ends = (_hash(part) for part in (question, self.how))
+        path = self.registry.journal_path(f"{begins}-{ends}")
+        if self.resume and not path.exists() and any(path.parent.glob(f"{begins}-*.jsonl")):
+            told = ", ".join(f"{name} {value}" for name, value in self.how.items())
+            raise UsageError(
+                f"nothing to resume with {told}: what was interrupted had other settings",
+                expected="the seed and the budget that it was begun with",
+                do="give those, or begin anew without --resume",
+                setting="resume",
+            )
+        return Journal(path, {**question, **self.how}, resume=self.resume)
 
 
-def _version(asked: "Recorded", version: "Version", identity: str, ids: tuple[str | None, ...]):
-    """A version as the document tells it; ids : of all versions, and last of the simulator that the first came from."""
-    from dynreg.results.calibration import CalibrationVersion
-
-    of = {one.name: one.recording.id for one in asked.each}
-    named = {episode: episode.split("/")[0] for episode in version.episodes}
-    recordings = dict.fromkeys(of.get(named[e], asked.recording.id) for e in version.episodes)
-    return CalibrationVersion(
-        simulator=identity,
-        stage=version.stage,
-        parent=ids[-1 if version.parent is None else version.parent],
-        recordings=tuple(recordings),
-        episodes=version.episodes,
-        before=version.before,
-        after=version.after,
-    )
-
-
-def _parameters(robot: "Robot", found: "Fitted"):
-    from dynreg.results.calibration import Fitted as Told
-
-    values = found.answer.values
-    edge = robot.space.at_bound(robot.space.to_unit(values))
-    out = {}
-    for p, v, at in zip(robot.space.parameters, values.tolist(), edge, strict=True):
-        low, high = found.intervals.get(p.name, (None, None))
-        out[p.name] = Told(
-            value=v,
-            low=low,
-            high=high,
-            unit=p.unit,
-            nominal=p.nominal,
-            at_bound=bool(at),
-            limits=(p.low, p.high),
-        )
-    return out
+def _hash(told: Mapping[str, Any]) -> str:
+    """12 hexadecimal digits of plain JSON."""
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]

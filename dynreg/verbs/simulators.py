@@ -309,6 +309,8 @@ def _with_parts(found: Simulator, document: Document | None, recording: str | No
         return replace(found, fitted_to=_fitted(document), **told)
     fitted = (found.lineage.get("recording"), *found.lineage.get("recordings", ()))
     made_here = recording is not None and recording in fitted
+    if made_here and recording == found.lineage["recording"] and "episodes" in found.lineage:
+        return replace(found, fitted_to=frozenset(found.lineage["episodes"]))
     return replace(found, fitted_to=None if made_here else frozenset())
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dynreg.adapt.plan import Stage, StageTable
-from dynreg.adapt.staged import Loss, staged
+from dynreg.adapt.staged import Loss, staged, within
+from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.search.journal import Journal
 
@@ -57,10 +58,18 @@ def test_what_was_fitted_before_begins_with_the_carried_step() -> None:
     assert (spread[:2] < 0.05).all() and (spread[2:] > 0.05).all()
 
 
-def test_a_share_of_the_plan_runs_a_share_of_each_stages_generations() -> None:
-    whole, tenth = (fit([stage("a", [0, 1]), stage("b", [2, 3])], share=share) for share in (1.0, 0.1))
-    assert [one.evaluations for one in whole] == [1001, 1001]
-    assert [one.evaluations for one in tenth] == [101, 101]
+@pytest.mark.parametrize("budget", [52, 53, 200, 1000, 5000])
+def test_a_budget_is_shared_by_the_stages_and_kept(budget: int) -> None:
+    stages = [stage("a", [0, 1]), stage("b", [2, 3], generations=10)]
+    many = within(stages, budget)
+    spent = sum(one.evaluations for one in fit(stages, generations=many))
+    assert spent <= budget and all(1 <= n <= s.table.generations for n, s in zip(many, stages, strict=True))
+    assert budget < 5000 or many == within(stages, None) == [40, 10]
+
+
+def test_a_budget_below_one_generation_of_each_stage_is_refused() -> None:
+    with pytest.raises(UsageError, match="budget of 51 simulations for a plan of 2 stages"):
+        within([stage("a", [0, 1]), stage("b", [2, 3])], 51)
 
 
 def test_an_interrupted_run_goes_on_to_the_same_numbers(tmp_path) -> None:

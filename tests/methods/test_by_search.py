@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import secret_servo
 
-from dynreg.adapt.version import Fitted
 from dynreg.errors import OldWord, UsageError
+from dynreg.methods.answer import Answer
 from dynreg.methods.calibrator import Evidence, Limits, Question
 from dynreg.methods.judged import replay_errors
 from dynreg.methods.table import METHODS, SEARCHED
@@ -21,7 +21,7 @@ BUDGET = 33  # no multiple of any batch
 SEARCHES = [name for name, kind in METHODS.items() if kind.where == SEARCHED]
 
 
-def calibrate(data: Data, method: str, *, budget: int, seed: int = 0) -> Fitted:
+def calibrate(data: Data, method: str, *, budget: int, seed: int = 0) -> Answer:
     return METHODS[method].made().fit(Question(data), Evidence(), Limits(budget, seed))
 
 
@@ -58,7 +58,7 @@ def replayed(monkeypatch) -> list[tuple[np.ndarray, tuple[int, ...]]]:
 @pytest.mark.parametrize("search", SEARCHES)
 def test_it_never_ends_worse_than_it_began(nominal: Data, search: str, seed: int) -> None:
     found = calibrate(nominal, search, budget=BUDGET, seed=seed)
-    assert found.answer.after <= found.answer.before
+    assert found.final.after <= found.final.before
 
 
 @pytest.mark.parametrize("budget", [1, 2, BUDGET])
@@ -78,22 +78,22 @@ def test_the_budget_is_kept_to_the_last_replay_and_the_nominal_is_in_it(
 def test_errors_are_those_of_what_comes_back(secret: Data, search: str) -> None:
     found = calibrate(secret, search, budget=BUDGET)
     nominal, answer = (
-        SimConfig.of(secret.robot, v) for v in (secret.robot.space.nominal, found.answer.values)
+        SimConfig.of(secret.robot, v) for v in (secret.robot.space.nominal, found.final.values)
     )
     train = replay_errors(secret, [nominal, answer])[:, 0]
-    np.testing.assert_allclose(train, (found.answer.before, found.answer.after))
+    np.testing.assert_allclose(train, (found.final.before, found.final.after))
     spent, lowest = zip(*found.history, strict=True)
     assert (
         spent[0] == 1 and spent == tuple(sorted(set(spent))) and lowest == tuple(sorted(lowest, reverse=True))
     )
-    assert (lowest[0], lowest[-1]) == (found.answer.before, found.answer.after) and spent[-1] == BUDGET
+    assert (lowest[0], lowest[-1]) == (found.final.before, found.final.after) and spent[-1] == BUDGET
 
 
 def test_a_planted_servo_is_fitted() -> None:
     log = secret_servo.record(secret_servo.values_of(7), 7)
     cut = data(load_robot("servo_pendulum"), log)
     found = calibrate(cut, "cma", budget=200)
-    nominal, answer = (SimConfig.of(cut.robot, v) for v in (cut.start, found.answer.values))
+    nominal, answer = (SimConfig.of(cut.robot, v) for v in (cut.start, found.final.values))
     before, after = replay_errors(cut, [nominal, answer])
     assert (after < 0.3 * before).all(), "on what is held out, too"
 
@@ -105,13 +105,13 @@ def test_what_the_log_tells_stays_beyond_its_range_too(secret: Data, share: floa
     told = replace(secret, known=known)
     one = calibrate(told, "random", budget=12)
     assert all(np.allclose(values[:, 0], known[0]) for values, _ in replayed) and len(replayed) > 2
-    assert one.answer.values[0] == pytest.approx(known[0])
+    assert one.final.values[0] == pytest.approx(known[0])
 
 
 def test_where_all_is_known_there_is_nothing_to_search(secret: Data) -> None:
     every = calibrate(replace(secret, known=secret.robot.space.nominal), "cma", budget=12)
-    assert every.rollouts == 1 and every.history == ((1, every.answer.before),)
-    assert every.answer.before == every.answer.after and every.ended == "nothing to fit"
+    assert every.rollouts == 1 and every.history == ((1, every.final.before),)
+    assert every.final.before == every.final.after and every.ended == "nothing to fit"
 
 
 def test_an_old_word_still_works_and_says_what_it_is_called_now() -> None:

@@ -1,5 +1,7 @@
 """The losses of a stage: joint angles up to a shift, mean velocities, and a simulation that diverged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -87,3 +89,22 @@ def test_a_loss_that_no_channel_tells_is_refused(robot: str, loss: str) -> None:
 def test_a_stage_that_skips_all_rows_is_refused() -> None:
     with pytest.raises(UsageError, match="skip = 50 s"):
         of(recorded(load_robot("servo_pendulum")), "replay", skip=50.0)
+
+
+@pytest.mark.parametrize("loss", ["replay", "joint"])
+def test_a_log_that_ends_before_what_is_skipped_does_not_count(loss: str) -> None:
+    cut = recorded(load_robot("servo_pendulum"))
+    measured = cut.windows.measured.copy()
+    measured[cut.parts.chosen[0], 20:] = np.nan
+    short = replace(cut, windows=replace(cut.windows, measured=measured))
+    rest = replace(
+        cut.parts,
+        fit=np.isin(np.arange(len(cut.windows)), cut.parts.chosen[1:]),
+        select=cut.parts.test & False,
+    )
+    points = stream(1, "losses").uniform(size=(5, len(cut.robot.space)))
+    found = of(short, loss, skip=0.3).of(points)
+    np.testing.assert_allclose(found, of(replace(cut, parts=rest), loss, skip=0.3).of(points))
+    measured[cut.parts.chosen, 20:] = np.nan
+    with pytest.raises(UsageError, match="nothing was measured behind skip = 0.3 s"):
+        of(short, loss, skip=0.3)

@@ -2,15 +2,22 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tiny_registry import bench_csv, make
 
 import dynreg
+from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
 from dynreg.errors import UsageError
+from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.table import METHODS
 from dynreg.results import Calibration
 from dynreg.session import Session
+from dynreg.sim.effects import term
+from dynreg.sim.robot import load_robot
+from dynreg.sim.stand import on_stand
+from dynreg.verbs.simulators import simulator
 
 PLAN = """
 [[stages]]
@@ -30,7 +37,7 @@ generations = 2
 children = 6
 mu = 2
 """
-TOLD = {"budget": 30, "hold_out": "e4", "threads": 1}
+TOLD = {"hold_out": "e4", "threads": 1}
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +54,10 @@ def session(place: Path):
         yield opened
 
 
+def budget_of(method: str) -> dict[str, int]:
+    return {"budget": 30} if "budget" in METHODS[method].reads else {}
+
+
 def asked(session: Session, place: Path, method: str, **told) -> Calibration:
     plan = {"plan": place / "plan.toml"} if "plan" in METHODS[method].needs else {}
     return session.calibrate("bench", method=method, **{**TOLD, **plan, **told})
@@ -54,7 +65,7 @@ def asked(session: Session, place: Path, method: str, **told) -> Calibration:
 
 @pytest.fixture(scope="module")
 def found(session: Session, place: Path) -> dict[str, Calibration]:
-    return {name: asked(session, place, name) for name in METHODS if name != "diagnose"}
+    return {name: asked(session, place, name, **budget_of(name)) for name in METHODS if name != "diagnose"}
 
 
 def test_every_method_answers_by_the_same_measure(found: dict[str, Calibration]) -> None:
@@ -86,10 +97,12 @@ def test_the_stages_of_a_plan_are_versions_in_turn(found: dict[str, Calibration]
     assert masses.after <= masses.before and every.after <= every.before
 
 
-def test_a_simulator_is_made_of_the_nearest_one(found: dict[str, Calibration]) -> None:
+def test_a_simulator_is_made_of_the_nearest_one(session: Session, found: dict[str, Calibration]) -> None:
     nearest, made = found["synthesis"].versions
     assert made.parent == nearest.simulator and found["synthesis"].population == found["nearest"].population
     assert len(found["nearest"].versions) == 1
+    entries = session.registry.resolve(nearest.parent, ("entry",))
+    assert entries[1] == nearest.parent, "it is a registered one"
 
 
 def test_the_document_reads_back_and_version_1_still_opens(found: dict[str, Calibration]) -> None:
@@ -103,24 +116,28 @@ def test_the_document_reads_back_and_version_1_still_opens(found: dict[str, Cali
 
 
 def test_a_calibration_is_simulated_by_its_word(session: Session, found: dict[str, Calibration]) -> None:
-    compared = session.compare("bench", simulators=["nominal", "calibrated"], hold_out="e4")
-    assert compared.rows()
+    compared = session.compare("bench", simulators=["nominal", found["staged"].simulator], hold_out="e4")
+    nominal, staged = (one["simulator"] for one in compared.rows()[:2])
+    assert nominal != staged
+    first = found["staged"].versions[0]
+    seen = simulator(session.registry, first.simulator, load_robot("servo_pendulum"), first.recordings[0])
+    assert seen.fitted_to == {*first.episodes}, "a stage says by which episodes it was shaped"
 
 
 def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
     session: Session, place: Path
 ) -> None:
-    whole = asked(session, place, "es", seed=5)
+    whole = asked(session, place, "es", seed=5, budget=30)
 
     def stop(stage: str, done: int, total: int) -> None:
         if done > 15:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        asked(session, place, "es", seed=5, progress=stop)
-    with pytest.raises(UsageError, match=r"another search \(seed differ"):
-        asked(session, place, "es", seed=6, resume=True)
-    again = asked(session, place, "es", seed=5, resume=True)
+        asked(session, place, "es", seed=5, budget=30, progress=stop)
+    with pytest.raises(UsageError, match=r"nothing to resume with seed 6"):
+        asked(session, place, "es", seed=6, budget=30, resume=True)
+    again = asked(session, place, "es", seed=5, budget=30, resume=True)
     assert (again.parameters, again.history) == (whole.parameters, whole.history)
 
 
@@ -143,8 +160,12 @@ def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
     ("told", "says"),
     [
         ({"method": "staged"}, "without a plan"),
-        ({"method": "cma", "plan": Path("x.toml")}, "reads none"),
-        ({"method": "es", "population": "crowd"}, "reads none"),
+        ({"method": "cma", "plan": Path("x.toml")}, "means nothing"),
+        ({"method": "es", "population": "crowd"}, "means nothing"),
+        ({"method": "diagnose", "budget": 9}, "budget '9' with method 'diagnose'"),
+        ({"method": "nearest", "resume": True}, "resume with method 'nearest'"),
+        ({"method": "nearest", "budget": 3}, "a budget of 3"),
+        ({"method": "staged", "plan": Path("aibo/nope")}, "aibo/air, aibo/ground"),
         ({"method": "btr"}, "method 'btr'"),
     ],
 )
@@ -157,8 +178,35 @@ def test_it_begins_with_another_simulator_and_carries_what_that_had_fitted(
     session: Session, place: Path, found: dict[str, Calibration]
 ) -> None:
     start = found["cma"]
-    again = asked(session, place, "staged", start=start.simulator)
+    again = asked(session, place, "staged", start=start.simulator, budget=30)
     assert again.versions[0].parent == start.simulator
     assert again.versions[1].before <= start.train_error * 1.001, "the second stage is of the replay error"
-    with pytest.raises(UsageError, match="begins with registered simulators"):
+    with pytest.raises(UsageError, match="means nothing"):
         asked(session, place, "nearest", start=start.simulator)
+
+
+def test_a_diagnosis_answers_in_the_same_form(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    log = log_of(
+        robot, hide(robot, (term("load_friction"),), "strong", 11), protocol(robot, seed=1, seconds=12.5)
+    )
+    with dynreg.open(tmp_path / "registry") as session:
+        session.ingest(log, robot, name="log")
+        found = session.calibrate("log", method="diagnose", threads=1, hold_out="0.25")
+        kept = session.registry.simulator(found.simulator)
+    assert found.causes == ("load_friction",) and set(kept["effects"]) == {"load_friction"}
+    assert [one.stage for one in found.versions] == ["calibrated", "extended"]
+    assert found.versions[1].parent == found.versions[0].simulator
+    assert found.test_error < 0.5 * found.nominal_test_error
+    fitted = [one for one in found.parameters.values() if one.low is not None]
+    assert fitted and all(one.low <= one.value <= one.high for one in fitted)
+
+
+@pytest.mark.parametrize(("name", "stand"), [("air", True), ("ground", False)])
+def test_plans_that_a_robot_brings_fit_it(name: str, stand: bool) -> None:
+    robot = load_robot("aibo")
+    stages = read_plan(robot.folder / "plans" / f"{name}.toml")
+    own = on_stand(robot) if stand else robot
+    known = np.zeros(len(own.space), dtype=bool)
+    found = resolved(stages, own.space.names, known, ["ground/kick", "walks/A00"], np.arange(2))
+    assert [len(one.parameters) for one in found] == ([24] if stand else [24, 32])

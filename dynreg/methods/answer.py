@@ -10,7 +10,8 @@ import numpy as np
 class Version:
     """One simulator: parameters (P,) in their units and effects, {key: {parameter: value}}.
 
-    stage : what made it. parent : number of the version that it came from; None of the nominal simulator. episodes : of
+    stage : what made it. parent : number of the version that it came from; None of the nominal simulator, or the one
+    that the question begins with. entry : id of the registered simulator that it is; None of a new one. episodes : of
     the recording, that shaped it. before, after : the objective that the stage made small, at its parent and at it;
     None where the stage has none.
     """
@@ -21,17 +22,18 @@ class Version:
     episodes: tuple[str, ...]
     before: float | None = None
     after: float | None = None
+    entry: str | None = None
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Answer:
     """What a method answers: its versions in the order in which they were made, of which the last is the answer.
 
-    intervals : {parameter: (low, high)} of 90 %, of a method that tells any. causes : keys of the effects that it
-    names; None of a method that looks for none. history : (simulators run, lowest objective) whenever it fell; empty
-    for a method with several objectives. ended : why it ended. evaluations : distances. rollouts : simulators run.
-    simulated : seconds of them; None where nobody counted them.
+    ended : why it ended. rollouts : simulators run. simulated : seconds of them; None where nobody counted them.
+    evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
+    of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
+    none. history : (simulators run, lowest objective) whenever it fell; empty for a method with several objectives.
     """
 
     versions: tuple[Version, ...]
@@ -39,11 +41,12 @@ class Fitted:
     rollouts: int
     simulated: float | None
     evaluations: int = 0
+    resumed: int = 0
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     causes: tuple[str, ...] | None = None
     history: tuple[tuple[int, float], ...] = ()
 
     @property
-    def answer(self) -> Version:
+    def final(self) -> Version:
         """The last one."""
         return self.versions[-1]
