@@ -3,8 +3,8 @@
 Table 1 of the paper beside ours: how far mean velocities of simulated walks are from those of the real robot, over the
 walks that were fitted (A), those that were not (B), and all. Standard and largest deviation as printed there, and the
 root of the mean square, which a mean bias does not hide. The hidden robot has a second material, which no stage can
-fit, and parameters that differ from the nameplate. `--scale` runs a share of each stage's generations. Only the table of
-a whole run is kept.
+fit, and parameters that differ from the nameplate. `--scale` runs a share of each stage's generations. Only the table
+of a whole run is kept.
 """
 
 import argparse

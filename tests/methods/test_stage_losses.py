@@ -97,11 +97,8 @@ def test_a_log_that_ends_before_what_is_skipped_does_not_count(loss: str) -> Non
     measured = cut.windows.measured.copy()
     measured[cut.parts.chosen[0], 20:] = np.nan
     short = replace(cut, windows=replace(cut.windows, measured=measured))
-    rest = replace(
-        cut.parts,
-        fit=np.isin(np.arange(len(cut.windows)), cut.parts.chosen[1:]),
-        select=cut.parts.test & False,
-    )
+    kept = np.isin(np.arange(len(cut.windows)), cut.parts.chosen[1:])
+    rest = replace(cut.parts, fit=kept, select=np.zeros_like(kept))
     points = stream(1, "losses").uniform(size=(5, len(cut.robot.space)))
     found = of(short, loss, skip=0.3).of(points)
     np.testing.assert_allclose(found, of(replace(cut, parts=rest), loss, skip=0.3).of(points))

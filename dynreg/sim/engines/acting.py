@@ -95,7 +95,7 @@ def with_drives(active: list[Acting], robot: Robot, ports: Ports) -> list[Acting
     Call it when ports are set. An integral part sees the target that all effects on commands have left.
     """
     out = _with_profiles(active, robot, ports)
-    position = np.array([kind == "position" for kind in ports.types])
+    position = np.array([kind == "position" for kind in ports.types], dtype=bool)
     joints = np.flatnonzero((ports.drive["integral_gain"] > 0.0).any(axis=0) & position)
     if len(joints):
         out.append(_of_drives(INTEGRAL, robot, ports, joints, integral_values(ports, joints)))
