@@ -6,6 +6,7 @@ descent, on the ground. `shape` leads from a rectangle (0) to a half ellipse (1)
 together, as in a trot. `skew` is the curvature of the robot's way: the feet on the ground turn about its centre.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -20,17 +21,21 @@ from dynreg.gait.table import JointTable
 from dynreg.sim.gait_tables import GaitTable
 from dynreg.sim.robot import Robot
 
-FASTEST = 3.0  # Hz, of the steps of a leg
-STANCE = (
-    16  # points on the ground, between which joints turn evenly: the foot of an AIBO is 0.05 mm off the line
-)
+Fits = Callable[[np.ndarray], np.ndarray]  # which of some gaits (n, G) can be run, (n,)
+
+FASTEST = 3.0  # Hz, of the steps of a leg; our own choice, as the paper prints none
+# Points on the ground, between which joints turn evenly: the foot of an AIBO is then 0.05 mm off the line.
+STANCE = 16
 SAME = 1e-9  # s, between two points that are one
 MISSED = 1e-7  # m, between a foot and where it should be, that counts as there
 HALVINGS = 14  # of the way to a gait that can be run
 ENDS = ("front", "rear")
-# Usual bounds: shares of the leg's length, a second for `speed`; of an operating point, about the reset pose.
+# Usual bounds: shares of the leg's length, a second for `speed`; of an operating point, about the reset pose. The paper
+# prints none: they are our own choice.
 ABOUT = {"x": 0.35, "y": 0.15, "z": 0.25}
 BOUNDS = {"length": (0.1, 0.8), "lift": (0.02, 0.35), "speed": (0.2, 3.0)}
+# {gene: (above, below)}: outside, a foot would not go back, or the knots of the spline would not follow each other.
+ALLOWED = {"speed": (0.0, np.inf), "air": (0.0, 1.0), "lift_time": (0.0, 0.5)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,17 +57,16 @@ class Locus(Family):
     @classmethod
     def of(cls, robot: Robot, table: GaitTable) -> Self:
         if sorted(role.name for role in table.roles) != sorted(ROLES) or len(table.legs) != 4:
-            raise _unlike(robot, f"{len(table.legs)} legs with roles {[role.name for role in table.roles]}")
+            told = f"{len(table.legs)} legs with roles {[role.name for role in table.roles]}"
+            raise _unlike(robot, told, f"four legs with the roles {list(ROLES)}")
         joints = [tuple(leg.joints[role] for role in ROLES) for leg in table.legs]
         legs = legs_of(robot, joints)
         hips = np.array([leg.hip for leg in legs])
         front, left = (hips[:, :2] > hips[:, :2].mean(axis=0)).T
         if len({*zip(front, left, strict=True)}) < 4:
-            raise _unlike(robot, "legs that are not one at each corner")
+            raise _unlike(robot, "legs that are not one at each corner", "four legs, one at each corner")
         genes = ranged(robot, _genes(legs, front, left), table)
-        length = next(g for g in genes if g.name == "length")
-        if length.low <= 0.0 <= length.high:
-            raise _unlike(robot, f"length = [{length.low:g}, {length.high:g}], in which 0 lies")
+        _require_sound(robot, genes)
         return cls(
             **of_robot(robot, table),
             ramp=table.ramp,
@@ -211,7 +215,7 @@ class Locus(Family):
             fits &= self._frequency(genes) <= FASTEST + SLACK
         return fits
 
-    def _toward(self, genes: np.ndarray, small: np.ndarray, columns: list[int], fits) -> np.ndarray:
+    def _toward(self, genes: np.ndarray, small: np.ndarray, columns: list[int], fits: Fits) -> np.ndarray:
         """(n, G) genes that fit as they are; of others, `columns` go toward `small` (G,) until they do."""
         wanted, known = genes[:, columns], fits(genes)
         low, high = known.astype(float), np.ones(len(genes))
@@ -229,7 +233,7 @@ class Locus(Family):
         return moved(low)
 
 
-def _standing(legs, front: np.ndarray, left: np.ndarray) -> dict[str, float]:
+def _standing(legs: Sequence[Leg], front: np.ndarray, left: np.ndarray) -> dict[str, float]:
     """Where the feet are from their hips in the reset pose [m], both of an end taken together; y outwards."""
     away = np.array([leg.reaches(leg.rest) - leg.hip for leg in legs])
     away[:, 1] *= np.where(left, 1.0, -1.0)
@@ -237,7 +241,7 @@ def _standing(legs, front: np.ndarray, left: np.ndarray) -> dict[str, float]:
     return {f"{end}_{axis}": float(means[end][i]) for end in ENDS for i, axis in enumerate("xyz")}
 
 
-def _genes(legs: list[Leg], front: np.ndarray, left: np.ndarray) -> tuple[Gene, ...]:
+def _genes(legs: Sequence[Leg], front: np.ndarray, left: np.ndarray) -> tuple[Gene, ...]:
     """The 20 genes with their usual bounds."""
     size = float(np.mean([leg.length for leg in legs]))
     scaled = {name: (size * low, size * high) for name, (low, high) in BOUNDS.items()}
@@ -252,9 +256,23 @@ def _genes(legs: list[Leg], front: np.ndarray, left: np.ndarray) -> tuple[Gene, 
     return tuple(genes)
 
 
-def _unlike(robot: Robot, what: str) -> RobotError:
+def _require_sound(robot: Robot, genes: tuple[Gene, ...]) -> None:
+    """RobotError where the bounds of a gene hold a value with which no foot has a way."""
+    for gene in genes:
+        said = f"{gene.name} = [{gene.low:g}, {gene.high:g}]"
+        above, below = ALLOWED.get(gene.name, (-np.inf, np.inf))
+        if not above < gene.low < gene.high < below:
+            expected = f"above {above:g}" if below == np.inf else f"above {above:g} and below {below:g}"
+            raise _unlike(robot, said, f"bounds {expected}")
+        if gene.name == "length" and gene.low <= 0.0 <= gene.high:
+            raise _unlike(robot, f"{said}, in which 0 lies", "bounds above 0, or below it")
+        if gene.name == "points" and gene.low < 1.0:
+            raise _unlike(robot, said, "at least 1 point in the air")
+
+
+def _unlike(robot: Robot, what: str, expected: str) -> RobotError:
     return RobotError(
         f"[gait] of robot {robot.name!r} is of kind 'locus': {what}",
-        expected=f"four legs, one at each corner, with the roles {list(ROLES)}, and a length above or below 0",
+        expected=expected,
         do="correct [gait] in robot.toml",
     )

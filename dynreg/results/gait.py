@@ -1,10 +1,10 @@
 """The answer of `gait`: joint commands that walk in k simulators, and their fitness."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from dynreg.axes import axes_for
 from dynreg.results.result import Cost, Interval, Result
@@ -105,12 +105,29 @@ class GaitExpected(Result):
     p95: float
 
 
-def _sines(frequency: float, joints: Sequence[Mapping[str, float]]) -> dict[str, Any]:
-    """A period of offset + amplitude sin(2 pi frequency t + phase) of each joint."""
-    turns = [2 * math.pi * k / POINTS for k in range(POINTS)]
-    rows = [[j["offset"] + j["amplitude"] * math.sin(turn + j["phase"]) for j in joints] for turn in turns]
-    times = [k / POINTS / frequency for k in range(POINTS + 1)]
-    return {"period": 1.0 / frequency, "times": times, "targets": [*rows, rows[0]]}
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Sine(GaitJoint):
+    """A joint as documents of version 1 have it: it is told offset + amplitude sin(2 pi frequency t + phase) [rad]."""
+
+    offset: Finite
+    amplitude: Finite
+    phase: Finite
+
+
+class _FirstVersion(BaseModel):
+    """What only documents of version 1 have; frequency in periods a second [Hz]."""
+
+    frequency: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    joints: tuple[_Sine, ...]
+
+    def table(self) -> dict[str, Any]:
+        """One period."""
+        turns = [2 * math.pi * k / POINTS for k in range(POINTS)]
+        rows = [[j.offset + j.amplitude * math.sin(turn + j.phase) for j in self.joints] for turn in turns]
+        times = [k / POINTS / self.frequency for k in range(POINTS + 1)]
+        return {"period": 1.0 / self.frequency, "times": times, "targets": [*rows, rows[0]]}
 
 
 class Gait(Result):
@@ -165,20 +182,19 @@ class Gait(Result):
     @model_validator(mode="before")
     @classmethod
     def _from_first_version(cls, document: Any) -> Any:
-        """A document of version 1 knew sines alone, and stated those of each joint in place of a table."""
+        """A document of version 1 knew sines alone, and stated those of each joint in place of a table.
+
+        Raises ValidationError, as a field of this model does.
+        """
         if not isinstance(document, Mapping) or "dynreg/gait/1" not in (
             document.get("schema"),
             document.get("schema_"),
         ):
             return document
-        here = {name: value for name, value in document.items() if name not in ("schema", "schema_")}
-        if not {"joints", "frequency"} <= here.keys():
-            return here
-        frequency, sines = here.pop("frequency"), here["joints"]
-        if not 0.0 < frequency < math.inf:
-            raise ValueError(f"frequency = {frequency}")
-        joints = [{name: j[name] for name in GaitJoint.model_fields if name in j} for j in sines]
-        return here | {"kind": "sines", "joints": joints, "table": _sines(frequency, sines)}
+        first = _FirstVersion.model_validate(dict(document))
+        joints = [joint.model_dump(include={*GaitJoint.model_fields}) for joint in first.joints]
+        kept = {name: value for name, value in document.items() if name not in ("schema", "schema_", "frequency")}
+        return kept | {"kind": "sines", "joints": joints, "table": first.table()}
 
     @property
     def frequency(self) -> float | None:

@@ -419,6 +419,21 @@ def test_a_gait_changed_by_hand_past_its_limits_is_not_written(opened: Session, 
         path.write_text(f'{{"schema": "dynreg/gait/{version}"}}')
         with pytest.raises(UsageError, match="is not a gait"):
             opened.export_gait(path, tmp_path / "wild.csv")
+    joint = {"action": "fl_hip/target", "rest": 0.0, "low": None, "high": None, "speed": None}
+    sine = joint | {"offset": 0.0, "amplitude": 0.1, "phase": 0.0}
+    for frequency, stated, says in (
+        (1.0, [{}], "joints.0.action: Field required"),
+        ("x", [sine], "frequency: .*number"),
+        (0.0, [sine], "frequency: .*greater than 0"),
+        (1.0, 3, "joints: .*array"),
+        (1.0, [joint], "joints.0.offset: Field required"),
+        (1.0, [sine | {"phase": float("inf")}], "joints.0.phase: .*finite"),
+        (1.0, [3], "joints.0: "),
+    ):
+        first = {"schema": "dynreg/gait/1", "frequency": frequency, "joints": stated}
+        path.write_text(json.dumps(json.loads(text) | first))
+        with pytest.raises(UsageError, match=f"is not a gait: {says}"):
+            opened.export_gait(path, tmp_path / "wild.csv")
     assert not (tmp_path / "wild.csv").exists()
 
 
