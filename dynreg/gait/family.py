@@ -20,7 +20,9 @@ from dynreg.sim.robot import Robot
 
 SLACK = 1e-9  # rad, rad/s: what rounding may add
 POINTS = 128  # of a period of smooth joint angles: between them a sine of 0.6 rad is 0.2 mrad off
-SCATTER = 0.12  # of the ranges, 1 sigma, of draws about the pose at rest
+# Of the ranges, 1 sigma, of draws about the pose at rest. Our own choice, for sines: with it searches that set out from
+# the best draw end faster (bench_gait_search). No bench has tried it on other families.
+SCATTER = 0.12
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,11 @@ class Family(ABC):
     pose : (A,) [rad] at rest. low, high : (A,) position limits [rad]. speed : (A,) rate limits [rad/s].
     ramp : time [s] in which a gait fades in from rest. first : {gene: value} of the gaits that searches try first.
 
-    told_by : the tables of robot.toml that can be of this kind. A kind gives `of`, `targets`, `feasible`, `problems`,
-    `frequency` and `fastest`. It also gives `rest` where draws about the pose at rest shall not be uniform, and `table`
-    where it is no period of `targets`, or one with corners.
+    told_by : the class of the tables of robot.toml that can be of this kind.
+
+    Each kind must give `of`, `targets`, `feasible`, `problems`, `frequency` and `fastest`. Two methods are optional.
+    `rest` says which genes mean the pose at rest, so that searches draw near it; without it they draw anywhere.
+    `table` is needed where a motion does not repeat, or where its joints turn sharply between two of `POINTS` times.
     """
 
     kind: ClassVar[str]

@@ -57,7 +57,10 @@ def joints(space: Family) -> tuple[Joint, ...]:
 
 
 def require_playable(gait: Played) -> None:
-    """UsageError where a gait's joints would pass their limits, or a number is none, as after a change by hand."""
+    """Check a gait that somebody may have changed by hand.
+
+    Raises UsageError where a joint would pass one of its limits, or where a number is missing or not finite.
+    """
     numbers = "finite numbers, times and rates above 0"
     for name in ("rate", "seconds", "ramp"):
         value = getattr(gait, name)
@@ -84,14 +87,14 @@ def require_playable(gait: Played) -> None:
 
 
 def _require_finite(gait: Played, name: str, angles: np.ndarray) -> None:
-    """UsageError where one of the angles (n, A) is no number."""
+    """UsageError where one of the angles (n, A) is not finite."""
     if len(lost := np.argwhere(~np.isfinite(angles))):
         action = gait.joints[lost[0, 1]].action
         raise _unlike(gait.robot, f"{name} of {action} = {angles[tuple(lost[0])]}", "finite numbers")
 
 
 def _table(gait: Played) -> JointTable:
-    """The table of a gait; UsageError where it is none."""
+    """The table of a gait; UsageError where its times, angles or period do not fit together."""
     table, whole = (
         gait.table,
         "two or more times that rise from 0 to the period, an angle of each joint at each",

@@ -15,7 +15,8 @@ from dynreg.gait.table import JointTable
 from dynreg.sim.gait_tables import PosesTable
 from dynreg.sim.robot import Robot
 
-LASTS = (0.05, 0.5)  # s, from a pose to the next, usually
+# s, from a pose to the next, usually. The paper prints no bounds of its count of points: these are our own choice.
+LASTS = (0.05, 0.5)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -91,9 +92,8 @@ class Poses(Family):
     def rest(self) -> np.ndarray:
         """(G,) the pose at rest, every time."""
         own = np.empty(self.free.max() + 1)
-        own[self.free[::-1]] = (self.signs * self.pose[self.columns])[
-            ::-1
-        ]  # of who leads, which stands first
+        angles = self.signs * self.pose[self.columns]
+        own[self.free[::-1]] = angles[::-1]  # joints that lead stand first, so theirs is written last
         return np.append(np.tile(own, self.poses), np.nan)
 
     def feasible(self, genes: np.ndarray) -> np.ndarray:

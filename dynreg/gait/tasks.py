@@ -140,7 +140,8 @@ class Speed(Task):
 class Kick(Task):
     """Metres D that the first tracked body went, less for an angle psi off `direction` [rad, to the left].
 
-    D exp(-k psi^2), with k = `sharpness` [1/rad^2]. A cosine in its place is flat about 0, and searches do not aim.
+    D exp(-k psi^2), with k = `sharpness` [1/rad^2]. With D cos(psi), which is flat about 0, searches do not aim
+    (Zagal and Ruiz-del-Solar, who give no k: 5 is our own choice).
     """
 
     kind = "kick"

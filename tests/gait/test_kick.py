@@ -1,10 +1,15 @@
 """Bodies beside the robot: where they go is tracked, and a kick is scored by it."""
 
+import re
+import tomllib
+from pathlib import Path
+
 import numpy as np
 import pytest
 import toy_dog
 
 from dynreg.errors import RobotError
+from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Kick, fell, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.sim.gait_tables import TaskTable
@@ -100,6 +105,16 @@ def test_robots_without_such_bodies_have_none_and_no_kick(tmp_path, quadruped) -
     robot = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), MORE))
     with pytest.raises(RobotError, match="task 'kick' scores 1 tracked bodies, robot 'dog' has 0"):
         task_of(robot, "kick")
+
+
+def test_the_kick_of_the_page_scores_its_ball(tmp_path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "gait.md").read_text(encoding="utf-8")
+    (block,) = [one for one in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[[motions]]" in one]
+    assert tomllib.loads(block)["robot"] == {"tracked": ["ball"]}
+    motion = block[block.index("[[motions]]") :]
+    robot = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), motion, ball=True))
+    task = task_of(robot, "kick")
+    assert isinstance(task, Kick) and gait_space(robot, task.motion).names[:2] == ("fl_rotor_1", "fl_knee_1")
 
 
 def test_a_body_that_is_not_there_is_refused(tmp_path) -> None:

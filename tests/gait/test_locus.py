@@ -110,7 +110,9 @@ def test_a_place_that_no_foot_reaches_is_told_and_the_locus_shrinks(space) -> No
 
 def test_what_is_too_fast_is_slowed_and_keeps_its_way(space) -> None:
     genes = by_hand(space, speed=0.4)
-    assert space.problems(genes) == ("each leg would step 4.00 times a second, past 3",)
+    *turns, steps = space.problems(genes)
+    assert turns[0] == "fl_knee/target would turn at 17.95 rad/s, past its limit 12.00"
+    assert steps == "each leg would step 4.00 times a second, past 3"
     made = space.as_dict(space.feasible(genes[None])[0])
     assert made["speed"] < 0.4 and made["length"] == pytest.approx(0.05)
 
