@@ -189,5 +189,5 @@ def _counts(pair: Pair, found: list[np.ndarray]) -> np.ndarray:
 
 
 def _by_hand(terms: tuple[Term, Term]) -> str:
-    said = [one.effect.separate_by for one in terms if one.effect.separate_by]
-    return f"to separate them, {said[0]}" if said else "measure them by hand"
+    said = next(filter(None, (one.effect.separate_by_at(one.at) for one in terms)), None)
+    return f"to separate them, {said}" if said else "measure them by hand"

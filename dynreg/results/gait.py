@@ -193,7 +193,9 @@ class Gait(Result):
             return document
         first = _FirstVersion.model_validate(dict(document))
         joints = [joint.model_dump(include={*GaitJoint.model_fields}) for joint in first.joints]
-        kept = {name: value for name, value in document.items() if name not in ("schema", "schema_", "frequency")}
+        kept = {
+            name: value for name, value in document.items() if name not in ("schema", "schema_", "frequency")
+        }
         return kept | {"kind": "sines", "joints": joints, "table": first.table()}
 
     @property

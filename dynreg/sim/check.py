@@ -10,6 +10,7 @@ import numpy as np
 
 from dynreg.errors import DynregError, RobotError
 from dynreg.folder import TOML, Folder
+from dynreg.sim.beside import tracked_problems
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import bank_period
 from dynreg.sim.extremes import try_out
@@ -100,6 +101,8 @@ def _names(robot: Robot) -> tuple[list[tuple[str | None, Said]], Robot]:
     except DynregError as problem:
         found.append((None, (("reset", "keyframe"), str(problem))))
         robot = _with(robot, reset=robot.file.reset.model_copy(update={"keyframe": None}))
+    if [*tracked_problems(robot)]:  # which `_declared` tells
+        robot = _with(robot, robot=robot.file.robot.model_copy(update={"tracked": []}))
     lost: set[tuple[str, str]] = set()
     for engine in robot.engines:
         for said in _names_on(robot, engine):
@@ -186,6 +189,8 @@ def _declared(robot: Robot) -> Iterator[Said]:
             ("fall",),
             "[fall] needs a free joint and the model has none; remove [fall] or add a <freejoint>",
         )
+    for problem in tracked_problems(robot):
+        yield ("robot", "tracked"), str(problem)
     geoms = [robot.model.geom(i).name for i in range(robot.model.ngeom)]
     for location, problem, expected, do in material_problems(robot.file, geoms):
         yield location, str(RobotError(problem, expected=expected, do=do))

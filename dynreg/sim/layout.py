@@ -8,6 +8,7 @@ import numpy as np
 from dynreg.data.attitude import euler_angles
 from dynreg.data.names import parts_of
 from dynreg.errors import RobotError
+from dynreg.sim.beside import tracked_bodies
 from dynreg.sim.robot import Robot
 
 BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
@@ -63,22 +64,8 @@ def layout_of(robot: Robot) -> Layout:
         int(model.jnt_qposadr[base]) if free else -1,
         int(model.jnt_dofadr[base]) if free else -1,
         *_action_addresses(robot, joints),
-        _tracked_addresses(robot),
+        model.jnt_qposadr[model.body_jntadr[tracked_bodies(robot)]].astype(int),
     )
-
-
-def _tracked_addresses(robot: Robot) -> np.ndarray:
-    model = robot.model
-    free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
-    beside = {model.body(int(model.jnt_bodyid[j])).name: int(model.jnt_qposadr[j]) for j in free[1:]}
-    for name in robot.file.robot.tracked:
-        if name not in beside:
-            raise RobotError(
-                f"tracked body {name!r} is not beside the robot in the model",
-                expected=f"one of {list(beside)}: bodies with a free joint, after the robot's own",
-                do="correct `tracked` of [robot], or add a <freejoint> to the body in the MJCF",
-            )
-    return np.array([beside[name] for name in robot.file.robot.tracked], dtype=int)
 
 
 def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray, ...]:

@@ -4,6 +4,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -25,6 +26,7 @@ ONLY_FREE = ("fall", "gait", "motions", "tasks", "populations")
 # than a spring shows, 1 ms by 2.8
 TIMESTEP = 0.001
 TRIED, IDLE = 4, 1e-9  # episodes in which a parameter must change something, by so much of a channel's unit
+_TRACKED = re.compile(r"""^\s*tracked\s*=\s*\[(?:"[^"]*"|'[^']*'|[^]"'])*\].*\n?""", re.MULTILINE)
 _HEADER = re.compile(r"^\s*\[\[?\s*([A-Za-z0-9_-]+)[\w.\s-]*\]\]?\s*(?:#.*)?$", re.MULTILINE)
 
 
@@ -32,8 +34,8 @@ def on_stand(robot: Robot) -> Robot:
     """The robot with its base held so high that no foot reaches the ground: a folder in memory, to be written or used.
 
     Its model has no free joint, and nothing on it touches anything; robot.toml has no channel of the base, no falls,
-    gaits, tasks and populations, no parameter that changes nothing there, and a time step of at most `TIMESTEP`. A
-    robot without a floating base is itself. Raises RobotError where the model cannot be changed so.
+    gaits, tasks, populations and tracked bodies, no parameter that changes nothing there, and a time step of at most
+    `TIMESTEP`. A robot without a floating base is itself. Raises RobotError where the model cannot be changed so.
     """
     if not robot.floating:
         return robot
@@ -116,21 +118,23 @@ def _common(joints: list[str]) -> str:
 
 
 def _held(robot: Robot, base: int) -> str:
-    """The model as MJCF without free joint and contacts, its base at the keyframe's attitude and above all feet."""
+    """The model as MJCF without free joints and contacts, its base at the keyframe's attitude and above all feet.
+
+    Bodies beside the robot stay as parts of the world: parameters may name them.
+    """
     model = robot.model
     body, at = int(model.jnt_bodyid[base]), int(model.jnt_qposadr[base])
     pose = model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe]
     spec = _spec(robot)
-    for key in spec.keys:
-        qpos = np.array(key.qpos)
-        key.qpos = np.delete(qpos, np.arange(at, at + 7)) if len(qpos) else qpos
-        if len(np.array(key.qvel)):
-            dof = int(model.jnt_dofadr[base])
-            key.qvel = np.delete(np.array(key.qvel), np.arange(dof, dof + 6))
-    held = next(one for one in spec.bodies if one.name == model.body(body).name)
-    for joint in list(held.joints):
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    lost = {"qpos": (model.jnt_qposadr[free], 7), "qvel": (model.jnt_dofadr[free], 6)}
+    for key, (name, (first, count)) in product(spec.keys, lost.items()):
+        if len(told := np.array(getattr(key, name))):
+            setattr(key, name, np.delete(told, (first[:, None] + np.arange(count)).ravel()))
+    held, *beside = (spec.body(model.body(int(b)).name) for b in model.jnt_bodyid[free])
+    for joint in [joint for one in (held, *beside) for joint in one.joints]:
         spec.delete(joint)
-    for geom in held.find_all("geom"):
+    for geom in [geom for one in (held, *beside) for geom in one.find_all("geom")]:
         geom.contype = geom.conaffinity = 0
     for pair in list(spec.pairs):
         spec.delete(pair)
@@ -172,6 +176,7 @@ def _told(robot: Robot, base: str, without: frozenset[str]) -> str:
         if name == "parameters" and told["parameters"][0]["name"] in without:
             continue
         if name == "robot":
+            block = _TRACKED.sub("", block)
             block = _put(block, "timestep", min(robot.file.robot.timestep, TIMESTEP))
             block = _put(block, "name", robot.name + SUFFIX)
             if "title" in told["robot"]:

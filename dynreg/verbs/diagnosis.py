@@ -167,7 +167,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
                 replaced=replaced(naming),
                 equivalent=apart + same,
                 inseparable=same,
-                separate_by=term.effect.separate_by,
+                separate_by=term.effect.separate_by_at(term.at),
                 gain=_gain(made.judged.of_cause(number)),
             )
         )

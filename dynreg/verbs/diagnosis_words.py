@@ -201,9 +201,8 @@ def experiments(made: Diagnosed) -> tuple[str, ...]:
         first = made.found.rounds[0]
         term = first.chosen.point.hypothesis.terms[-1]
         apart = rivals(made.problem.model.robot, first)
-        return (
-            (f"To separate {term.key} from {', '.join(apart)}: {term.effect.separate_by}",) if apart else ()
-        )
+        how = term.effect.separate_by_at(term.at)
+        return (f"To separate {term.key} from {', '.join(apart)}: {how}",) if apart else ()
     if made.verdict == "unknown":
         return ("Repeat the same commands: no simulator can explain the difference of repeated runs",)
     return ()

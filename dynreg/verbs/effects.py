@@ -1,6 +1,6 @@
 """The library of effects, as a result."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import product
 
 from dynreg.results.effects import EffectRow, EffectSize, EffectsList
@@ -19,16 +19,17 @@ def effects_list(robot: Robot | None = None) -> EffectsList:
 
 def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> EffectRow:
     why_not = None if robot is None else effect.why_not(robot)
+    places = ((),) if robot is None or why_not else effect.places(robot)
     same = [e.id for e in table.values() if e.id != effect.id and _one_group(robot, effect, e)]
     return EffectRow(
         id=effect.id,
         acts_on=effect.acts_on,
-        title=effect.title if robot is None or why_not else _title(effect, robot),
+        title=_each(effect.title_at(at) for at in places),
         parameters=tuple(
             EffectSize(
                 name=p.name,
                 unit=p.unit,
-                meaning=p.meaning,
+                meaning=_each(effect.meaning_at(p, at) for at in places),
                 weak=p.weak,
                 medium=p.medium,
                 strong=p.strong,
@@ -38,15 +39,15 @@ def _row(effect: Effect, table: Mapping[str, Effect], robot: Robot | None) -> Ef
         ),
         group=tuple(same),
         near=effect.near,
-        separate_by=effect.separate_by,
+        separate_by=_each(effect.separate_by_at(at) for at in places),
         applies=None if robot is None else why_not is None,
         why_not=why_not,
     )
 
 
-def _title(effect: Effect, robot: Robot) -> str:
-    """What it is, at each of the places where it is looked for on the robot."""
-    return "; ".join(dict.fromkeys(effect.title_at(at) for at in effect.places(robot)))
+def _each(said: Iterable[str]) -> str:
+    """What is said of each of the places where an effect is looked for, each once."""
+    return "; ".join(dict.fromkeys(said))
 
 
 def _one_group(robot: Robot | None, first: Effect, second: Effect) -> bool:

@@ -12,7 +12,9 @@ from dynreg.errors import RobotError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Kick, fell, task_of
 from dynreg.gait.trials import Simulators, Trials
+from dynreg.sim.effects.contact import has_ground, left_feet
 from dynreg.sim.gait_tables import TaskTable
+from dynreg.sim.inspection import check_robot
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Walk
@@ -97,6 +99,16 @@ def test_a_trial_on_a_simulated_robot_tells_where_the_ball_went(dog, trials) -> 
     assert trials.task.grade(trial.walk)[0, 0] > 0.2
 
 
+def test_a_ball_is_no_foot_of_the_left_side(dog, tmp_path) -> None:
+    bare = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), MORE))
+    names = [[robot.model.geom(int(g)).name for g in left_feet(robot)] for robot in (bare, dog)]
+    assert names[0] == ["fl_foot", "rl_foot"]
+    assert names[1] and all(name.startswith(("fl_", "rl_")) or not name for name in names[1])
+    left = {dog.model.body(int(dog.model.geom_bodyid[g])).name for g in left_feet(dog)}
+    assert left == {f"{leg}_{part}" for leg in ("fl", "rl") for part in ("upper", "lower")}
+    assert has_ground(dog)
+
+
 def test_robots_without_such_bodies_have_none_and_no_kick(tmp_path, quadruped) -> None:
     bare = Trials(
         quadruped, task_of(quadruped), Simulators(quadruped.space.nominal[None]), rate=36.0, threads=1
@@ -122,6 +134,9 @@ def test_a_body_that_is_not_there_is_refused(tmp_path) -> None:
     path = folder / "robot.toml"
     path.write_text(path.read_text().replace('["ball"]', '["trunk"]'))
     robot = load_robot(folder)
+    line = path.read_text().splitlines().index('tracked = ["trunk"]') + 1
+    (told,) = check_robot(folder)
+    assert told.startswith(f"robot.toml, line {line}: tracked body 'trunk' is not beside the robot")
     with pytest.raises(RobotError, match=r"tracked body 'trunk'.*\['ball'\]"):
         Trials(robot, task_of(robot, "kick"), Simulators(robot.space.nominal[None]), rate=robot.rate).walk(
             np.zeros((1, 25))

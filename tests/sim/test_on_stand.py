@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import toy_dog
 
 from dynreg.errors import UsageError
 from dynreg.folder import Folder
@@ -77,6 +78,30 @@ def test_changed_parameters_stay(quadruped: Robot) -> None:
 def test_a_robot_whose_base_is_held_is_itself() -> None:
     servo = load_robot("servo_pendulum")
     assert on_stand(servo) is servo
+
+
+def test_a_ball_beside_it_is_held_too_and_not_tracked(tmp_path: Path) -> None:
+    walking, gain, mass = (
+        toy_dog.walking(),
+        *(
+            f'[[parameters]]\nname = "{name}"\nunit = "{unit}"\nnominal = {nominal}\nlow = {nominal / 2}\n'
+            f'high = {2 * nominal}\nsets = ["{sets} ="]\n'
+            for name, unit, nominal, sets in (
+                ("gain", "1", 15.0, "port.drive.gain[*]"),
+                ("ball", "kg", 0.02, "mj.body_mass[ball]"),
+            )
+        ),
+    )
+    plain = on_stand(load_robot(toy_dog.folder(tmp_path / "plain", walking, gain)))
+    folder = toy_dog.folder(tmp_path / "dog", walking, gain + mass, ball=True)
+    path = folder / "robot.toml"
+    path.write_text(path.read_text().replace('["ball"]', '[\n  "ball",  # to kick\n]  # one'))
+    stand = on_stand(load_robot(folder))
+    assert not stand.floating and stand.file.robot.tracked == [] and stand.model.nq == 12
+    assert (reset_pose(stand) == reset_pose(plain)).all() and stand.space.names == plain.space.names
+    run = Run(np.tile(reset_pose(stand) + 0.2, (1, 20, 1)))
+    values = plain.space.nominal[None]
+    assert np.array_equal(*(rollout(one, values, run).states for one in (plain, stand)))
 
 
 def test_other_words_for_the_base_are_left_out(quadruped: Robot) -> None:

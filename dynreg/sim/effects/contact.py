@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from dynreg.sim.beside import own_geoms
 from dynreg.sim.effects.body import at_reset
 from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
 from dynreg.sim.robot import Robot
@@ -62,8 +63,16 @@ class SecondFrictionMaterial(_OnGround):
     def title_at(self, at: tuple[str, ...]) -> str:
         return f"the material {at[0]!r} is more slippery than the others" if at else self.title
 
+    def meaning_at(self, parameter: EffectParameter, at: tuple[str, ...]) -> str:
+        return f"friction lost at the material {at[0]!r}" if at else parameter.meaning
+
+    def separate_by_at(self, at: tuple[str, ...]) -> str:
+        if not at:
+            return self.separate_by
+        return f"drag the robot over the ground on {at[0]!r} alone, then on another material alone, with a spring scale"
+
     def configure(self, site: Site, p: Values) -> None:
-        # contact takes the larger of both friction coefficients: the ground steps back for the other feet
+        # contact takes the larger of both friction coefficients: the ground steps back for all others, a ball's too
         ground = grounds(site.robot)
         feet = np.setdiff1d(touching_geoms(site.robot), ground)
         friction = site.expand("geom_friction")
@@ -105,10 +114,14 @@ def grounds(robot: Robot) -> np.ndarray:
     return touching[robot.model.geom_bodyid[touching] == 0]
 
 
+def own_touching(robot: Robot) -> np.ndarray:
+    """Touching geoms of the robot itself: neither of the world nor of a body beside the robot, such as a ball."""
+    return own_geoms(robot, np.setdiff1d(touching_geoms(robot), grounds(robot)))
+
+
 def has_ground(robot: Robot) -> bool:
     """Whether a geom of the world can touch one of the robot."""
-    model, ground = robot.model, grounds(robot)
-    others = np.setdiff1d(touching_geoms(robot), ground)
+    model, ground, others = robot.model, grounds(robot), own_touching(robot)
     meets = model.geom_contype[ground][:, None] & model.geom_conaffinity[others]
     met = model.geom_contype[others] & model.geom_conaffinity[ground][:, None]
     return bool((meets | met).any())
@@ -116,10 +129,9 @@ def has_ground(robot: Robot) -> bool:
 
 def left_feet(robot: Robot) -> np.ndarray:
     """Touching spheres and capsules on the side of positive y at the reset pose, where both sides have some."""
-    model = robot.model
-    touching = np.setdiff1d(touching_geoms(robot), grounds(robot))
+    touching = own_touching(robot)
     round_ones = [int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE)]
-    feet = touching[np.isin(model.geom_type[touching], round_ones)]
+    feet = touching[np.isin(robot.model.geom_type[touching], round_ones)]
     if len(feet) < 2:
         return np.zeros(0, dtype=int)
     y = at_reset(robot).geom_xpos[feet, 1]
@@ -133,9 +145,9 @@ def unlike_materials(robot: Robot) -> dict[str, np.ndarray]:
     """
     if not robot.file.materials:
         return {}
-    feet = np.setdiff1d(touching_geoms(robot), grounds(robot))
-    touching = {name: np.intersect1d(feet, geoms) for name, geoms in robot.materials.items()}
-    return {name: geoms for name, geoms in touching.items() if 0 < len(geoms) < len(feet)}
+    own = own_touching(robot)
+    touching = {name: np.intersect1d(own, geoms) for name, geoms in robot.materials.items()}
+    return {name: geoms for name, geoms in touching.items() if 0 < len(geoms) < len(own)}
 
 
 def _scale(site: Site, field: str, factor: np.ndarray) -> None:

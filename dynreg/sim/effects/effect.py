@@ -205,6 +205,14 @@ class Effect:
         """What it is, in some words, at a place."""
         return self.title
 
+    def meaning_at(self, parameter: EffectParameter, at: tuple[str, ...]) -> str:
+        """What one of its parameters is at a place."""
+        return parameter.meaning
+
+    def separate_by_at(self, at: tuple[str, ...]) -> str:
+        """The experiment that separates it, at a place, from the effects near to it; "" where none is known."""
+        return self.separate_by
+
     def told(self, robot: Robot, at: tuple[str, ...], values: Mapping[str, float]) -> Mapping[str, float]:
         """The values of a stored simulator by the names of today's parameters; as they are unless names changed.
 

@@ -8,6 +8,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.errors import SimulationError
+from dynreg.sim.beside import own_geoms
 from dynreg.sim.effects import Moment, Terms
 from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_drives
 from dynreg.sim.engines.alone import Alone
@@ -133,7 +134,7 @@ class Simulations:
     def walk(self, run: Run, *, feet: bool = False) -> Walk:
         """How the base moves under the commands and motor noise of `run`; a simulation ends where it falls.
 
-        feet : look at which feet (spheres that can touch the ground) touch it, too: that is slower.
+        feet : look at which feet (the robot's own spheres that can touch the ground) touch it, too: that is slower.
         Raises SimulationError for a robot without a floating base.
         """
         if self.layout.base_qpos < 0:
@@ -144,7 +145,7 @@ class Simulations:
             )
         steps = self._steps(run)
         model = compiled(self.robot)[0]
-        spheres = self._feet(model) if feet else np.zeros(0, dtype=int)
+        spheres = own_geoms(self.robot, foot_spheres(model)) if feet else np.zeros(0, dtype=int)
         heights = np.full((run.steps + 1, self._batch.nsim, len(spheres)), np.inf)
         tracked = self.layout.tracked
         places = np.empty((run.steps + 1, self._batch.nsim, len(tracked), 3)) if len(tracked) else None
@@ -153,12 +154,6 @@ class Simulations:
         touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
         names = [model.geom(int(g)).name for g in spheres]
         return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)}, bodies)
-
-    def _feet(self, model: mujoco.MjModel) -> np.ndarray:
-        """Numbers of the robot's own spheres that can touch the ground."""
-        spheres, free = foot_spheres(model), model.jnt_qposadr[model.body_jntadr]
-        beside = np.isin(free, self.layout.tracked) & (model.body_jntnum > 0)
-        return spheres[~beside[model.body_rootid[model.geom_bodyid[spheres]]]]
 
     def _trace(self, steps: Steps, *, read: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """(T+1, n, nq), (T+1, n, nv) of whole episodes; read : with joints where their encoders stand."""

@@ -147,6 +147,18 @@ def test_each_material_has_a_key_and_so_has_the_left_side(sled: Callable[..., Pa
         slid(robot, 0.5, key="second_friction_material")
 
 
+def test_what_is_said_of_a_material_is_not_said_of_sides(sled: Callable[..., Path]):
+    robot = load_robot(sled())
+    (row,) = [r for r in effects_list(robot).effects if r.id == SECOND.id]
+    (loss,) = row.parameters
+    assert "'paw'" in loss.meaning and "'elbow'" in loss.meaning and "left" not in loss.meaning
+    assert "'paw'" in row.separate_by and "180" not in row.separate_by
+    (plain,) = [r for r in effects_list().effects if r.id == SECOND.id]
+    assert plain.parameters[0].meaning == "friction lost on the left" and "180" in plain.separate_by
+    paw, elbow = placed(robot, SECOND)
+    assert SECOND.separate_by_at(paw.at) != SECOND.separate_by_at(elbow.at)
+
+
 def test_a_robot_of_one_material_has_no_second_one(sled: Callable[..., Path]):
     robot = load_robot(sled('[[materials]]\nname = "all"\ngeoms = ["*_paw", "*_elbow"]\n'))
     assert SECOND.why_not(robot) == "no feet on a left side"
