@@ -1,8 +1,15 @@
 """The robots that come along, and the check of a robot folder."""
 
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from dynreg.errors import DynregError, RobotError
+from dynreg.folder import TOML
 from dynreg.results.robots import RobotCheck, RobotLine, RobotList
+from dynreg.sim.finding import Finding, in_one_order
 from dynreg.sim.inspection import inspect_robot
-from dynreg.sim.robot import load_robot, packaged_robots
+from dynreg.sim.robot import Robot, load_robot, packaged_robots
+from dynreg.tomlfile import Location, line_of, toml_text
 
 
 def robot_list() -> RobotList:
@@ -11,10 +18,34 @@ def robot_list() -> RobotList:
 
 
 def robot_check(folder: str) -> RobotCheck:
-    """The errors and warnings of a robot folder or a packaged robot."""
+    """The errors and warnings of a robot folder or a packaged robot.
+
+    Where nothing else is wrong with it, its gait, motions and tasks are made as a search would make them.
+    """
     found = inspect_robot(folder)
+    if not any(one.severity == "error" for one in found):
+        found = in_one_order([*found, *_gait_findings(load_robot(folder))])
     told = {kind: tuple(str(one) for one in found if one.severity == kind) for kind in ("error", "warning")}
     return RobotCheck(robot=folder, sound=not told["error"], problems=told["error"], warnings=told["warning"])
+
+
+def _gait_findings(robot: Robot) -> Iterator[Finding]:
+    """What keeps `dynreg gait` from a gait, a motion or a task of robot.toml."""
+    file = robot.file
+    if file.gait is None and not file.motions and not file.tasks:
+        return
+    from dynreg.gait.space import gait_space
+    from dynreg.gait.tasks import task_of
+
+    made: list[tuple[Location, Callable]] = [(("gait",), partial(gait_space, robot))] if file.gait else []
+    made += [(("motions", i), partial(gait_space, robot, one.name)) for i, one in enumerate(file.motions)]
+    made += [(("tasks", i), partial(task_of, robot, one.name)) for i, one in enumerate(file.tasks)]
+    text = toml_text(robot.files.files[TOML], TOML, RobotError)
+    for location, make in made:
+        try:
+            make()
+        except DynregError as problem:
+            yield Finding("error", str(problem), line_of(text, location))
 
 
 def _line(name: str) -> RobotLine:
