@@ -27,8 +27,10 @@ class LoggedRobot(RealRobot):
     """A robot that a user's own program moves.
 
     played : is called with commands (T, A), how many a second, and the trial's name; it plays them, and returns the
-    log, with the robot's channels and actions.
+    log, with the robot's channels and actions. No log tells where a ball went.
     """
+
+    tracks = False
 
     played: Callable[[np.ndarray, float, str], Recording]
 

@@ -7,6 +7,7 @@ time step, a torque disturbance, sensor noise and quantisation.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -69,8 +70,11 @@ class RealTrial:
 class RealRobot(ABC):
     """A robot on which commands can be tried, for a price. A kind of robot gives `play`.
 
-    spent : what its trials have cost so far; `run` counts it.
+    spent : what its trials have cost so far; `run` counts it. tracks : whether its trials tell where the tracked bodies
+    beside the robot went.
     """
+
+    tracks: ClassVar[bool] = True
 
     robot: Robot
     budget: Budget = field(default=Budget(), kw_only=True)

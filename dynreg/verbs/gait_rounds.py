@@ -55,8 +55,8 @@ def gait_rounds(
 
     kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`.
     say : tells what a gait may bring, and what it brought.
-    Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query or a kept gait was
-    sought otherwise, LogError where a log does not tell the task's fitness.
+    Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query, a kept gait was sought
+    otherwise or no trial on the robot can tell what the task scores, LogError where a log does not tell it.
     """
     from dynreg.gait.play import commands, require_playable
     from dynreg.gait.tasks import task_of
@@ -64,6 +64,7 @@ def gait_rounds(
 
     require_query(settings.on)
     task, rounds, tried = task_of(asked.robot, settings.task), [], []
+    _require_seen(task, real)
     by = last = asked
     ended, before = "the budget of trials", real.spent.seconds
     for number in range(1, (settings.trials or TRIALS) + 1):
@@ -124,6 +125,16 @@ def _fitness(task: "Task", trial: "RealTrial") -> float:
             do="log the base's velocities too, or choose another task",
         )
     return reached
+
+
+def _require_seen(task: "Task", real: "RealRobot") -> None:
+    """UsageError where a task scores bodies beside the robot, and trials on the robot do not tell where they went."""
+    if task.bodies and not real.tracks:
+        raise UsageError(
+            f"task {task.name!r} scores where a body beside the robot goes, which no log of a trial tells",
+            expected="a task that the motion of the base alone scores, or a RealRobot whose trials see that body",
+            do="seek one gait without trials and score it by hand, or choose another task",
+        )
 
 
 def require_query(on: str) -> None:

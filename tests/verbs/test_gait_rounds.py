@@ -10,6 +10,7 @@ from pathlib import Path
 import made_up_results
 import numpy as np
 import pytest
+import toy_dog
 
 from dynreg import session
 from dynreg.data.recording import Recording
@@ -23,7 +24,7 @@ from dynreg.results import Gait, GaitRounds, Neighbour
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, SimulatedRobot, Spent
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
@@ -165,6 +166,20 @@ def test_what_no_robot_is_or_no_map_is_refused_before_anything_is_sought(
     with pytest.raises(UsageError, match="--on nominal"):
         opened.gait_rounds("log", tmp_path / "trials", **(ASKED | {"on": "nominal"}))
     assert opened.queried == [] and not (tmp_path / "trials").exists()
+
+
+def test_a_kick_that_no_log_scores_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    kick = '[[motions]]\nname = "kick"\n[[tasks]]\nname = "kick"\nkind = "kick"\nmotion = "kick"\nseconds = 1.0\n'
+    dog = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), kick, ball=True))
+    still = np.tile(gait_space(dog).pose, (30, 1))
+    log = SimulatedRobot(dog, dog.space.nominal, seed=1).run(still, dog.rate).recording
+    played = []
+    with session.open(tmp_path / "registry") as made:
+        made.ingest(log, dog, name="log")
+        for real in (lambda *told: played.append(told), tmp_path / "trials"):
+            with pytest.raises(UsageError, match="task 'kick' scores where a body beside the robot goes"):
+                made.gait_rounds("log", real, **ASKED, task="kick")
+    assert played == [] and not [*tmp_path.glob("trials/*")]
 
 
 class Operator(threading.Thread):
