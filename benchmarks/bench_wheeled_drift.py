@@ -31,7 +31,17 @@ from journal import Journal
 from scipy.stats import binomtest
 
 from dynreg.rng import stream, stream_seed
-from dynreg.timed.evolve import EVERY, Drift, Evolution, HiddenWheels, evolve, judged, measured, mover_of
+from dynreg.timed.evolve import (
+    EVERY,
+    SAMPLE,
+    Drift,
+    Evolution,
+    HiddenWheels,
+    evolve,
+    judged,
+    measured,
+    mover_of,
+)
 from dynreg.timed.goal import Trials, tried
 from dynreg.timed.pulsed import Controllers
 from dynreg.timed.table import DisplacementTable, Rules, updated
@@ -82,7 +92,7 @@ def work(plan: Plan, number: int, update: bool, path: Path) -> str:
         method=plan.method,
         seed=plan.seed + number,
     )
-    spent = robot.steps
+    steps = round(robot.spent.seconds / SAMPLE)
     there = judged(robot, found.genes, TIMES)
     again = np.tile(found.genes, (len(there.reached), 1))
     here = tried(Controllers.of(again), mover_of(found.table, stream(plan.seed, "shown", number)))
@@ -103,7 +113,7 @@ def work(plan: Plan, number: int, update: bool, path: Path) -> str:
         "visited": int(found.visited.sum()),
         "apart": found.apart[:, found.visited].mean(axis=1).tolist() if found.visited.any() else None,
         "tests": [(int(u.rejected.sum()), u.tests) for u in found.updates],
-        "steps": spent,
+        "steps": steps,
         "core": time.process_time() - began,
     }
     Journal(path, {"plan": asdict(plan)}).add(row)

@@ -10,6 +10,7 @@ import pytest
 
 from dynreg.rng import stream
 from dynreg.sim.config import SimConfig
+from dynreg.sim.real import Spent
 from dynreg.sim.robot import load_robot
 from dynreg.timed.commands import drawn
 from dynreg.timed.goal import Trials
@@ -198,9 +199,9 @@ def test_robots_of_the_drift_bench(drift: ModuleType, kind: str) -> None:
         assert sorted((sides.left, sides.right))[1] == 1.0 and 0.6 <= min(sides.left, sides.right) <= 0.8
         losses.append(min(sides.left, sides.right))
         if kind == "static":
-            assert not robot.drifts and robot.steps == 0 and off > 0.003
+            assert not robot.drifts and robot.spent == Spent() and off > 0.003
         else:
-            assert robot.drifts[0].generation == 800 and robot.steps == 4000 and off < 0.001
+            assert robot.drifts[0].generation == 800 and robot.spent == Spent(400, 2000.0) and off < 0.001
     assert len(set(losses)) == 4
 
 

@@ -1,5 +1,6 @@
 """The only door to a robot whose truth is not known: every trial is counted, and the budget is kept.
 
+A `RealRobot` plays commands from their first to their last; other doors (`timed.evolve`) are asked step by step.
 `SimulatedRobot` is one for experiments: secret parameters, effects that no simulator of the family has, a finer
 time step, a torque disturbance, sensor noise and quantisation.
 """
@@ -67,18 +68,52 @@ class RealTrial:
 
 
 @dataclass
-class RealRobot(ABC):
-    """A robot on which commands can be tried, for a price. A kind of robot gives `play`.
+class Door(ABC):
+    """What every door to a robot has: a budget, what trials have cost so far, and the robot's name."""
 
-    spent : what its trials have cost so far; `run` counts it. tracks : whether its trials tell where the tracked bodies
-    beside the robot went.
+    budget: Budget = field(default=Budget(), kw_only=True)
+    spent: Spent = field(default=Spent(), kw_only=True)
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """What messages call the robot."""
+
+    def afford(self, seconds: float, trials: int = 1, falls: int = 1) -> None:
+        """BudgetError where the budget does not allow so much more: by default a trial, which may fall."""
+        left = (
+            ("trials", self.budget.trials, self.spent.trials, trials),
+            ("seconds", self.budget.seconds, self.spent.seconds, seconds),
+            ("falls", self.budget.falls, self.spent.falls, falls),
+        )
+        for what, most, spent, price in left:
+            if most is not None and spent + price > most + 1e-9:
+                raise BudgetError(
+                    f"the budget of {most:g} {what} on robot {self.name!r} is spent ({spent:g} used)",
+                    expected=f"room for {price:g} more",
+                    do="work with the logs that there are, or grant a larger budget",
+                )
+
+    def spend(self, seconds: float, trials: int = 1, falls: int = 0) -> None:
+        """Count it."""
+        before = self.spent
+        self.spent = Spent(before.trials + trials, before.seconds + seconds, before.falls + falls)
+
+
+@dataclass
+class RealRobot(Door):
+    """A robot on which commands can be tried, for a price, which `run` counts. A kind of robot gives `play`.
+
+    tracks : whether its trials tell where the tracked bodies beside the robot went.
     """
 
     tracks: ClassVar[bool] = True
 
     robot: Robot
-    budget: Budget = field(default=Budget(), kw_only=True)
-    spent: Spent = field(default=Spent(), kw_only=True)
+
+    @property
+    def name(self) -> str:
+        return self.robot.name
 
     @abstractmethod
     def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
@@ -92,14 +127,12 @@ class RealRobot(ABC):
         """
         self._check(actions, rate)
         self.afford(len(actions) / rate)
-        before, steps = self.spent, len(actions)
         try:
             trial = self.play(actions, rate, name)
         except BaseException:
-            self.spent = Spent(before.trials + 1, before.seconds + steps / rate, before.falls)
+            self.spend(len(actions) / rate)
             raise
-        seconds = trial.lasted(steps) / rate
-        self.spent = Spent(before.trials + 1, before.seconds + seconds, before.falls + int(trial.fell))
+        self.spend(trial.lasted(len(actions)) / rate, falls=int(trial.fell))
         return trial
 
     def _check(self, actions: np.ndarray, rate: float) -> None:
@@ -119,21 +152,6 @@ class RealRobot(ABC):
                 expected="finite commands, and more than 0 of them a second",
                 do="correct them",
             )
-
-    def afford(self, seconds: float) -> None:
-        """BudgetError where the budget does not allow one more trial that lasts so long, and may fall."""
-        left = (
-            ("trials", self.budget.trials, self.spent.trials, 1),
-            ("seconds", self.budget.seconds, self.spent.seconds, seconds),
-            ("falls", self.budget.falls, self.spent.falls, 1),  # it may fall
-        )
-        for what, most, spent, price in left:
-            if most is not None and spent + price > most + 1e-9:
-                raise BudgetError(
-                    f"the budget of {most:g} {what} on robot {self.robot.name!r} is spent ({spent:g} used)",
-                    expected=f"room for {price:g} more",
-                    do="work with the logs that there are, or grant a larger budget",
-                )
 
 
 _DISTURBANCE, _UNSTEADINESS = Term(Disturbance()), Term(Unsteadiness())

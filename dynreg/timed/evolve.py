@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.errors import BudgetError
 from dynreg.rng import stream
 from dynreg.search.bits import BitGenetic, Operon
+from dynreg.sim.real import Door
 from dynreg.timed.commands import Commands
 from dynreg.timed.goal import HEADINGS, Mover, Trials, cells, tried
 from dynreg.timed.kinematic import kinematic
@@ -36,12 +36,13 @@ class Drift:
 
 
 @dataclass
-class HiddenWheels:
+class HiddenWheels(Door):
     """The door to a robot on wheels with a secret: what it does to commands, and how that changes.
 
+    It is no `RealRobot`: its controllers look where it is before every step, and its commands are cells of a table.
     track [m]; scatter (3,) standard deviations of half a second's displacement [m, m, rad]; drifts in order of time.
     worn : wheels that make a command depend on the one before it; by default it drives arcs, as told.
-    budget : steps in all, None without a limit; `steps` counts them.
+    Trials are counted as they begin (`begin`), seconds as it moves (`move`). It never falls.
     """
 
     drifts: tuple[Drift, ...] = ()
@@ -49,26 +50,28 @@ class HiddenWheels:
     track: float = 0.0884
     scatter: tuple[float, float, float] = (0.002, 0.002, 0.03)
     seed: int = 0
-    budget: int | None = None
     generation: int = 0
-    steps: int = 0
     _rng: np.random.Generator = field(init=False)
 
     def __post_init__(self):
         self._rng = stream(self.seed, "hidden wheels")
+
+    @property
+    def name(self) -> str:
+        return "hidden wheels"
+
+    def begin(self, trials: int) -> None:
+        """Count trials that begin; BudgetError, before anything moves."""
+        self.afford(0.0, trials, falls=0)
+        self.spend(0.0, trials)
 
     def move(self, cell: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
         """(n, 3) displacements of half a second of commands (n,); BudgetError, before anything moves.
 
         before : (n,) as in `truth`.
         """
-        if self.budget is not None and self.steps + len(cell) > self.budget:
-            raise BudgetError(
-                f"{self.steps} of {self.budget} steps on the robot are spent",
-                expected=f"room for {len(cell)} more",
-                do="work with the samples that there are, or grant a larger budget",
-            )
-        self.steps += len(cell)
+        self.afford(SAMPLE * len(cell), trials=0, falls=0)
+        self.spend(SAMPLE * len(cell), trials=0)
         return self.truth(cell, before) + self._rng.standard_normal((len(cell), 3)) * self.scatter
 
     def truth(self, cell: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
@@ -113,7 +116,8 @@ class Evolution:
 
 
 def measured(robot: HiddenWheels, each: int = FIRST) -> DisplacementTable:
-    """Every command of the robot, `each` times, held before as well."""
+    """Every command of the robot, `each` times in one trial, held before as well."""
+    robot.begin(SPEEDS**2)
     cell = np.repeat(np.arange(SPEEDS**2), each)
     return DisplacementTable.of(SPEEDS**2, cell, robot.move(cell))
 
@@ -178,11 +182,13 @@ def evolve(
 def judged(robot: HiddenWheels, genes: np.ndarray, times: int = 10) -> Trials:
     """A controller (396,) on the robot, `times` for each heading."""
     repeats = int(np.ceil(times * 2 / len(HEADINGS)))
+    robot.begin(repeats * len(HEADINGS))
     return tried(Controllers.of(np.tile(genes, (repeats, 1))), robot.move)
 
 
 def _tried_on(robot: HiddenWheels, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cells (n,) and displacements (n, 3) of trials of controllers (B, 396) on the robot."""
+    robot.begin(len(genes) * len(HEADINGS))
     told: list[np.ndarray] = []
     moved: list[np.ndarray] = []
 

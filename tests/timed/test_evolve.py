@@ -5,13 +5,14 @@ import pytest
 
 from dynreg.errors import BudgetError
 from dynreg.rng import stream
+from dynreg.sim.real import Budget, Spent
 from dynreg.timed.evolve import Drift, HiddenWheels, evolve, judged, measured, mover_of
 from dynreg.timed.goal import cells
 from dynreg.timed.table import Rules
 from dynreg.timed.worn import WornWheels
 
 
-def test_a_hidden_robot_changes_when_its_time_comes_and_counts_its_steps() -> None:
+def test_a_hidden_robot_changes_when_its_time_comes_and_counts_its_seconds() -> None:
     robot = HiddenWheels((Drift(10, 0.5, 1.0),), scatter=(0.0, 0.0, 0.0))
     fast = np.array([399])  # both wheels at their fastest
     before = robot.move(fast)
@@ -20,18 +21,30 @@ def test_a_hidden_robot_changes_when_its_time_comes_and_counts_its_steps() -> No
     speed = cells()[0][399]
     assert before[0] == pytest.approx([0.0, 0.5 * speed, 0.0])
     assert after[0, 2] == pytest.approx(0.25 * speed / robot.track) and after[0, 1] < 0.8 * before[0, 1]
-    assert robot.steps == 2
-    robot.budget = 2
-    with pytest.raises(BudgetError, match="2 of 2 steps"):
+    assert robot.spent == Spent(seconds=1.0)
+    robot.budget = Budget(seconds=1.0)
+    with pytest.raises(BudgetError, match="1 seconds on robot 'hidden wheels' is spent"):
         robot.move(fast)
-    assert robot.steps == 2
+    assert robot.spent == Spent(seconds=1.0)
+
+
+def test_trials_are_counted_as_they_begin_and_their_budget_is_kept() -> None:
+    robot, genes = HiddenWheels(seed=2, budget=Budget(trials=8)), np.zeros(396)
+    judged(robot, genes, times=4)
+    assert robot.spent.trials == 8 and robot.spent.seconds == 8 * 80 * 0.5, "none of them sees the target"
+    before = robot.spent
+    with pytest.raises(BudgetError, match="8 trials"):
+        judged(robot, genes, times=4)
+    with pytest.raises(BudgetError, match="8 trials"):
+        measured(robot)
+    assert robot.spent == before and before.falls == 0
 
 
 def test_a_table_is_measured_ten_times_for_each_command() -> None:
     robot = HiddenWheels(seed=3)
     table = measured(robot)
     count, mean, deviation = table.moments()
-    assert robot.steps == 4000 and (count == 10).all()
+    assert robot.spent == Spent(400, 2000.0) and (count == 10).all()
     assert np.abs(mean - robot.truth(np.arange(400)))[:, :2].max() < 0.004
     assert np.allclose(deviation.mean(axis=0), robot.scatter, rtol=0.1)
 
@@ -44,7 +57,8 @@ def test_with_updates_the_table_follows_the_robot_where_it_was_driven() -> None:
         found = evolve(robot, update=update, rules=Rules(apart=True), **given)
         ends[update] = found
         assert len(found.updates) == (3 if update else 0) and found.genes.shape == (396,)
-        assert robot.steps > 4000 if update else robot.steps == 4000
+        assert robot.spent.trials == (400 + 3 * 8 if update else 400)
+        assert robot.spent.seconds > 2000.0 if update else robot.spent.seconds == 2000.0
     changed = ends[True].updates[1]
     visited = np.isfinite(changed.p).any(axis=1)
     assert changed.rejected[visited].any()
@@ -64,7 +78,7 @@ def test_the_same_evolution_again_and_its_trials() -> None:
     assert np.array_equal(first.genes, again.genes) and np.array_equal(first.error, again.error)
     robot = HiddenWheels(seed=1)
     found = judged(robot, first.genes, times=10)
-    assert found.reached.size == 20 and robot.steps > 0
+    assert found.reached.size == 20 == robot.spent.trials and robot.spent.seconds > 0
 
 
 def test_a_hidden_robot_with_worn_wheels_remembers_the_command_before() -> None:
@@ -83,11 +97,12 @@ def test_an_evolution_begins_with_the_table_that_it_is_given() -> None:
     robot, another = HiddenWheels(worn=WornWheels(0.6, 1.0), seed=4), measured(HiddenWheels(seed=5))
     given = {"generations": 9, "every": 3, "population": 8, "first": another}
     found = evolve(robot, update=False, **given)
-    assert robot.steps == 0 and found.table is another and found.error[0] == found.error[-1] > 0.004
+    assert robot.spent == Spent() and found.table is another and found.error[0] == found.error[-1] > 0.004
     assert found.history.shape == (9,) and found.leaders.shape == (3, 396)
     assert found.history[-1] == found.fitness and np.array_equal(found.leaders[-1], found.genes)
     with_it = evolve(robot, **given)
-    assert 0 < robot.steps <= 3 * 8 * 80 and with_it.error[-1] < with_it.error[0]
+    assert 0 < robot.spent.seconds <= robot.spent.trials * 40.0 == 3 * 8 * 40.0
+    assert with_it.error[-1] < with_it.error[0]
 
 
 def test_a_table_draws_around_its_cells_whatever_was_told_before() -> None:
