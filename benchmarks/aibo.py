@@ -113,11 +113,17 @@ def walks(robot: Robot, count: int, seed: int, seconds: float = WALK) -> np.ndar
     return np.clip(targets, *command_limits(robot).T)
 
 
-def logged(hidden: Hidden, robot: Robot, commands: dict[str, np.ndarray], threads: int = 0) -> Recording:
+def logged(
+    hidden: Hidden,
+    robot: Robot,
+    commands: dict[str, np.ndarray],
+    threads: int = 0,
+    shortest: float = SHORTEST,
+) -> Recording:
     """What the robot did under commands {name: (T, A)} of one length, from its reset pose each time.
 
     The truth has a finer time step, disturbances of its own, sensor noise and quantisation, as `SimulatedRobot` has. A
-    log ends with a fall, and is left out where that comes in the first `SHORTEST` seconds.
+    log ends with a fall, and is left out where that comes in the first `shortest` seconds.
     """
     truth, actions = finer(robot), np.stack([*commands.values()])
     rng = stream(hidden.seed, "hidden aibo", robot.name, *commands)
@@ -135,7 +141,7 @@ def logged(hidden: Hidden, robot: Robot, commands: dict[str, np.ndarray], thread
     episodes = []
     for number, (name, rows, fell) in enumerate(zip(commands, table, done.fell[0], strict=True)):
         last = min(int(fell), len(rows))
-        if last >= SHORTEST * robot.rate:
+        if last >= shortest * robot.rate:
             episodes.append(Episode(name, time[:last] + 100.0 * number, rows[:last]))
     return Recording(tuple(Channel(c.name, c.unit) for c in named), tuple(episodes), measured=False)
 

@@ -1,0 +1,81 @@
+"""Paper E in small: an AIBO is calibrated in stages, and its second material is found."""
+
+import argparse
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import dynreg
+from dynreg.sim.robot import Robot, load_robot
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+
+
+@pytest.fixture
+def aibo(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    import aibo
+
+    return aibo
+
+
+@pytest.fixture
+def bench_staged(aibo: ModuleType) -> ModuleType:
+    import bench_staged
+
+    return bench_staged
+
+
+def test_each_stage_makes_its_loss_small_and_the_last_one_the_error_of_walks(
+    tmp_path: Path, aibo, bench_staged, capsys
+) -> None:
+    given = argparse.Namespace(fit=2, held=1, air=2.0, scale=0.006, threads=0, resume=False)
+    with dynreg.open(tmp_path / "registry") as session:
+        found = bench_staged.calibrated(session, given, aibo.hidden(7))
+        table = bench_staged.deviations(aibo.hidden(7), session, found, 0)
+    assert list(found) == ["initial", "air", "ground", "walks"]
+    losses = re.findall(r"(\w+): (\S+) -> (\S+)\n", capsys.readouterr().out)
+    assert [name for name, *_ in losses] == ["air", "ground", "walks"]
+    assert all(float(after) <= float(before) for _, before, after in losses)
+    assert float(losses[-1][2]) < float(losses[-1][1])
+    names = np.array(load_robot("aibo").space.names)
+    moved = names[found["initial"] != found["air"]]
+    assert len(moved) and not [name for name in moved if name.endswith("_torque") or "_" not in name]
+    for errors in table.values():
+        assert "A+B" not in errors or np.isfinite([v for axis in errors["A+B"].values() for v in axis]).all()
+
+
+def with_few_parameters(folder: Path) -> Robot:
+    """AIBO as if three numbers alone were not known."""
+    shutil.copytree(load_robot("aibo").folder, folder)
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    first, *tables = re.split(r"(?=^\[\[parameters\]\])", text, flags=re.MULTILINE)
+    kept = [t for t in tables if re.search(r'name = "(mu|contact_time|front_rotor_p)"', t)]
+    (folder / "robot.toml").write_text("".join([first, *kept]), encoding="utf-8")
+    return load_robot(folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material", [True, False])
+def test_slippery_elbows_are_named_and_nothing_where_they_are_not(
+    tmp_path: Path, aibo, material: bool
+) -> None:
+    robot = with_few_parameters(tmp_path / "aibo")
+    whole = aibo.hidden(7, material=material)
+    hidden = replace(whole, parameters={name: whole.parameters[name] for name in robot.space.names})
+    commands = {f"w{i}": w for i, w in enumerate(aibo.walks(robot, 5, 7, 2.0))}
+    with dynreg.open(tmp_path / "registry") as session:
+        session.ingest(aibo.logged(hidden, robot, commands, shortest=1.0), robot, name="walks")
+        found = session.diagnose(
+            "walks", effects=["second_friction_material"], threshold_runs=0, max_causes=1
+        )
+    assert bool(found.causes) == material
+    if material:
+        (cause,) = found.causes
+        assert (cause.effect, cause.bodies) == ("second_friction_material", ("elbow",))
+        assert cause.parameters["loss"].value == pytest.approx(aibo.LOSS, abs=0.1)
