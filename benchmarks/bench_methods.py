@@ -87,6 +87,8 @@ def main() -> None:
                     called = f"{name}_{hidden}_{number}".replace(" ", "_")
                     session.ingest(log, robot, name=called)
                     for method in given.methods:
+                        if "wheels" in METHODS[method].needs and not robot.planar:
+                            continue
                         if (name, hidden, number, method) in done:
                             continue
                         found = cell(session, called, name, method, given)

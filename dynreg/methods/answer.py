@@ -13,7 +13,7 @@ class Version:
     stage : what made it. parent : number of the version that it came from; None of the nominal simulator, or the one
     that the question begins with. entry : id of the registered simulator that it is; None of a new one. episodes : of
     the recording, that shaped it. before, after : the objective that the stage made small, at its parent and at it;
-    None where the stage has none.
+    None where the stage has none. figures : what else is worth telling, by name.
     """
 
     stage: str
@@ -24,6 +24,7 @@ class Version:
     after: float | None = None
     entry: str | None = None
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    figures: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class Kind:
     """One method: its name, "module:class" of it, and when to use it.
 
-    needs : settings of `calibrate` that it cannot do without, or "population". reads : further ones that mean something
-    to it, of "start", "budget" and "resume".
+    needs : what it cannot do without: "plan", "population", or "wheels" of the robot. reads : further settings that
+    mean something to it, of "start", "budget" and "resume".
     """
 
     name: str
@@ -77,6 +77,13 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "by_stages:Staged",
                 "parameters in stages (paper E), where each recording shows one thing",
                 needs=("plan",),
+            ),
+            Kind(
+                "ttest",
+                "by_ttest:ByTTest",
+                "gains of a robot on wheels (paper C), where it changes while it is recorded",
+                needs=("wheels",),
+                reads=("start", "budget"),
             ),
             Kind(
                 "diagnose",

@@ -40,8 +40,8 @@ def spent(result: Calibration) -> str:
 
 
 def made(result: Calibration) -> list[tuple[str, ...]]:
-    """Rows of the versions: stage, simulator, what it came from, objective before and after, and what shaped it."""
-    return [
+    """Rows of the versions: `VERSIONS`, and figures where a method tells any."""
+    rows = [
         (
             v.stage,
             v.simulator[:12],
@@ -49,12 +49,19 @@ def made(result: Calibration) -> list[tuple[str, ...]]:
             number(v.before),
             number(v.after),
             count(len(v.episodes), "episode"),
+            ", ".join(f"{name} {number(value)}" for name, value in v.figures.items()),
         )
         for v in result.versions
     ]
+    return rows if any(row[-1] for row in rows) else [row[:-1] for row in rows]
 
 
 VERSIONS = ("stage", "simulator", "from", "objective before", "after", "shaped by")
+
+
+def columns(rows: list[tuple[str, ...]]) -> tuple[str, ...]:
+    """Names of the columns of `made`."""
+    return (*VERSIONS, "figures") if rows and len(rows[0]) > len(VERSIONS) else VERSIONS
 
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
@@ -74,11 +81,12 @@ def tables(result: Calibration) -> Group:
         ("nominal", result.nominal_train_error, result.nominal_test_error),
         (result.method, result.train_error, result.test_error),
     ]
+    versions = made(result)
     return Group(
         Text(verdict(result), style="bold"),
         estimate_table(result.parameters, "parameters"),
         table(("", "train", "test"), errors, "replay error (1: as large as the motion)"),
-        *([table(VERSIONS, made(result), "versions")] if result.versions else []),
+        *([table(columns(versions), versions, "versions")] if versions else []),
         Text(f"\n{spent(result)}"),
         *(Text(f"- {step}") for step in next_steps(result)),
     )
@@ -87,14 +95,15 @@ def tables(result: Calibration) -> Group:
 def page(result: Calibration) -> dict[str, Any]:
     """The template's variables."""
     steps = [step.simulations for step in result.history]
-    errors = {"answer": [step.error for step in result.history]}
+    errors, versions = {"answer": [step.error for step in result.history]}, made(result)
     return {
         "result": result,
         "title": f"{result.recording[:12]} · {result.robot}",
         "verdict": verdict(result),
         "steps": next_steps(result),
         "chart": chart("best replay error so far", "simulations", steps, errors),
-        "versions": made(result),
+        "versions": versions,
+        "columns": columns(versions),
         "spent": spent(result),
         "tracks": {name: estimate_track(e) for name, e in result.parameters.items()},
     }

@@ -35,7 +35,7 @@ class CalibrationVersion(Result):
 
     simulator : its id. stage : what made it. parent : id of the simulator that it came from; null for the nominal one.
     recordings, episodes : what shaped it: ids and names. before, after : the objective of its stage, at its parent and
-    at it; null where the stage has none.
+    at it; null where the stage has none. figures : what else the method tells of it, by name.
     """
 
     simulator: str
@@ -45,6 +45,7 @@ class CalibrationVersion(Result):
     episodes: tuple[str, ...]
     before: float | None = None
     after: float | None = None
+    figures: dict[str, float] = {}
 
 
 class CalibrationCost(Cost):
@@ -66,8 +67,8 @@ class Calibration(Result):
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
     the recording without its held-out part and on that part (null without one). parts : episodes of the fit, select and
     test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
-    "plan" where all generations of one were run, or the verdict of a diagnosis. population : id of the one that was
-    searched.
+    "episodes", "plan" where all generations of one were run, or the verdict of a diagnosis. population : id of the one
+    that was searched.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")
@@ -102,7 +103,13 @@ class Calibration(Result):
 
     def tables(self) -> dict[str, list[dict[str, Any]]]:
         made = [
-            {"stage": v.stage, "simulator": v.simulator[:12], "before": v.before, "after": v.after}
+            {
+                "stage": v.stage,
+                "simulator": v.simulator[:12],
+                "before": v.before,
+                "after": v.after,
+                **v.figures,
+            }
             for v in self.versions
         ]
         return {"": self.rows(), "versions": made}

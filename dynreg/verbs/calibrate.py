@@ -91,7 +91,8 @@ def calibrate(
 
     A search fits all parameters at once and begins at the nominal values; its answer is never worse than these on the
     train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take registered simulators.
-    `diagnose` also looks for physical causes. The answer has the same form for all, so that they can be compared.
+    `diagnose` also looks for physical causes. `ttest` fits wheels by a table that follows a robot which changes. The
+    answer has the same form for all, so that they can be compared.
 
     Every simulator on the way is registered, with its parent and what shaped it. An interrupted search resumes with
     --resume.
@@ -104,6 +105,7 @@ def calibrate(
     from dynreg.verbs.calibration import document, register
 
     began, worked = time.perf_counter(), time.process_time()
+    _require_wheels(asked.robot, settings)
     population = _population(asked, settings)
     robot = asked.robot if population is None else population.shared.robot
     begin = _begin(asked, settings, robot)
@@ -123,6 +125,24 @@ def calibrate(
         core_seconds=time.process_time() - worked,
     )
     return document(asked, settings, question, population, found, ids, errors, cost)
+
+
+def _require_wheels(robot: "Robot", settings: CalibrateSettings) -> None:
+    """UsageError for a robot without wheels, where the method needs them."""
+    from dynreg.replay.velocity import pose_columns
+    from dynreg.sim.effects.wheels import WheelGain
+
+    if "wheels" not in METHODS[settings.method].needs:
+        return
+    lack = WheelGain().why_not(robot)
+    if lack is None and pose_columns(robot) is None:
+        lack = "no channels of a base's x, y and yaw"
+    if lack:
+        raise UsageError(
+            f"method {settings.method!r} needs a robot on wheels; {robot.name!r}: {lack}",
+            expected="[base] and the pose of the base in robot.toml, as diffdrive has them",
+            do="choose another method",
+        )
 
 
 def _population(asked: "Recorded", settings: CalibrateSettings) -> "Population | None":

@@ -92,6 +92,7 @@ def _version(asked: Recorded, version: Version, simulator: str, parent: str | No
         episodes=version.episodes,
         before=version.before,
         after=version.after,
+        figures=dict(version.figures),
     )
 
 

@@ -9,12 +9,17 @@ from tiny_registry import bench_csv, make
 import dynreg
 from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
+from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.table import METHODS
+from dynreg.report.calibration import columns, made
+from dynreg.report.html import page
 from dynreg.results import Calibration
 from dynreg.session import Session
 from dynreg.sim.effects import term
+from dynreg.sim.excitation import excitation
+from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
 from dynreg.sim.stand import on_stand
 from dynreg.verbs.simulators import simulator
@@ -65,7 +70,8 @@ def asked(session: Session, place: Path, method: str, **told) -> Calibration:
 
 @pytest.fixture(scope="module")
 def found(session: Session, place: Path) -> dict[str, Calibration]:
-    return {name: asked(session, place, name, **budget_of(name)) for name in METHODS if name != "diagnose"}
+    others = ("diagnose", "ttest")  # which takes its time, and which needs wheels
+    return {name: asked(session, place, name, **budget_of(name)) for name in METHODS if name not in others}
 
 
 def test_every_method_answers_by_the_same_measure(found: dict[str, Calibration]) -> None:
@@ -167,6 +173,7 @@ def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
         ({"method": "nearest", "budget": 3}, "a budget of 3"),
         ({"method": "staged", "plan": Path("aibo/nope")}, "aibo/air, aibo/ground"),
         ({"method": "btr"}, "method 'btr'"),
+        ({"method": "ttest"}, r"method 'ttest' needs a robot on wheels; 'servo_pendulum'"),
     ],
 )
 def test_a_method_without_what_it_needs_says_so(session: Session, told: dict, says: str) -> None:
@@ -210,3 +217,21 @@ def test_plans_that_a_robot_brings_fit_it(name: str, stand: bool) -> None:
     known = np.zeros(len(own.space), dtype=bool)
     found = resolved(stages, own.space.names, known, ["ground/kick", "walks/A00"], np.arange(2))
     assert [len(one.parameters) for one in found] == ([24] if stand else [24, 32])
+
+
+def test_a_table_kept_by_t_tests_is_a_simulator_like_any_other(session: Session) -> None:
+    robot = load_robot("diffdrive")
+    hidden = (term("wheel_gain"),), (np.array([0.15]),)
+    real = SimulatedRobot(robot, robot.space.nominal, *hidden, seed=3, threads=1)
+    told = excitation(robot, seed=3, episodes=5, steps=100).actions
+    logs = [real.run(one, robot.rate, f"e{i}").recording for i, one in enumerate(told)]
+    episodes = tuple(log.episodes[0] for log in logs)
+    session.ingest(Recording(logs[0].channels, episodes, measured=False), "diffdrive", name="uneven")
+    found = session.calibrate("uneven", method="ttest", threads=1)
+    assert found.test_error < 0.3 * found.nominal_test_error and found.causes == ("wheel_gain",)
+    assert {"tests", "rejected", "removed", "explained", "difference"} == {*found.versions[-1].figures}
+    kept = session.registry.simulator(found.simulator)
+    assert kept["effects"]["wheel_gain"]["difference"] == found.versions[-1].figures["difference"]
+    assert Calibration.model_validate(found.to_dict()) == found
+    assert found.tables()["versions"][-1]["explained"] > 0.8 and "<th>figures</th>" in page(found)
+    assert all(row[-1].startswith("tests ") for row in made(found)) and columns(made(found))[-1] == "figures"
