@@ -22,7 +22,8 @@ from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
 
 REPORT = 20261201
-HIDDEN = {"in the family": (), "outside": ("load_friction",)}
+HIDDEN = ("in the family", "outside")
+OUTSIDE = {"servo_pendulum": "load_friction", "quadruped": "load_friction", "diffdrive": "turn_slowdown"}
 PLANS = {  # of `staged`: the drives first, then all
     "servo_pendulum": (("*_friction", "torque_constant", "resistance"), ("*",)),
     "quadruped": (("torque", "motor_speed"), ("*",)),
@@ -79,7 +80,8 @@ def main() -> None:
         robot = load_robot(name)
         with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
             session.populate(robot, ENTRIES[name], seed=seed, threads=given.threads)
-            for hidden, causes in HIDDEN.items():
+            for hidden in HIDDEN:
+                causes = (OUTSIDE[name],) if hidden == "outside" else ()
                 for number in range(given.robots):
                     own = stream_seed(seed, "methods", name, hidden, number) % 2**31
                     truth = hide(robot, tuple(term(c) for c in causes), SIZE if causes else None, own)
