@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from dynreg.errors import UsageError
 from dynreg.search.strategy import CARRIED, STEP
@@ -62,6 +62,12 @@ class StageTable(Table):
         le=1,
         description="First step of a parameter that an earlier stage has fitted, of its range (`es`).",
     )
+
+    @field_validator("search", mode="before")
+    @classmethod
+    def _as_a_method(cls, given: object) -> object:
+        """`calibrate` calls the genetic search as the papers do."""
+        return "genetic" if given == "ga" else given
 
 
 class PlanFile(Table):

@@ -68,6 +68,12 @@ def next_steps(result: Calibration) -> tuple[str, ...]:
     """What to do next."""
     asked = result.recording[:12]
     query = (f"Compare with a query: dynreg query {asked}",) if result.population is None else ()
+    last = result.versions[-1] if result.versions else None
+    if last is not None and last.before is not None and last.before == last.after:
+        query = (
+            "Nothing better was found than what it began with: raise --budget, or try another method.",
+            *query,
+        )
     if result.test_error is None or result.test_error <= result.nominal_test_error:
         return query
     worse = "It errs more than the nominal simulator on what was held out, so it does not carry over"
@@ -87,6 +93,7 @@ def tables(result: Calibration) -> Group:
         estimate_table(result.parameters, "parameters"),
         table(("", "train", "test"), errors, "replay error (1: as large as the motion)"),
         *([table(columns(versions), versions, "versions")] if versions else []),
+        *([Text(f"\nheld out: {', '.join(held)}")] if (held := (result.parts or {}).get("test")) else []),
         Text(f"\n{spent(result)}"),
         *(Text(f"- {step}") for step in next_steps(result)),
     )

@@ -39,6 +39,8 @@ class CmaEs(Turns):
             options["popsize"] = batch
         if steps is not None:
             options["CMA_stds"] = np.minimum(steps, 1.0 / 3.0) / sigma
+        if len(start) == 1:
+            options["maxstd"] = np.inf  # the library fails where it limits the step of a single dimension
         self._search = cma.CMAEvolutionStrategy(np.clip(start, 0.0, 1.0), sigma, options)
 
     def candidates(self) -> np.ndarray:

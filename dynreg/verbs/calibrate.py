@@ -2,13 +2,15 @@
 
 import hashlib
 import json
+import re
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import NoMatchError, UsageError
+from dynreg.errors import Assumed, NoMatchError, UsageError
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
@@ -89,8 +91,9 @@ def calibrate(
 ) -> "Calibration":
     """Adapt a robot's simulator to a recording by one of many methods.
 
-    A search fits all parameters at once and begins at the nominal values; its answer is never worse than these on the
-    train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take registered simulators.
+    A search fits all parameters at once and begins at the nominal values, or where --start says; its answer is never
+    worse than these on the train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take
+    registered simulators.
     `diagnose` also looks for physical causes. `ttest` fits wheels by a table that follows a robot which changes. The
     answer has the same form for all, so that they can be compared.
 
@@ -109,12 +112,15 @@ def calibrate(
     population = _population(asked, settings)
     robot = asked.robot if population is None else population.shared.robot
     begin = _begin(asked, settings, robot)
-    question, evidence, limits = _posed(asked, settings, robot, begin, population, progress)
+    question, evidence, limits, journals = _posed(asked, settings, robot, begin, population, progress)
     cut = question.data
+    if begin is not None:
+        _tell_seen(begin, cut.named["test"])
     found = METHODS[settings.method].made().fit(question, evidence, limits)
     configs = [SimConfig.of(robot, v.values, v.effects) for v in found.versions]
     errors = replay_errors(cut, [SimConfig.of(robot, cut.start), configs[-1]], settings.threads)
     ids = register(asked, settings.method, found, configs, begin and begin.id)
+    journals.end()
     cost = CalibrationCost(
         evaluations=found.evaluations,
         rollouts=found.rollouts,
@@ -207,6 +213,20 @@ def _plan_file(given: Path) -> Path:
     return own[name]
 
 
+def _tell_seen(begin: "Simulator", held_out: Sequence[str]) -> None:
+    """Say where the simulator to begin from was shaped by what is held out: the test error is too low then."""
+    whole = {re.sub(r"\[\d+\]$", "", name) for name in held_out}
+    seen = {*begin.lineage.get("episodes", ())}
+    both = sorted(one for one in whole if one in seen or one.split("/")[-1] in seen)
+    if both:
+        warnings.warn(
+            f"the simulator to begin from was shaped by {', '.join(both)}, which is held out: the test error is too"
+            " low",
+            Assumed,
+            2,
+        )
+
+
 def _shared(begin: "Simulator", robot: "Robot") -> dict[str, float]:
     """{parameter: value} of a simulator that the robot has, too."""
     return {name: value for name, value in begin.config.values.items() if name in robot.space.names}
@@ -219,29 +239,27 @@ def _posed(
     begin: "Simulator | None",
     population: "Population | None",
     progress: Progress | None,
-) -> "tuple[Question, Evidence, Limits]":
+) -> "tuple[Question, Evidence, Limits, _Journals]":
     from dynreg.adapt.plan import read_plan
     from dynreg.methods.calibrator import Evidence, Limits, Question
     from dynreg.replay.data import data
 
     plan = None if settings.plan is None else read_plan(_plan_file(settings.plan))
-    told = {
-        "calibrate": settings.method,
-        "robot": robot.hash,
-        "recording": asked.recording.id,
+    question = {"calibrate": settings.method, "robot": robot.hash, "recording": asked.recording.id}
+    how = {
         "hold_out": settings.hold_out,
         "start": begin and begin.id,
         "plan": plan and [stage.model_dump() for stage in plan],
+        "seed": settings.seed,
+        "budget": settings.budget,
     }
-    journal = _Journals(
-        asked.registry, told, {"seed": settings.seed, "budget": settings.budget}, settings.resume
-    )
+    journals = _Journals(asked.registry, question, how, settings.resume)
     space = robot.space
     start = begin and space.from_dict(space.as_dict(space.nominal) | _shared(begin, robot))
-    question = Question(data(robot, asked.recording, settings.hold_out), start, settings.hold_out)
+    posed = Question(data(robot, asked.recording, settings.hold_out), start, settings.hold_out)
     evidence = Evidence(population, plan, asked.registry)
-    limits = Limits(settings.budget, settings.seed, settings.threads, journal.of, progress)
-    return question, evidence, limits
+    limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
+    return posed, evidence, limits, journals
 
 
 @dataclass(frozen=True)
@@ -255,6 +273,12 @@ class _Journals:
     question: Mapping[str, Any]
     how: Mapping[str, Any]
     resume: bool
+    paths: list[Path] = field(default_factory=list)
+
+    def end(self) -> None:
+        """Take the journals away: the calibration has ended."""
+        for path in self.paths:
+            path.unlink(missing_ok=True)
 
     def of(self, stage: str) -> "Journal":
         """The journal of a stage. Raises UsageError for one to resume where only runs in other ways have left one."""
@@ -264,13 +288,12 @@ class _Journals:
         begins, ends = (_hash(part) for part in (question, self.how))
         path = self.registry.journal_path(f"{begins}-{ends}")
         if self.resume and not path.exists() and any(path.parent.glob(f"{begins}-*.jsonl")):
-            told = ", ".join(f"{name} {value}" for name, value in self.how.items())
             raise UsageError(
-                f"nothing to resume with {told}: what was interrupted had other settings",
-                expected="the seed and the budget that it was begun with",
+                f"nothing to resume with seed {self.how['seed']} and these settings: what was interrupted had others",
+                expected=f"the same {', '.join(self.how)}",
                 do="give those, or begin anew without --resume",
-                setting="resume",
             )
+        self.paths.append(path)
         return Journal(path, {**question, **self.how}, resume=self.resume)
 
 

@@ -1,7 +1,6 @@
 """Bodies beside the robot: where they go is tracked, and a kick is scored by it."""
 
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -122,9 +121,8 @@ def test_robots_without_such_bodies_have_none_and_no_kick(tmp_path, quadruped) -
 def test_the_kick_of_the_page_scores_its_ball(tmp_path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "gait.md").read_text(encoding="utf-8")
     (block,) = [one for one in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[[motions]]" in one]
-    assert tomllib.loads(block)["robot"] == {"tracked": ["ball"]}
-    motion = block[block.index("[[motions]]") :]
-    robot = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), motion, ball=True))
+    assert '`tracked = ["ball"]`' in page and "[robot]" not in block, "a file has that table already"
+    robot = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), block, ball=True))
     task = task_of(robot, "kick")
     assert isinstance(task, Kick) and gait_space(robot, task.motion).names[:2] == ("fl_rotor_1", "fl_knee_1")
 

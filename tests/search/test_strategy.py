@@ -131,3 +131,13 @@ def test_the_middle_of_parents_on_both_sides_of_the_seam_is_there() -> None:
 def test_sizes_that_do_not_fit_each_other_are_refused(wrong: dict) -> None:
     with pytest.raises(UsageError, match="rho"):
         strategy(**wrong)
+
+
+@pytest.mark.parametrize("step", [0.05, 0.3, 0.5])
+@pytest.mark.parametrize("name", ["es", "cma"])
+def test_a_single_dimension_may_begin_with_any_step(name: str, step: float) -> None:
+    search = SEARCHES[name].begin(Start(1, stream(0, name), 8, np.array([0.5]), steps=np.array([step])))
+    for _ in range(30):
+        asked = search.ask()
+        search.tell((asked[:, 0] - 0.2) ** 2)
+    assert search.middle[0] == pytest.approx(0.2, abs=0.02)
