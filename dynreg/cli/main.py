@@ -156,7 +156,11 @@ def main(arguments: Sequence[str]) -> int:
     except _ClickError as error:
         return _fail(error.format_message(), error.exit_code, debug)
     except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted; what was registered before stays", INTERRUPTED, debug)
+        return _fail(
+            "interrupted; what was registered before stays; where a command has --resume, the search goes on with it",
+            INTERRUPTED,
+            debug,
+        )
     except BrokenPipeError:
         return _end_quietly()
     except Exception as error:
