@@ -89,7 +89,7 @@ class CalibrateSettings(Settings):
 def calibrate(
     asked: "Recorded", settings: CalibrateSettings, progress: Progress | None = None
 ) -> "Calibration":
-    """Adapt a robot's simulator to a recording by one of many methods.
+    """Adapt a simulator to a recording by one of many methods.
 
     A search fits all parameters at once and begins at the nominal values, or where --start says; its answer is never
     worse than these on the train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take

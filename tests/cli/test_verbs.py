@@ -155,6 +155,10 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
         "seed": 2,
         "budget": 40,
         "hold_out": "0.25",
+        "start": "nominal",
+        "plan": None,
+        "population": None,
+        "resume": False,
         "threads": 0,
         "robot": "leg",
         "log_map": Path("m.toml"),
@@ -164,16 +168,17 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
 
 def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:
     from dynreg.errors import OldWord
-    from dynreg.search.table import SEARCHES
+    from dynreg.methods.table import METHODS
 
-    for method in SEARCHES:
-        assert dynreg("calibrate", "bench", "--method", method).status == 0
+    for method, kind in METHODS.items():
+        plan = ("--plan", "plan.toml") if "plan" in kind.needs else ()
+        assert dynreg("calibrate", "bench", "--method", method, *plan).status == 0
         assert session.asked[-1][2]["method"] == method
     with pytest.warns(OldWord, match="'cmaes' is called 'cma' now"):
         assert dynreg("calibrate", "bench", "--method", "cmaes").status == 0
     assert session.asked[-1][2]["method"] == "cma"
     ended = dynreg("calibrate", "bench", "--method", "guess")
-    assert ended.status == 2 and "one of cma, hill, random" in ended.err
+    assert ended.status == 2 and "one of nearest, synthesis, cma, hill, random" in ended.err
 
 
 def test_info_works_where_there_is_no_registry_and_makes_none(dynreg, tmp_path: Path, monkeypatch) -> None:
