@@ -1,5 +1,6 @@
 """One interface for every method: the same document, the lineage of what was made, and a run that goes on."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import dynreg
 from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
 from dynreg.data.recording import Recording
-from dynreg.errors import UsageError
+from dynreg.errors import Assumed, UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.table import METHODS
 from dynreg.report.calibration import columns, made
@@ -235,3 +236,38 @@ def test_a_table_kept_by_t_tests_is_a_simulator_like_any_other(session: Session)
     assert Calibration.model_validate(found.to_dict()) == found
     assert found.tables()["versions"][-1]["explained"] > 0.8 and "<th>figures</th>" in page(found)
     assert all(row[-1].startswith("tests ") for row in made(found)) and columns(made(found))[-1] == "figures"
+
+
+def test_a_start_that_saw_what_is_held_out_is_told_and_no_other_one(session: Session, place: Path) -> None:
+    start = asked(session, place, "random", budget=5, hold_out="e0").simulator
+    with pytest.warns(Assumed, match="shaped by e4, which is held out"):
+        asked(session, place, "random", budget=5, hold_out="e4", start=start)
+    slower = bench_csv(lambda i, row: [row[0], 0.8 * row[1], 0.8 * row[2], *row[3:]])
+    (place / "third.csv").write_text(slower, encoding="utf-8")
+    session.ingest(place / "third.csv", "servo_pendulum", name="third")
+    told = {"method": "random", "budget": 5, "start": start, "threads": 1}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Assumed)
+        session.calibrate("third", hold_out="e4", **told)
+        asked(session, place, "random", budget=5, hold_out="e0", start=start)
+        session.calibrate(["bench", "third"], hold_out="third/e4", **told)
+    with pytest.warns(Assumed, match="shaped by bench/e4, which"):
+        session.calibrate(["bench", "third"], hold_out="bench/e4", **told)
+
+
+def test_a_plan_that_was_interrupted_in_its_first_stage_goes_on_beside_another_run(
+    session: Session, place: Path
+) -> None:
+    def stop_in(name: str):
+        def stop(stage: str, done: int, total: int) -> None:
+            if stage == name and done > 7:
+                raise KeyboardInterrupt
+
+        return stop
+
+    whole = asked(session, place, "staged", seed=8, hold_out="e3")
+    for seed, stage in ((9, "all"), (8, "masses")):
+        with pytest.raises(KeyboardInterrupt):
+            asked(session, place, "staged", seed=seed, hold_out="e3", progress=stop_in(stage))
+    again = asked(session, place, "staged", seed=8, hold_out="e3", resume=True)
+    assert again.parameters == whole.parameters and again.cost.resumed > 0

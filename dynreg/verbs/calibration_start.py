@@ -1,0 +1,68 @@
+"""The simulator that a calibration begins with: found, held against the robot, and against what is held out."""
+
+import re
+import warnings
+from collections.abc import Sequence
+
+from dynreg.errors import Assumed, UsageError
+from dynreg.sim.robot import Robot
+from dynreg.verbs.simulators import NOMINAL, Simulator, simulator
+from dynreg.verbs.subjects import Recorded
+
+
+def begun_with(asked: Recorded, start: str, robot: Robot) -> Simulator | None:
+    """The simulator to begin from, None for the nominal one.
+
+    Raises UsageError for one that has effects, which a search would leave out, or none of the robot's parameters.
+    """
+    if start == NOMINAL:
+        return None
+    found = simulator(asked.registry, start, robot, asked.recording.id)
+    if found.config.effects:
+        raise UsageError(
+            f"simulator {found.name!r} has effects ({', '.join(found.config.effects)})",
+            expected="one without: a calibration fits parameters",
+            do="write them into a robot with `dynreg export`, or begin with another simulator",
+        )
+    if not shared_values(found, robot):
+        raise UsageError(
+            f"simulator {found.name!r} has none of the parameters of {robot.name!r}",
+            expected=f"some of {', '.join(robot.space.names)}",
+            do="begin with another",
+        )
+    return found
+
+
+def shared_values(begin: Simulator, robot: Robot) -> dict[str, float]:
+    """{parameter: value} of a simulator that the robot has, too."""
+    return {name: value for name, value in begin.config.values.items() if name in robot.space.names}
+
+
+def tell_seen(asked: Recorded, begin: Simulator, held_out: Sequence[str]) -> None:
+    """Warn where what is held out shaped the simulator to begin with: the test error is too low then.
+
+    held_out : episodes, or "episode[3]" of one that was cut into windows.
+    """
+    both = sorted({re.sub(r"\[\d+\]$", "", name) for name in held_out} & _shaping(asked, begin))
+    if both:
+        warnings.warn(
+            f"the start was shaped by {', '.join(both)}, which is held out: the test error is too low",
+            Assumed,
+            2,
+        )
+
+
+def _shaping(asked: Recorded, begin: Simulator) -> set[str]:
+    """Episodes that shaped a simulator, by their names in the recording that is asked about."""
+    lineage, out = begin.lineage, set()
+    for one in asked.each or (asked,):
+        prefix = f"{one.name}/"
+        for name in lineage.get("episodes", ()):
+            if lineage.get("recording") == one.recording.id:
+                own = name
+            elif one.recording.id in lineage.get("recordings", ()) and name.startswith(prefix):
+                own = name.removeprefix(prefix)
+            else:
+                continue
+            out.add(prefix + own if asked.each else own)
+    return out

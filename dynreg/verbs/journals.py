@@ -1,0 +1,54 @@
+"""The journals of a calibration's searches, kept by a registry until it ends."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dynreg.errors import UsageError
+from dynreg.registry import Registry
+from dynreg.search.journal import Journal
+
+
+@dataclass(frozen=True)
+class Journals:
+    """The journals of one calibration: what makes it this question, and how it is run.
+
+    Runs with other seeds or budgets have journals of their own, so that none overwrites another's.
+    """
+
+    registry: Registry
+    question: Mapping[str, Any]
+    how: Mapping[str, Any]
+    resume: bool
+    paths: list[Path] = field(default_factory=list)
+
+    def end(self) -> None:
+        """Take the journals away: the calibration has ended."""
+        for path in self.paths:
+            path.unlink(missing_ok=True)
+
+    def of(self, stage: str) -> Journal:
+        """The journal of a stage. Raises UsageError for one to resume where only runs in other ways have left one.
+
+        Only the first stage tells: an interrupted run may not have come to the later ones.
+        """
+        question = {**self.question, "stage": stage}
+        begins, ends = (_hash(part) for part in (question, self.how))
+        path = self.registry.journal_path(f"{begins}-{ends}")
+        first = not self.paths
+        if first and self.resume and not path.exists() and any(path.parent.glob(f"{begins}-*.jsonl")):
+            raise UsageError(
+                f"nothing to resume with seed {self.how['seed']} and these settings: what was interrupted had others",
+                expected=f"the same {', '.join(self.how)}",
+                do="give those, or begin anew without --resume",
+            )
+        self.paths.append(path)
+        return Journal(path, {**question, **self.how}, resume=self.resume)
+
+
+def _hash(told: Mapping[str, Any]) -> str:
+    """12 hexadecimal digits of plain JSON."""
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
