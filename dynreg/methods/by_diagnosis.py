@@ -8,7 +8,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.evidence.lockstep import counted, run
 from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of
-from dynreg.sim.config import SimConfig
+from dynreg.sim.config import SimConfig, effects_of
 
 
 class ByDiagnosis:
@@ -25,13 +25,9 @@ class ByDiagnosis:
         (made, seen), rollouts = run(counted(with_account(search, options)), threads=limits.threads)
         versions: list[Version] = []
         for kind, (values, terms) in seen.simulators.items():
-            effects = {}
-            for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
-                effects[term.key] = {
-                    p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)
-                }
             parent = len(versions) - 1 if versions else None
-            versions.append(Version(kind, values, parent, episodes_of(question), effects=effects))
+            made_of = effects_of(terms)
+            versions.append(Version(kind, values, parent, episodes_of(question), effects=made_of))
         return Answer(
             tuple(versions),
             made.verdict,

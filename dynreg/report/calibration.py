@@ -7,7 +7,7 @@ from rich.text import Text
 
 from dynreg.report.drawing import chart, estimate_track
 from dynreg.report.grid import estimate_table, table
-from dynreg.report.words import cost_words, count, number
+from dynreg.report.words import cost_words, count, held_out_words, number
 from dynreg.results.calibration import Calibration
 
 
@@ -93,7 +93,7 @@ def tables(result: Calibration) -> Group:
         estimate_table(result.parameters, "parameters"),
         table(("", "train", "test"), errors, "replay error (1: as large as the motion)"),
         *([table(columns(versions), versions, "versions")] if versions else []),
-        *([Text(f"\nheld out: {', '.join(held)}")] if (held := (result.parts or {}).get("test")) else []),
+        *([Text(f"\n{held}")] if (held := held_out_words(result.parts or {"test": ()})) else []),
         Text(f"\n{spent(result)}"),
         *(Text(f"- {step}") for step in next_steps(result)),
     )
@@ -111,6 +111,7 @@ def page(result: Calibration) -> dict[str, Any]:
         "chart": chart("best replay error so far", "simulations", steps, errors),
         "versions": versions,
         "columns": columns(versions),
-        "spent": spent(result),
+        "spent": spent(result).removeprefix("cost: "),
+        "held_out": held_out_words(result.parts or {"test": ()}),
         "tracks": {name: estimate_track(e) for name, e in result.parameters.items()},
     }

@@ -77,3 +77,13 @@ def terms_of(config: SimConfig, robot: "Robot") -> "Terms":
         terms.append(found)
         rows.append(np.array([[float(values[name]) for name in names]]))
     return Terms(tuple(terms), tuple(rows))
+
+
+def effects_of(terms: "Terms | None") -> dict[str, dict[str, float]]:
+    """{key: {parameter: value}} of the terms of one simulator, as a configuration has them: `terms_of` turned round."""
+    if terms is None:
+        return {}
+    return {
+        term.key: {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}
+        for term, row in zip(terms.terms, terms.values, strict=True)
+    }

@@ -247,12 +247,9 @@ def _register(
     asked: "Recorded", robot: "Robot", kind: str, values: "np.ndarray", terms: "Terms | None"
 ) -> str:
     """The id of a simulator that a diagnosis leaves, registered."""
-    from dynreg.sim.config import SimConfig
+    from dynreg.sim.config import SimConfig, effects_of
 
-    effects = {}
-    for term, row in zip(terms.terms, terms.values, strict=True) if terms else ():
-        effects[term.key] = {p.name: float(v) for p, v in zip(term.effect.parameters, row[0], strict=True)}
-    config = SimConfig(robot.hash, robot.name, robot.space.as_dict(values), effects).as_dict()
+    config = SimConfig.of(robot, values, effects_of(terms)).as_dict()
     lineage = {"made_by": "diagnose", "kind": kind, "recording": asked.recording.id}
     if asked.each:
         lineage["recordings"] = [one.recording.id for one in asked.each]
