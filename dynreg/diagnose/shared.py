@@ -14,7 +14,8 @@ from dynreg.evidence.estimate import unit_of
 from dynreg.evidence.hypothesis import WORTH
 from dynreg.evidence.interval import NINETY, prior_widths
 from dynreg.evidence.point import clipped
-from dynreg.sim.config import SimConfig
+from dynreg.sim.config import SimConfig, effects_of
+from dynreg.sim.effects import Terms
 
 SIGMA = 1.645  # standard deviations from the middle of a 90 % interval to its end
 NARROWEST = 1e-12  # variance of a coordinate: no interval is a point
@@ -111,10 +112,7 @@ class Shared:
             z[[_column(one, axis) for axis in self.axes]] = own
             point = clipped(one.frame, one.point, z)
             sizes = one.frame.effect_values(point.hypothesis, point.effect[None])
-            effects = {
-                term.key: {p.name: float(v) for p, v in zip(term.effect.parameters, rows[0], strict=True)}
-                for term, rows in zip(point.hypothesis.terms, sizes, strict=True)
-            }
+            effects = effects_of(Terms(point.hypothesis.terms, tuple(sizes)))
             parameters = one.model.robot.space.as_dict(one.frame.values(point.nominal))
             out[name] = replace(answer, values=parameters, effects=effects)
         return out

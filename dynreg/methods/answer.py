@@ -34,7 +34,8 @@ class Answer:
     ended : why it ended. rollouts : simulators run. simulated : seconds of them; None where nobody counted them.
     evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
     of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
-    none. history : (simulators run, lowest objective) whenever it fell; empty for a method with several objectives.
+    none. saw : names of what is held out that the method saw all the same. history : (simulators run, lowest objective)
+    whenever it fell; empty for a method with several objectives.
     """
 
     versions: tuple[Version, ...]
@@ -45,6 +46,7 @@ class Answer:
     resumed: int = 0
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     causes: tuple[str, ...] | None = None
+    saw: tuple[str, ...] = ()
     history: tuple[tuple[int, float], ...] = ()
 
     @property

@@ -8,6 +8,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.evidence.lockstep import counted, run
 from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of
+from dynreg.methods.judged import saw
 from dynreg.sim.config import SimConfig, effects_of
 
 
@@ -24,6 +25,7 @@ class ByDiagnosis:
         )
         (made, seen), rollouts = run(counted(with_account(search, options)), threads=limits.threads)
         versions: list[Version] = []
+        posed = made.problem.data
         for kind, (values, terms) in seen.simulators.items():
             parent = len(versions) - 1 if versions else None
             made_of = effects_of(terms)
@@ -35,6 +37,7 @@ class ByDiagnosis:
             None,  # most of them run through some windows only
             intervals=_intervals(made, seen),
             causes=tuple(versions[-1].effects),
+            saw=saw(data, posed.windows, posed.parts.chosen),
         )
 
 

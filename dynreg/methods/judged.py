@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynreg.replay.data import Data
-from dynreg.replay.windows import Replayer, errors
+from dynreg.replay.parts import names
+from dynreg.replay.windows import Replayer, Windows, errors
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import Case, rollouts
 
@@ -28,3 +29,18 @@ def replay_errors(data: Data, configs: Sequence[SimConfig], threads: int = 0) ->
         for number, done in enumerate(rollouts(robot, cases, threads=threads)):
             out[number, part] = float(errors(replayer.against(done.states, measured)).mean())
     return out
+
+
+def saw(data: Data, windows: Windows, chosen: np.ndarray) -> tuple[str, ...]:
+    """Names of what is held out of a recording that windows `chosen` of another cut of it show, by episode or piece.
+
+    A diagnosis cuts a recording in its own way: it leaves out gaps, and no rollout is longer than its horizon. Where
+    few episodes are parted by windows, or one is all gaps, it may hold out something else.
+    """
+    own, mask = data.windows, np.zeros(len(data.windows), dtype=bool)
+    for w in np.flatnonzero(data.parts.test):
+        here = chosen[windows.episode[chosen] == own.episode[w]]
+        first = np.maximum(windows.rows[here, 0], own.rows[w, 0])
+        last = np.minimum(windows.rows[here, 1], own.rows[w, 1])
+        mask[w] = (last - first > 1).any()  # windows in a row share the row between them
+    return names(data.recording, own, mask)

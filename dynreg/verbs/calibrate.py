@@ -99,7 +99,7 @@ def calibrate(
     from dynreg.results.calibration import CalibrationCost
     from dynreg.sim.config import SimConfig
     from dynreg.verbs.calibration import document, register
-    from dynreg.verbs.calibration_start import begun_with, tell_seen
+    from dynreg.verbs.calibration_start import begun_with, shaped_by, tell_seen
 
     began, worked = time.perf_counter(), time.process_time()
     _require_wheels(asked.robot, settings)
@@ -108,9 +108,11 @@ def calibrate(
     begin = begun_with(asked, settings.start, robot)
     question, evidence, limits, journals = _posed(asked, settings, robot, begin, population, progress)
     cut = question.data
-    if begin is not None:
-        tell_seen(asked, begin, cut.named["test"])
+    if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
+        tell_seen("the start was shaped by", seen)
     found = METHODS[settings.method].made().fit(question, evidence, limits)
+    if found.saw:
+        tell_seen(f"{settings.method} cuts the recording in its own way, and saw", found.saw)
     configs = [SimConfig.of(robot, v.values, v.effects) for v in found.versions]
     errors = replay_errors(cut, [SimConfig.of(robot, cut.start), configs[-1]], settings.threads)
     ids = register(asked, settings.method, found, configs, begin and begin.id)

@@ -38,18 +38,18 @@ def shared_values(begin: Simulator, robot: Robot) -> dict[str, float]:
     return {name: value for name, value in begin.config.values.items() if name in robot.space.names}
 
 
-def tell_seen(asked: Recorded, begin: Simulator, held_out: Sequence[str]) -> None:
-    """Warn where what is held out shaped the simulator to begin with: the test error is too low then.
+def shaped_by(asked: Recorded, begin: Simulator, held_out: Sequence[str]) -> tuple[str, ...]:
+    """Of what is held out, the episodes that shaped the simulator to begin with.
 
     held_out : episodes, or "episode[3]" of one that was cut into windows.
     """
-    both = sorted({re.sub(r"\[\d+\]$", "", name) for name in held_out} & _shaping(asked, begin))
-    if both:
-        warnings.warn(
-            f"the start was shaped by {', '.join(both)}, which is held out: the test error is too low",
-            Assumed,
-            2,
-        )
+    whole = {re.sub(r"\[\d+\]$", "", name) for name in held_out}
+    return tuple(sorted(whole & _shaping(asked, begin)))
+
+
+def tell_seen(how: str, names: Sequence[str]) -> None:
+    """Warn that the test error is too low, for what is held out was seen."""
+    warnings.warn(f"{how} {', '.join(names)}, which is held out: the test error is too low", Assumed, 2)
 
 
 def _shaping(asked: Recorded, begin: Simulator) -> set[str]:
