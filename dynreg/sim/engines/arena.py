@@ -222,7 +222,7 @@ def _walk(
     trace_q[0], trace_v[0] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
     beside = layout.tracked[:, None] + np.arange(3)
     if places is not None:
-        places[:] = qpos[:, beside]
+        places[0] = qpos[:, beside]
     fell, taken = np.full(batch.nsim, commands + 1), 0
     for t in range(commands):
         standing = fell > commands
@@ -235,7 +235,7 @@ def _walk(
         taken += int(steps.clock.substeps[standing].sum())
         trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
         if places is not None:
-            places[t + 1 :] = qpos[:, beside]
+            places[t + 1] = qpos[:, beside]
         down = standing & (has_fallen(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
         if down.any():
             fell[down] = t + 1
