@@ -202,10 +202,6 @@ class _Seen:
     def middle(self) -> np.ndarray | None:
         return self._search.middle
 
-    @property
-    def steps(self) -> np.ndarray | None:
-        return self._search.steps
-
     def ask(self) -> np.ndarray:
         self._asked.append(self._search.ask().copy())
         return self._asked[-1].copy()

@@ -14,7 +14,6 @@ class Search(Protocol):
 
     stopped: bool
     middle: np.ndarray | None  # (P,) its bet where losses are noisy; None where it has none
-    steps: np.ndarray | None  # (P,) how far it steps, where it learns that; None else
 
     def ask(self) -> np.ndarray:
         """(n, P) candidates to evaluate."""

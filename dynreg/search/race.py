@@ -48,11 +48,6 @@ class Race:
         return self._runs[0].middle if len(self._runs) == 1 else None
 
     @property
-    def steps(self) -> np.ndarray | None:
-        """(P,) how far the run that goes on steps, if it learns that; None while several run."""
-        return self._runs[0].steps if len(self._runs) == 1 else None
-
-    @property
     def stopped(self) -> bool:
         """Whether the run that goes on is over."""
         return len(self._runs) == 1 and self._runs[0].stopped

@@ -77,11 +77,6 @@ class Screened:
         return None if self._search is None else self._search.middle
 
     @property
-    def steps(self) -> np.ndarray | None:
-        """(P,) how far the search that set out steps, if it learns that."""
-        return None if self._search is None else self._search.steps
-
-    @property
     def stopped(self) -> bool:
         """Whether the search that set out is over."""
         return self._search is not None and self._search.stopped

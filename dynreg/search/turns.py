@@ -24,13 +24,11 @@ def may_tell(asked: Sized | None, losses: Sized) -> None:
 class Turns(ABC):
     """A search in the unit cube: it says which candidates come next, and what it learns of their losses.
 
-    middle : (P,) its bet where losses are noisy; None where it bets on the best that it saw. steps : (P,) how far its
-    next candidates lie from there, 1 sigma, where it learns that: a later search may begin with these (`Start.steps`).
-    stopped : whether it has ended by itself, which most never do.
+    middle : (P,) its bet where losses are noisy; None where it bets on the best that it saw. stopped : whether it has
+    ended by itself, which most never do.
     """
 
     middle: np.ndarray | None = None
-    steps: np.ndarray | None = None
     stopped: bool = False
     _asked: np.ndarray | None = None
 

@@ -58,12 +58,10 @@ def test_a_later_search_begins_with_the_steps_of_an_earlier_one(name: str) -> No
     assert steps[[1, 3]].max() < steps[[0, 2]].min()
     later = Start(4, stream(1, name), 300, point=first.middle, steps=steps)
     screened = after(first.middle[None], kind, later)
-    assert screened.steps is None
     screened.ask()
     screened.tell(np.zeros(1))
     away = screened.ask() - first.middle
     assert np.median(np.abs(away), axis=0) / 0.674 == pytest.approx(steps, rel=0.35)
-    assert screened.steps == pytest.approx(steps, rel=0.01)
 
 
 def test_a_parent_never_survives_even_if_it_is_better() -> None:
