@@ -16,6 +16,7 @@ from dynreg.rng import stream
 from dynreg.search.drive import Found, Limits, Search, drive
 from dynreg.search.journal import Journal
 from dynreg.search.screened import after, around
+from dynreg.search.seen import Seen
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 from dynreg.sim.run import Walk
@@ -133,7 +134,7 @@ def seek(
     space, k = trials.space, len(trials.simulators)
     finals, evaluations = settings.finals(k), settings.evaluations(k)
     kind = SEARCHES[settings.method]
-    search = _Seen(search_of(trials, settings, evaluations))
+    search = Seen(search_of(trials, settings, evaluations))
     kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
     accepted, helpless = ACCEPT[settings.accept], np.ones(k, dtype=bool)
@@ -180,45 +181,6 @@ def expected(trials: Trials, genes: np.ndarray) -> np.ndarray:
     """(n,) grades of a gait (G,) in all simulators, under motor noise and parameters that no choice has seen."""
     draws = -(-EXPECTED // len(trials.simulators))
     return trials.again(genes[None], draws, first=UNSEEN, doubt=DOUBT).ravel()
-
-
-class _Seen:
-    """A search whose candidates are remembered with their losses. asks : how often it was asked."""
-
-    def __init__(self, search: Search):
-        self._search = search
-        self._asked: list[np.ndarray] = []
-        self._losses: list[np.ndarray] = []
-
-    @property
-    def stopped(self) -> bool:
-        return self._search.stopped
-
-    @property
-    def asks(self) -> int:
-        return len(self._asked)
-
-    @property
-    def middle(self) -> np.ndarray | None:
-        return self._search.middle
-
-    def ask(self) -> np.ndarray:
-        self._asked.append(self._search.ask().copy())
-        return self._asked[-1].copy()
-
-    def tell(self, losses: np.ndarray) -> None:
-        self._losses.append(losses)
-        self._search.tell(losses)
-
-    def best(self, count: int) -> np.ndarray:
-        """(n, P) at most `count` candidates, no two of them the same: what the search bets on, then the best first."""
-        losses = np.concatenate(self._losses)
-        order = np.argsort(losses, kind="stable")
-        candidates = np.concatenate(self._asked[: len(self._losses)])[order]
-        if self.middle is not None:
-            candidates = np.concatenate([self.middle[None], candidates])
-        _, first = np.unique(candidates, axis=0, return_index=True)
-        return candidates[np.sort(first)[:count]]
 
 
 def best_again(

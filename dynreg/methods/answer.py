@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dynreg.adapt.reality import Tried
+
 
 @dataclass(frozen=True, eq=False)
 class Version:
@@ -13,7 +15,8 @@ class Version:
     stage : what made it. parent : number of the version that it came from; None of the nominal simulator, or the one
     that the question begins with. entry : id of the registered simulator that it is; None of a new one. episodes : of
     the recording, that shaped it. before, after : the objective that the stage made small, at its parent and at it;
-    None where the stage has none. figures : what else is worth telling, by name.
+    None where the stage has none. figures : what else is worth telling, by name. trials : names of the trials on the
+    robot that shaped it.
     """
 
     stage: str
@@ -25,6 +28,7 @@ class Version:
     entry: str | None = None
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     figures: Mapping[str, float] = field(default_factory=dict)
+    trials: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +39,8 @@ class Answer:
     evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
     of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
     none. saw : names of what is held out that the method saw all the same. history : (simulators run, lowest objective)
-    whenever it fell; empty for a method with several objectives.
+    whenever it fell; empty for a method with several objectives. tried : of a method that tries gaits on the robot, all of
+    them, each in the unit cube. gait : (G,) genes of the best of them.
     """
 
     versions: tuple[Version, ...]
@@ -48,6 +53,8 @@ class Answer:
     causes: tuple[str, ...] | None = None
     saw: tuple[str, ...] = ()
     history: tuple[tuple[int, float], ...] = ()
+    tried: tuple[Tried, ...] = ()
+    gait: np.ndarray | None = None
 
     @property
     def final(self) -> Version:

@@ -15,17 +15,18 @@ if TYPE_CHECKING:
     from dynreg.adapt.plan import StageTable
     from dynreg.diagnose.threshold import Cache
     from dynreg.distance.population import Population
+    from dynreg.methods.scored import Trying
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
     """A robot's recording, cut and parted, and where to begin.
 
-    start : (P,) parameters in their units; by default those that the recording tells, else nominal. hold_out : what was
+    data : None for a method that tries the robot instead; see `Evidence.trying`. start : (P,) parameters in their units; by default those that the recording tells, else nominal. hold_out : what was
     asked for as the test part, of which no method sees the data.
     """
 
-    data: Data
+    data: Data | None
     start: np.ndarray | None = None
     hold_out: str | None = None
 
@@ -48,12 +49,13 @@ class Evidence:
     """What a method may use beside the recording; what it needs is there, else None.
 
     population : simulators of the same robot. plan : the stages of a staged calibration. cache : of what can be
-    computed again.
+    computed again. trying : the robot itself, its task, and gaits to begin with.
     """
 
     population: "Population | None" = None
     plan: "tuple[StageTable, ...] | None" = None
     cache: "Cache | None" = None
+    trying: "Trying | None" = None
 
 
 @dataclass(frozen=True, eq=False)

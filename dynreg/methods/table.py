@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 class Kind:
     """One method: its name, "module:class" of it, and when to use it.
 
-    needs : what it cannot do without: "plan", "population", or "wheels" of the robot. reads : further settings that
-    mean something to it, of "start", "budget" and "resume".
+    needs : what it cannot do without: "plan", "population", "wheels" of the robot, or a "door" to the robot itself, in
+    place of a recording, and a "task" for it. reads : further settings that mean something to it, of "start", "budget"
+    and "resume", and of a door "trials", "seconds" and "falls".
     """
 
     name: str
@@ -28,6 +29,11 @@ class Kind:
     about: str
     needs: tuple[str, ...] = ()
     reads: tuple[str, ...] = ("start", "budget", "resume")
+
+    @property
+    def tries(self) -> bool:
+        """Whether it tries the robot itself, and reads no recording."""
+        return "door" in self.needs
 
     def made(self) -> "Calibrator":
         """The method."""
@@ -90,6 +96,13 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "by_diagnosis:ByDiagnosis",
                 "parameters and physical causes together, where the model lacks something",
                 reads=("start",),
+            ),
+            Kind(
+                "btr",
+                "by_reality:ByReality",
+                "parameters and a gait in turn (paper B), where a score of each trial is all that is measured",
+                needs=("door", "task"),
+                reads=("start", "budget", "resume", "trials", "seconds", "falls"),
             ),
         )
     }

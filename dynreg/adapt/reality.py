@@ -1,0 +1,359 @@
+"""Back to Reality: a gait and a simulator that make each other better, from scores of trials alone.
+
+Paper B (Zagal and Ruiz-del-Solar, "Combining Simulation and Reality in Evolutionary Robotics", 2007). In turn: a
+genetic algorithm seeks gaits in the simulator (step 1); the best of them are tried on the robot (2); a genetic
+algorithm over simulators makes the scores there like those on the robot (3); the best gait is refined on the robot by
+a policy gradient (4). No state of the robot is ever read. Gaits and simulators are points in unit cubes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dynreg.adapt.differences import DIFFERENCES, differences
+from dynreg.adapt.searched import searched
+from dynreg.errors import BudgetError, UsageError
+from dynreg.search.drive import Limits, Search, drive
+from dynreg.search.journal import Journal
+from dynreg.search.seen import Seen
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
+
+FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
+TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
+START, BACK = "start", "rolled back"  # versions that no adaptation made
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The sizes of every step, as published but for `lost`, which is ours.
+
+    iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
+    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them. turns :
+    generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
+    difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
+    estimates. lost : share of gaits that fall on the robot, from which on simulator and robot are disengaged. goal :
+    score with which the task is met; None for never. Raises UsageError for sizes that make no sense.
+    """
+
+    iterations: int = 2
+    first: int = 600
+    later: int = 100
+    gaits: int = 15
+    stand: int = 10
+    repeats: int = 3
+    turns: int = 45
+    simulators: int = 20
+    enough: float = 0.2
+    difference: str = "absolute"
+    variations: int = 13
+    steps: int = 10
+    lost: float = 0.5
+    goal: float | None = None
+
+    def __post_init__(self) -> None:
+        least = dict.fromkeys(("iterations", "first", "later", "gaits", "stand", "repeats", "turns"), 1)
+        least |= {"simulators": 1, "steps": 0, "variations": 2}
+        wrong = [f"{name} = {getattr(self, name)}" for name in least if getattr(self, name) < least[name]]
+        shares = ("enough", "lost")
+        wrong += [f"{name} = {getattr(self, name)}" for name in shares if not 0 < getattr(self, name) < 1]
+        if self.difference not in DIFFERENCES:
+            wrong.append(f"difference = {self.difference!r}")
+        if wrong:
+            raise UsageError(
+                wrong[0],
+                expected=f"sizes of 1 or more, shares between 0 and 1, a difference of {list(DIFFERENCES)}",
+                do="correct it",
+            )
+
+    def within(self, rollouts: int | None) -> "Rules":
+        """Steps 1 and 3 with the same share of their generations, so that no more than `rollouts` are run.
+
+        Raises UsageError where not even one generation of each is.
+        """
+        if rollouts is None or rollouts >= self.rollouts:
+            return self
+        one = replace(self, first=1, later=1, turns=1)
+        if rollouts < one.rollouts:
+            raise UsageError(
+                f"a budget of {rollouts} simulations",
+                expected=f"at least {one.rollouts}: one generation of each step",
+                do="raise --budget",
+            )
+        share = (rollouts - one.rollouts) / (self.rollouts - one.rollouts)
+        some = lambda generations: 1 + int(share * (generations - 1))  # noqa: E731
+        return replace(self, first=some(self.first), later=some(self.later), turns=some(self.turns))
+
+    @property
+    def rollouts(self) -> int:
+        """Runs of single gaits in single simulators, where every generation of every step is run."""
+        gaits = self.first + (self.iterations - 1) * self.later
+        return gaits * self.gaits + self.iterations * self.turns * self.simulators * self.stand
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What can be asked, and how it is kept.
+
+    play : fitness (s, n) of gaits (n, G) in simulators (s, P), 0 for a fall. trial : score of a gait (G,) on the robot,
+    None for a fall; BudgetError where no more is allowed. rng, journal : of a step, by its name. periodic : (G,) genes
+    that run round.
+    """
+
+    play: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    trial: Callable[[np.ndarray], float | None]
+    rng: Callable[[str], np.random.Generator]
+    journal: Callable[[str], Journal | None] = lambda _: None
+    periodic: np.ndarray | None = None
+    progress: Callable[[str, int, int], None] = lambda *_: None
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A gait (G,) on the robot: its trials by number from 1, and their scores, None for the fall that ended them.
+
+    iteration : from 1. step : `TRANSFER` or `REFINE`. simulated : its fitness in the simulator that it comes from;
+    None where it was not run there.
+    """
+
+    gait: np.ndarray
+    iteration: int
+    step: str
+    trials: tuple[int, ...]
+    scores: tuple[float | None, ...]
+    simulated: float | None = None
+
+    @property
+    def fell(self) -> bool:
+        """Whether it is discarded."""
+        return None in self.scores
+
+    @property
+    def score(self) -> float:
+        """The mean over its trials; 0 after a fall."""
+        return 0.0 if self.fell else float(np.mean(self.scores))
+
+
+@dataclass(frozen=True, eq=False)
+class Adapted:
+    """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or "adapted".
+
+    parent : number of the version that it came from. trials : those that shaped it. before, after : the difference at
+    its parent and at it; None where nothing was adapted.
+    """
+
+    simulator: np.ndarray
+    iteration: int
+    made: str
+    parent: int | None = None
+    trials: tuple[int, ...] = ()
+    before: float | None = None
+    after: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """What it came to: versions, of which the last is the answer, all gaits on the robot, and why it ended.
+
+    best : the gait with the highest mean score on the robot; None where all fell. resumed : simulations of steps 1 and
+    3 that an interrupted run had left.
+    """
+
+    versions: tuple[Adapted, ...]
+    tried: tuple[Tried, ...]
+    best: Tried | None
+    ended: str
+    resumed: int
+
+
+def back_to_reality(
+    world: World, rules: Rules, gaits: np.ndarray, simulator: np.ndarray, free: np.ndarray
+) -> Reached:
+    """Steps 1 to 5, from a simulator (P,) of which the numbers `free` (F,) are adapted.
+
+    gaits : (n, G) that the robot is known to run, or none; they are tried first. It ends when the goal is met, at the
+    last iteration, or when the budget of the robot is spent.
+    """
+    run = _Run(world, rules, gaits, free, [Adapted(simulator, 0, START)])
+    ended = "iterations"
+    try:
+        for number in range(1, rules.iterations + 1):
+            if run.iterate(number):
+                ended = "goal"
+                break
+    except BudgetError as spent:
+        ended = spent.problem
+    return Reached(tuple(run.versions), tuple(run.tried), run.best, ended, run.resumed)
+
+
+@dataclass(eq=False)
+class _Run:
+    """One run: what is asked, and what has come of it."""
+
+    world: World
+    rules: Rules
+    known: np.ndarray
+    free: np.ndarray
+    versions: list[Adapted]
+    tried: list[Tried] = field(default_factory=list)
+    trials: int = 0
+    halved: int = 0
+    resumed: int = 0
+
+    @property
+    def best(self) -> Tried | None:
+        """The gait with the highest score on the robot; the first of equals."""
+        return max((one for one in self.tried if not one.fell), key=lambda one: one.score, default=None)
+
+    @property
+    def met(self) -> bool:
+        """Whether the goal is."""
+        return self.rules.goal is not None and self.best is not None and self.best.score >= self.rules.goal
+
+    def iterate(self, number: int) -> bool:
+        """One iteration; whether the goal is met. Raises BudgetError where the robot may not be tried any more."""
+        over, first = None, len(self.tried)
+        candidates = self.sought(number)
+        try:
+            self.transfer(number, candidates)
+        except BudgetError as spent:
+            over = spent  # to adapt the simulator to what was tried costs no trial
+        here = self.tried[first:]
+        if self.met:
+            return True
+        if here and sum(one.fell for one in here) >= self.rules.lost * len(here):
+            self.disengage(number)
+        else:
+            self.adapt(number, [one for one in here if not one.fell])
+        if over is not None:
+            raise over
+        return self.refined(number)
+
+    def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
+        """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
+
+        In the first iteration, gaits that are known come before all. Gaits that fall in the simulator are left out.
+        """
+        rules, simulator = self.rules, self.versions[-1].simulator
+        generations = max((rules.first if number == 1 else rules.later) >> self.halved, 1)
+        known = [self.best.gait] if self.best else [*self.known]
+        size = self.known.shape[1]
+        rng = self.world.rng(f"gaits {number}")
+        start = Start(size, rng, rules.gaits, known[0] if known else None, self.world.periodic)
+        search = Seen(SEARCHES["roulette"].begin(start))
+        found = drive(
+            search,
+            lambda some: self.world.play(some, simulator[None]).T,
+            lambda grades: (grades[:, 0], -grades[:, 0]),
+            Limits(generations * rules.gaits),
+            journal=self.world.journal(f"gaits {number}"),
+            progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
+        )
+        self.resumed += found.resumed
+        out = [(gait, None) for gait in known] if number == 1 else []
+        for asked, losses in reversed(search.rounds()):
+            order = np.argsort(losses, kind="stable")
+            out += [(asked[i], -float(losses[i])) for i in order if losses[i] < 0.0]
+        return out
+
+    def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
+        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope; none is tried twice."""
+        stand, lost, seen = self.rules.stand, self.rules.lost, set()
+        stood = fell = 0
+        for gait, simulated in candidates:
+            if stood == stand or fell >= stand * lost / (1.0 - lost):
+                return
+            if gait.tobytes() in seen:
+                continue
+            seen.add(gait.tobytes())
+            one = self.try_out(gait, number, TRANSFER, self.rules.repeats, simulated)
+            stood, fell = stood + (not one.fell), fell + one.fell
+            self.world.progress(f"robot {number}", stood, stand)
+
+    def try_out(
+        self, gait: np.ndarray, number: int, step: str, repeats: int, simulated: float | None = None
+    ) -> Tried:
+        """Trials of a gait on the robot, up to a fall; what the budget leaves of them counts."""
+        scores: list[float | None] = []
+        try:
+            while len(scores) < repeats and None not in scores:
+                scores.append(self.world.trial(gait))
+        finally:
+            if scores:
+                numbers = tuple(range(self.trials + 1, self.trials + 1 + len(scores)))
+                self.trials += len(scores)
+                self.tried.append(Tried(gait, number, step, numbers, tuple(scores), simulated))
+        return self.tried[-1]
+
+    def adapt(self, number: int, stood: Sequence[Tried]) -> None:
+        """Step 3: the simulator in which gaits score most like on the robot."""
+        if len(stood) < FEWEST:
+            return
+        rules, parent = self.rules, self.versions[-1]
+        gaits, real = np.array([one.gait for one in stood]), np.array([one.score for one in stood])
+
+        def difference(simulators: np.ndarray) -> np.ndarray:
+            return differences(rules.difference, self.world.play(gaits, simulators), real)
+
+        first, name = float(difference(parent.simulator[None])[0]), f"simulators {number}"
+        rng, kind = self.world.rng(name), SEARCHES["roulette"]
+        found = searched(
+            difference,
+            parent.simulator,
+            self.free,
+            lambda point: _Until(
+                kind.begin(Start(len(point), rng, rules.simulators, point)), rules.enough * first
+            ),
+            Limits(1 + rules.turns * rules.simulators),
+            most=0.0,
+            journal=self.world.journal(name),
+            progress=lambda done, total: self.world.progress(name, done, total),
+        )
+        self.resumed += found.resumed
+        numbers = tuple(n for one in stood for n in one.trials)
+        made = Adapted(
+            found.unit, number, "adapted", len(self.versions) - 1, numbers, found.first, found.last
+        )
+        self.versions.append(made)
+
+    def disengage(self, number: int) -> None:
+        """The simulator tells too little of the robot: the one before is taken again, and step 1 becomes shorter."""
+        self.halved += 1
+        parent = self.versions[-1].parent
+        if parent is not None:
+            before = self.versions[parent]
+            self.versions.append(Adapted(before.simulator, number, BACK, before.parent))
+
+    def refined(self, number: int) -> bool:
+        """Step 4: small steps of the best gait on the robot; whether the goal is met."""
+        if self.best is None:
+            return False
+        rules = self.rules
+        rng = self.world.rng(f"refine {number}")
+        start = Start(len(self.best.gait), rng, rules.variations, self.best.gait, self.world.periodic)
+        search = SEARCHES["policy"].begin(start)
+        for turn in range(rules.steps):
+            asked = search.ask()
+            scores = [self.try_out(gait, number, REFINE, 1).score for gait in asked]
+            search.tell(-np.array(scores))
+            self.world.progress(f"refine {number}", turn + 1, rules.steps)
+            if self.met:
+                return True
+        return False
+
+
+class _Until:
+    """A search that has ended by itself once a loss is as low as `target`."""
+
+    middle = None
+
+    def __init__(self, search: Search, target: float):
+        self._search, self._target, self.stopped = search, target, False
+
+    def ask(self) -> np.ndarray:
+        return self._search.ask()
+
+    def tell(self, losses: np.ndarray) -> None:
+        self._search.tell(losses)
+        self.stopped = bool((losses <= self._target).any())

@@ -1,0 +1,131 @@
+"""A gait and a simulator in turn, by scores of trials on the robot alone: paper B's way."""
+
+import numpy as np
+
+from dynreg.adapt.journalled import Journalled, Outcome
+from dynreg.adapt.reality import Adapted, Rules, World, back_to_reality
+from dynreg.errors import NoMatchError
+from dynreg.gait.space import gait_space
+from dynreg.gait.tasks import Task, fitness
+from dynreg.gait.trials import Simulators, Trials
+from dynreg.methods.answer import Answer, Version
+from dynreg.methods.calibrator import Evidence, Limits, Question
+from dynreg.replay.known import nominal_known
+from dynreg.rng import stream
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import motor_noise
+
+
+class Played:
+    """Gaits in the unit cube, run in simulators in the unit cube; counts the runs.
+
+    Every simulator has the same motor noise: simulators are compared, and not their luck.
+    """
+
+    def __init__(self, robot: Robot, task: Task, seed: int = 0, threads: int = 0):
+        self.space, self.rollouts = gait_space(robot, task.motion), 0
+        self._robot, self._task, self._threads = robot, task, threads
+        self.times = np.arange(max(round(task.seconds * robot.rate), 1)) / robot.rate
+        self._noise = motor_noise(np.array([seed]), 1, len(self.times), len(robot.actions))
+        self._last: tuple[bytes, Trials] | None = None
+
+    def __call__(self, gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        """(s, n) fitness of gaits (n, G) in simulators (s, P)."""
+        trials = self._trials(self._robot.space.from_unit(simulators))
+        self.rollouts += len(gaits) * len(simulators)
+        return fitness(trials.grades(self.genes(gaits))).T
+
+    def genes(self, gaits: np.ndarray) -> np.ndarray:
+        """(n, G) of gaits, changed as little as need be where the robot cannot run them."""
+        return self.space.feasible(self.space.from_unit(gaits))
+
+    def commands(self, gait: np.ndarray) -> np.ndarray:
+        """(T, A) of a gait (G,)."""
+        return self.space.targets(self.genes(gait[None]), self.times)[0]
+
+    def _trials(self, values: np.ndarray) -> Trials:
+        """Those of the last simulators are kept: what is compiled for them serves again."""
+        key = values.tobytes()
+        if self._last is None or self._last[0] != key:
+            noise = np.broadcast_to(self._noise, (len(values), *self._noise.shape[1:]))
+            told = {"rate": self._robot.rate, "threads": self._threads, "noise": noise}
+            self._last = key, Trials(self._robot, self._task, Simulators(values), **told)
+        return self._last[1]
+
+
+class ByReality:
+    """Back to Reality. It asks the robot for scores, and reads no state and no log of it; see `adapt.reality`.
+
+    Versions: the simulator that it begins with, and one for each adaptation. `iteration 2` is that of the second, and
+    `iteration 2, rolled back` one that was taken again when the gaits of its follower fell. before, after : mean
+    difference of simulated and real scores, in the task's unit.
+    """
+
+    def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
+        """Its last simulator and best gait. Raises NoMatchError where no gait stood, BudgetError where none may be
+        tried."""
+        trying = evidence.trying
+        door, robot = trying.robot, trying.robot.robot
+        played = Played(robot, door.task, limits.seed, limits.threads)
+        door.afford(len(played.times) / robot.rate)  # before time is spent on a gait
+        rules = (trying.rules or Rules()).within(limits.simulations)
+        start = robot.space.nominal if question.start is None else question.start
+        free = np.flatnonzero(np.isnan(nominal_known(robot)))
+
+        def trial(gait: np.ndarray) -> Outcome:
+            return door.try_out(played.commands(gait), robot.rate)
+
+        world = World(
+            played,
+            # the journal of a search is begun before that of the trials: it tells whether there is any to resume
+            _Late(lambda: Journalled(trial, door.again, limits.journal("trials"))),
+            lambda step: stream(limits.seed, "btr", robot.name, step),
+            limits.journal,
+            played.space.periodic,
+            limits.progress or (lambda *_: None),
+        )
+        gaits = played.space.to_unit(trying.gaits)
+        found = back_to_reality(world, rules, gaits, np.clip(robot.space.to_unit(start), 0.0, 1.0), free)
+        if found.best is None:
+            _none_stood(door.name, len(found.tried), found.ended)
+        return Answer(
+            tuple(_version(robot, one) for one in found.versions),
+            found.ended,
+            played.rollouts,
+            played.rollouts * float(len(played.times) / robot.rate),
+            resumed=found.resumed,
+            tried=found.tried,
+            gait=played.genes(found.best.gait[None])[0],
+        )
+
+
+class _Late:
+    """Trials that are made when the first is asked for."""
+
+    def __init__(self, make):
+        self._make, self._made = make, None
+
+    def __call__(self, gait: np.ndarray) -> float | None:
+        self._made = self._made or self._make()
+        return self._made(gait)
+
+
+def _version(robot: Robot, one: Adapted) -> Version:
+    stage = f"iteration {one.iteration}" if one.iteration else one.made
+    return Version(
+        stage if one.made in ("start", "adapted") else f"{stage}, {one.made}",
+        robot.space.from_unit(one.simulator),
+        one.parent,
+        (),
+        one.before,
+        one.after,
+        trials=tuple(f"trial_{n}" for n in one.trials),
+    )
+
+
+def _none_stood(name: str, many: int, ended: str) -> None:
+    raise NoMatchError(
+        f"every one of the {many} gaits fell on robot {name!r} (ended by: {ended})",
+        expected="a gait that stands on the robot",
+        do="begin with one that does (--gait), or with a simulator that is nearer to it (--start)",
+    )

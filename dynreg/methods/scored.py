@@ -1,0 +1,97 @@
+"""A robot of which a trial tells one number: how well it did its task, or that it fell."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.adapt.journalled import Outcome
+from dynreg.adapt.reality import Rules
+from dynreg.data.recording import Recording
+from dynreg.errors import LogError, UsageError
+from dynreg.gait.logged import trial_of
+from dynreg.gait.tasks import Task, fitness
+from dynreg.sim.real import Door, RealRobot, RealTrial
+from dynreg.sim.robot import Robot
+
+Played = Callable[[np.ndarray, float, str], Recording | float | None]
+
+
+@dataclass
+class ScoredRobot(Door):
+    """A robot to be tried for a task, for a price.
+
+    real : a `RealRobot`, whose own budget holds, too; or a function that is called with commands (T, A), how many a
+    second and the trial's name. It plays them, and returns the log, the score in the task's unit, or None for a fall.
+    Raises UsageError where no log can tell what the task scores.
+    """
+
+    robot: Robot
+    task: Task
+    real: RealRobot | Played
+
+    def __post_init__(self) -> None:
+        if self.task.bodies and isinstance(self.real, RealRobot) and not self.real.tracks:
+            raise UsageError(
+                f"task {self.task.name!r} scores where a body beside the robot goes, which no log of a trial tells",
+                expected="a score of each trial, or a task that the motion of the base alone scores",
+                do="measure it by hand and give the score, or choose another task",
+            )
+
+    @property
+    def name(self) -> str:
+        return self.robot.name
+
+    def try_out(self, actions: np.ndarray, rate: float) -> Outcome:
+        """Play commands (T, A), `rate` a second; a trial that ends with an error counts, too.
+
+        Raises BudgetError before anything moves where a budget is spent, LogError for a log that tells no score.
+        """
+        whole, own = len(actions) / rate, isinstance(self.real, RealRobot)
+        for door in (self, self.real) if own else (self,):
+            door.afford(whole)
+        try:
+            found = (self.real.run if own else self.real)(actions, rate, f"trial_{self.spent.trials + 1}")
+            trial = trial_of(self.robot, found, actions, rate) if isinstance(found, Recording) else found
+            score = _score(self.task, trial)
+        except BaseException:
+            self.spend(whole)
+            raise
+        seconds = trial.lasted(len(actions)) / rate if isinstance(trial, RealTrial) else whole
+        self.spend(seconds, falls=int(score is None))
+        return Outcome(score, seconds, self.real.spent.trials if own else self.spent.trials)
+
+    def again(self, outcome: Outcome) -> None:
+        """Count a trial of an interrupted run, on a robot that does not know of it, too."""
+        falls = int(outcome.score is None)
+        self.spend(outcome.seconds, falls=falls)
+        if isinstance(self.real, RealRobot) and self.real.spent.trials < outcome.number:
+            self.real.spend(outcome.seconds, falls=falls)
+
+
+def _score(task: Task, trial: RealTrial | float | None) -> float | None:
+    """In the task's unit, None for a fall; LogError where it is not told."""
+    if isinstance(trial, RealTrial):
+        score = None if trial.fell else float(fitness(task.grade(trial.walk))[0, 0])
+    else:
+        score = None if trial is None else float(trial)
+    if score is not None and not math.isfinite(score):
+        raise LogError(
+            f"a trial of task {task.name!r} has the score {score}",
+            expected="a log with all that the task scores, or a finite number",
+            do="log the base's velocities too, or measure the score by hand",
+        )
+    return score
+
+
+@dataclass(frozen=True, eq=False)
+class Trying:
+    """A robot that is tried, gaits (n, G) to begin with, of which any may be known to stand, and how.
+
+    rules : None for the published sizes.
+    """
+
+    robot: ScoredRobot
+    gaits: np.ndarray
+    rules: Rules | None = None
