@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
@@ -19,17 +20,20 @@ from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
 from dynreg.verbs.trial import TrialSettings, trial
-from dynreg.verbs.verb import Verb, about_recording, about_robot
+from dynreg.verbs.verb import Built, Verb, about_recording, about_robot
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from dynreg.adapt.reality import Rules
     from dynreg.data.recording import Recording
     from dynreg.datasets.dataset import Dataset
     from dynreg.distance.population import Training
+    from dynreg.methods.scored import Played
     from dynreg.models.dynamics import DynamicsModel
     from dynreg.registry import Registry
+    from dynreg.results.calibration import Calibration
     from dynreg.results.changes import Changes
     from dynreg.results.drift import Drift
     from dynreg.results.effects import EffectsList
@@ -59,6 +63,8 @@ if TYPE_CHECKING:
     from dynreg.watch.frames import Frames
 
 DEFAULT = "dynreg-registry"
+
+_calibrated = about_recording(calibrate, CalibrateSettings, several=True)
 
 
 def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
@@ -149,7 +155,60 @@ class Session:
 
     query = about_recording(query, QuerySettings, ingest=True)
 
-    calibrate = about_recording(calibrate, CalibrateSettings, several=True)
+    @taking(CalibrateSettings)
+    def calibrate(
+        self,
+        recording: "str | Path | Robot | RecordingSummary | Sequence[str | Path | RecordingSummary]",
+        *,
+        robot: "str | Path | Robot | None" = None,
+        log_map: str | Path | None = None,
+        robot_door: "str | Path | RealRobot | Played | None" = None,
+        gait: "str | Path | Mapping[str, float] | None" = None,
+        rules: "Rules | None" = None,
+        say: Callable[[str], None] = print,
+        progress: Progress | None = None,
+        **told: Any,
+    ) -> "Calibration":
+        """Adapt a simulator to a recording by one of many methods; see `verbs.calibrate`. The result is stored.
+
+        recording : one or several, by id, name or `@last`, or logs of `robot`. For `btr` a robot in their place.
+
+        Of `btr`: robot_door is the robot itself. A `RealRobot`; a function that is called with commands (T, A), how
+        many a second and the trial's name, plays them and returns the log, the score or None for a fall; or a folder
+        (see `TrialFolder.told`). gait is what it begins with: a stored gait or {gene: value}; by default the gaits of
+        the robot's folder. rules are sizes other than the published ones. say tells what to do in the folder.
+        """
+        from dynreg.errors import UsageError
+        from dynreg.verbs.calibrate_by_trials import (
+            Tryable,
+            calibrate_by_trials,
+            real_of,
+            require_recording,
+            robot_to_try,
+        )
+
+        settings = CalibrateSettings(**told)
+        trying = {"robot_door": robot_door, "gait": gait, "rules": rules}
+        if not METHODS[settings.method].tries:
+            for name, value in trying.items():
+                if value is not None:
+                    raise UsageError(
+                        f"{name} with method {settings.method!r}, to which it means nothing",
+                        expected="it with btr",
+                        do="leave it out, or choose btr",
+                    )
+            if not isinstance(recording, list | tuple):
+                require_recording(self.registry, recording, settings.method)
+            return _calibrated(
+                self, recording, robot=robot, log_map=log_map, progress=progress, **vars(settings)
+            )
+        self.registry.check_writable()
+        own = robot_to_try(self.registry, recording, settings.method)
+        real = real_of(robot_door, self.registry, own, log_map, say, settings.method)
+        asked = Built(self.registry, own)
+        return calibrate_by_trials(asked, settings, Tryable(real, gait, rules), progress)
+
+    calibrate.verb = _calibrated.verb
 
     diagnose = about_recording(diagnose, DiagnoseSettings, several=True, faster=faster)
 

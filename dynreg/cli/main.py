@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from dynreg.cli import (
+    calibrate,
     doctor,
     drift,
     effects,
@@ -111,7 +112,7 @@ ordinary.register(
         "Ask about a recording": {
             "query": None,
             "diagnose": None,
-            "calibrate": None,
+            "calibrate": calibrate.calibrate,
             "compare": None,
             "drift": drift.drift,
         },

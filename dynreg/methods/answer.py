@@ -39,8 +39,8 @@ class Answer:
     evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
     of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
     none. saw : names of what is held out that the method saw all the same. history : (simulators run, lowest objective)
-    whenever it fell; empty for a method with several objectives. tried : of a method that tries gaits on the robot, all of
-    them, each in the unit cube. gait : (G,) genes of the best of them.
+    whenever it fell; empty for a method with several objectives. tried : of a method that tries gaits on the robot, all
+    of them. gait : (G,) genes of the best of them.
     """
 
     versions: tuple[Version, ...]

@@ -35,6 +35,10 @@ class Kind:
         """Whether it tries the robot itself, and reads no recording."""
         return "door" in self.needs
 
+    def takes(self, setting: str) -> bool:
+        """Whether a setting means something to it; a part of the recording is held out by all that read one."""
+        return setting in (*self.needs, *self.reads) or (setting == "hold_out" and not self.tries)
+
     def made(self) -> "Calibrator":
         """The method."""
         module, _, name = self.where.partition(":")

@@ -35,7 +35,8 @@ class CalibrationVersion(Result):
 
     simulator : its id. stage : what made it. parent : id of the simulator that it came from; null for the nominal one.
     recordings, episodes : what shaped it: ids and names. before, after : the objective of its stage, at its parent and
-    at it; null where the stage has none. figures : what else the method tells of it, by name.
+    at it; null where the stage has none. figures : what else the method tells of it, by name. trials : names of the
+    trials on the robot that shaped it.
     """
 
     simulator: str
@@ -46,18 +47,70 @@ class CalibrationVersion(Result):
     before: float | None = None
     after: float | None = None
     figures: dict[str, float] = {}
+    trials: tuple[str, ...] = ()
+
+
+class TriedGait(Result):
+    """A gait on the robot.
+
+    iteration : from 1. step : "transfer" where it came from the simulator, or is one to begin with; "refine" where it
+    was changed on the robot. trials : their numbers, from 1. scores : of each, in the task's unit; null for the fall
+    that ended them, for which it was discarded. simulated : its fitness in the simulator that it comes from; null
+    where it was not run there.
+    """
+
+    iteration: int
+    step: Literal["transfer", "refine"]
+    trials: tuple[int, ...]
+    scores: tuple[float | None, ...]
+    simulated: float | None = None
+
+    @property
+    def fell(self) -> bool:
+        """Whether it was discarded."""
+        return None in self.scores
+
+    @property
+    def score(self) -> float:
+        """The mean over its trials; 0 after a fall."""
+        return 0.0 if None in self.scores else sum(self.scores) / len(self.scores)
+
+
+class OnRobot(Result):
+    """What a method that tries gaits on the robot did there.
+
+    task, unit : what the scores are of. seconds : of one trial. tried : all gaits, in turn. best : number, from 1, of
+    that with the highest mean score. gait : its genes. document : id of the stored gait, which `dynreg export` writes.
+    """
+
+    task: str
+    unit: str
+    seconds: float
+    tried: tuple[TriedGait, ...]
+    best: int
+    gait: dict[str, float]
+    document: str | None = None
+
+    def scores(self) -> list[float | None]:
+        """The score of every trial in turn; None for a fall."""
+        return [score for one in self.tried for score in one.scores]
 
 
 class CalibrationCost(Cost):
     """What a calibration cost.
 
     resumed : simulators that an interrupted run had left. simulated_seconds : of all simulators that were run; null of
-    a diagnosis, which does not count them. core_seconds : processor time of this run.
+    a diagnosis, which does not count them. core_seconds : processor time of this run. trials, trial_seconds, falls : on
+    the robot, those of an interrupted run included. discarded : of the trials, those of gaits that fell.
     """
 
     resumed: int = 0
     simulated_seconds: float | None = None
     core_seconds: float | None = None
+    trials: int = 0
+    trial_seconds: float = 0.0
+    falls: int = 0
+    discarded: int = 0
 
 
 class Calibration(Result):
@@ -67,27 +120,30 @@ class Calibration(Result):
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
     the recording without its held-out part and on that part (null without one). parts : episodes of the fit, select and
     test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
-    "episodes", "plan" where all generations of one were run, or the verdict of a diagnosis. population : id of the one
-    that was searched.
+    "episodes", "plan" where all generations of one were run, "iterations", "goal" where a task was met, what budget of
+    trials is spent, or the verdict of a diagnosis. population : id of the one that was searched.
+
+    Of a method that tries the robot, recording and errors are null, and `on_robot` tells the trials.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")
     robot: str
-    recording: str
+    recording: str | None
     method: str
     simulator: str
     versions: tuple[CalibrationVersion, ...] = ()
     parameters: dict[str, Fitted]
     causes: tuple[str, ...] | None = None
-    train_error: float
+    train_error: float | None
     test_error: float | None
-    nominal_train_error: float
+    nominal_train_error: float | None
     nominal_test_error: float | None
     history: tuple[CalibrationStep, ...]
     parts: dict[str, tuple[str, ...]] | None = None
     ended: str = ""
     population: str | None = None
     seed: int | None = None
+    on_robot: OnRobot | None = None
     cost: CalibrationCost
 
     @model_validator(mode="before")
@@ -112,4 +168,10 @@ class Calibration(Result):
             }
             for v in self.versions
         ]
-        return {"": self.rows(), "versions": made}
+        out = {"": self.rows(), "versions": made}
+        if self.on_robot is not None:
+            out["robot"] = [
+                {"gait": n, **one.to_dict(), "score": one.score}
+                for n, one in enumerate(self.on_robot.tried, 1)
+            ]
+        return out

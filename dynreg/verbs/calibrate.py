@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from dynreg.verbs.simulators import Simulator
     from dynreg.verbs.subjects import Recorded
 
+# Settings that mean nothing to some methods.
+OPTIONAL = (
+    *("plan", "population", "start", "budget", "resume", "hold_out"),
+    *("task", "trials", "seconds", "falls"),
+)
+
 
 @dataclass(frozen=True)
 class CalibrateSettings(Settings):
@@ -53,17 +59,25 @@ class CalibrateSettings(Settings):
         usual="the only one",
         complete="stored_names",
     )
+    task: str | None = option(
+        None, "Task of the gaits of `btr`: one of the robot's [[tasks]].", usual="its first"
+    )
+    trials: int | None = option(
+        None, "Most trials of `btr` on the robot.", usual="190, as in paper B", least=1
+    )
+    seconds: float | None = option(None, "Most seconds of its trials in all.", usual="no limit", above=0.0)
+    falls: int | None = option(None, "End `btr` after this many falls.", usual="never", least=1)
     resume: bool = option(False, "Continue an interrupted calibration.")
     threads: int = threads()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         kind = METHODS[self.method]
-        for name in ("plan", "population", "start", "budget", "resume"):
+        for name in OPTIONAL:
             given = getattr(self, name)
-            if given == getattr(CalibrateSettings, name) or name in (*kind.needs, *kind.reads):
+            if given == getattr(CalibrateSettings, name) or kind.takes(name):
                 continue
-            able = [other.name for other in METHODS.values() if name in (*other.needs, *other.reads)]
+            able = [other.name for other in METHODS.values() if other.takes(name)]
             shown = "" if given is True else f" {str(given)!r}"
             raise UsageError(
                 f"{name}{shown} with method {self.method!r}, to which it means nothing",
@@ -88,7 +102,8 @@ def calibrate(
     A search fits all parameters at once and begins at the nominal values, or where --start says; its answer is never
     worse than these on the train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take
     registered simulators. `diagnose` also looks for physical causes. `ttest` fits wheels by a table that follows a
-    robot which changes. The answer has the same form for all, so that they can be compared.
+    robot which changes. The answer has the same form for all, so that they can be compared. `btr` is asked about a
+    robot instead: it tries gaits there, and needs no recording, just a score of each trial.
 
     Every simulator on the way is registered, with its parent and what shaped it. An interrupted search resumes with
     --resume.

@@ -66,7 +66,7 @@ def document(
         method=settings.method,
         simulator=ids[-1][0],
         versions=tuple(_version(asked, one, *told) for one, told in zip(found.versions, ids, strict=True)),
-        parameters=_parameters(cut.robot, found),
+        parameters=parameters(cut.robot, found),
         causes=found.causes,
         train_error=answer[0],
         test_error=answer[1] if tested else None,
@@ -96,7 +96,8 @@ def _version(asked: Recorded, version: Version, simulator: str, parent: str | No
     )
 
 
-def _parameters(robot: Robot, found: Answer) -> dict[str, Fitted]:
+def parameters(robot: Robot, found: Answer) -> dict[str, Fitted]:
+    """{name: value} of the answer, with units, ranges and intervals."""
     values = found.final.values
     edge = robot.space.at_bound(robot.space.to_unit(values))
     out = {}

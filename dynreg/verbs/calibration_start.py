@@ -18,6 +18,12 @@ def begun_with(asked: Recorded, start: str, robot: Robot) -> Simulator | None:
     if start == NOMINAL:
         return None
     found = simulator(asked.registry, start, robot, asked.recording.id)
+    require_plain(found, robot)
+    return found
+
+
+def require_plain(found: Simulator, robot: Robot) -> None:
+    """UsageError for one that has effects, which a search would leave out, or none of the robot's parameters."""
     if found.config.effects:
         raise UsageError(
             f"simulator {found.name!r} has effects ({', '.join(found.config.effects)})",
@@ -30,7 +36,6 @@ def begun_with(asked: Recorded, start: str, robot: Robot) -> Simulator | None:
             expected=f"some of {', '.join(robot.space.names)}",
             do="begin with another",
         )
-    return found
 
 
 def shared_values(begin: Simulator, robot: Robot) -> dict[str, float]:

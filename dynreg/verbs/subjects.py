@@ -126,7 +126,7 @@ class Recorded:
         if not self.registry.holds(self.recording.id):
             register(self.registry, self.robot, self.recording, self._free_name() if self.each else None)
         elif self.robot.hash not in self.registry.robots():
-            _put_robot(self.registry, self.robot)
+            put_robot(self.registry, self.robot)
 
     def _free_name(self) -> str | None:
         """The name of what was joined; None, which is said, where a recording of other log files has it."""
@@ -251,11 +251,12 @@ def word_for(registry: Registry, info: RobotInfo) -> str:
 
 def register(registry: Registry, robot: "Robot", recording: "Recording", name: str | None = None) -> str:
     """Keep a robot and a recording of it, under a name; its id. RobotError as `accept` raises it."""
-    _put_robot(registry, robot)
+    put_robot(registry, robot)
     return registry.put_recording(recording, robot.hash, name)
 
 
-def _put_robot(registry: Registry, robot: "Robot") -> None:
+def put_robot(registry: Registry, robot: "Robot") -> None:
+    """Keep a robot; RobotError as `accept` raises it."""
     from dynreg.verbs.accepted import accept
 
     accept(registry, robot)

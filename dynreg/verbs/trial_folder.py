@@ -1,5 +1,6 @@
 """A folder in which dynreg and the program that moves a robot meet: commands go out, logs come in."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dynreg.data.readers import formats
-from dynreg.errors import UsageError
+from dynreg.errors import LogError, UsageError
 from dynreg.gait.play import table
 from dynreg.verbs.gaits import gait_of
 from dynreg.verbs.subjects import read_log
@@ -27,7 +28,13 @@ EVERY = 0.5  # s between two looks at a folder
 QUIET = 3.0  # s for which a log must stay as it is before it is read: by contract
 PATIENCE = 10.0  # s after which a log that is not whole is told
 MCAP_END = b"\x89MCAP0\r\n"  # the last bytes of a whole one
+FELL = "fell"  # in the file of a score
 ALIKE = 3e-4  # rad, between commands of one gait: older versions wrote sines, which now have corners
+
+_PLAY = (
+    "play {path} on the robot ({seconds:.3g} s), and move its log there as {name}_log.mcap (or .csv, .bag, ...). "
+    "Ctrl-C ends the wait, and the same command goes on with it"
+)
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,26 @@ class TrialFolder:
         Raises UsageError where the folder has another trial of this name, LogError and MapError for a log that cannot
         be read: a mended one serves at the next start.
         """
+        self._write(actions, rate, name)
+        if self._log(name) is None:
+            self.say(_PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name))
+        return read_log(self._arrived(name), self.robot, self.log_map)
+
+    def told(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
+        """What a trial came to: its log, or what a person measured, in `NAME_score.txt`.
+
+        That file has one line: the score in the task's unit, or `fell`. Raises as `played`, LogError for another line.
+        """
+        self._write(actions, rate, name)
+        score = self.path / f"{name}_score.txt"
+        if self._log(name) is None and not score.exists():
+            said = _PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name)
+            self.say(f"{said}. Or write the score into {score.name}: a number, or the word fell")
+        found = self._arrived(name, score)
+        return read_score(found) if found == score else read_log(found, self.robot, self.log_map)
+
+    def _write(self, actions: np.ndarray, rate: float, name: str) -> None:
+        """Write the commands (T, A) of a trial; UsageError where the folder has others by this name."""
         path = self.path / f"{name}.csv"
         if not path.exists():
             write_new(path, table(self.robot.actions, np.arange(len(actions)) / rate, actions))
@@ -66,12 +93,6 @@ class TrialFolder:
                 expected="the commands that were written there",
                 do="name a new folder, or remove this one",
             )
-        if self._log(name) is None:
-            self.say(
-                f"play {path} on the robot ({len(actions) / rate:.3g} s), and move its log there as {name}_log.mcap "
-                "(or .csv, .bag, ...). Ctrl-C ends the wait, and the same command goes on with it"
-            )
-        return read_log(self._arrived(name), self.robot, self.log_map)
 
     def _log(self, name: str) -> Path | None:
         """The log of a trial, whole or not: a file of a format that can be read, or a folder."""
@@ -79,11 +100,12 @@ class TrialFolder:
         there = sorted(self.path.glob(f"{name}_log*"))
         return next((path for path in there if path.suffix.lower() in known or path.is_dir()), None)
 
-    def _arrived(self, name: str) -> Path:
-        """The log, once it is whole: it has its format's end, and has stayed as it is for `QUIET` seconds."""
+    def _arrived(self, name: str, score: Path | None = None) -> Path:
+        """The log, or the file of a score, once it is whole: its format's end is there, and it has stayed as it is for
+        `QUIET` seconds."""
         before, since, told = None, time.monotonic(), False
         while True:
-            log = self._log(name)
+            log = score if score is not None and score.exists() else self._log(name)
             now = None if log is None else _state(log)
             if now is None or now != before:
                 before, since = now, time.monotonic()
@@ -95,6 +117,24 @@ class TrialFolder:
                 )
                 told = True
             time.sleep(EVERY)
+
+
+def read_score(path: Path) -> float | None:
+    """The score in a file of one line, None where it says `fell`; LogError for any other line."""
+    text = path.read_text(encoding="utf-8", errors="replace").strip()
+    if text.lower() == FELL:
+        return None
+    try:
+        score = float(text)
+    except ValueError:
+        score = math.nan
+    if not math.isfinite(score):
+        raise LogError(
+            f"{str(path)!r} says {text[:40]!r}",
+            expected=f"one line: the score in the task's unit, or the word {FELL}",
+            do="correct it, and start the same command again with --resume",
+        )
+    return score
 
 
 def _state(log: Path) -> list[tuple[str, int, int]] | None:

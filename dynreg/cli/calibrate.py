@@ -1,0 +1,60 @@
+"""`dynreg calibrate`: a simulator that moves like a recording, or that scores like the robot itself."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dynreg.cli.call import Call, can_write
+from dynreg.cli.completion import recording_names
+from dynreg.cli.options import MapOfLog, Page, RobotOfLog
+from dynreg.cli.output import say
+from dynreg.errors import UsageError
+from dynreg.methods.table import METHODS
+from dynreg.verbs.calibrate import CalibrateSettings
+
+
+def calibrate(
+    call: Call,
+    recording: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="Names, hashes, @last (the last recording), or paths of logs. For `btr` a robot in their place.",
+            autocompletion=recording_names,
+        ),
+    ],
+    settings: CalibrateSettings,
+    robot: RobotOfLog = None,
+    log_map: MapOfLog = None,
+    trial: Annotated[
+        Path | None,
+        typer.Option(
+            help="With `btr`: commands of its trials are written to this folder, and logs or scores waited for there."
+        ),
+    ] = None,
+    gait: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ID",
+            help="With `btr`: stored gait to begin with.  [default: those of the robot's folder]",
+        ),
+    ] = None,
+    report: Page = None,
+) -> None:
+    """Adapt a simulator."""
+    can_write(report)
+    tries = METHODS[settings.method].tries
+    given = recording if len(recording) > 1 else recording[0]
+    if tries and robot is not None:
+        raise UsageError(
+            f"--robot {robot} with method {settings.method!r}",
+            expected=f"the robot alone: dynreg calibrate {robot} --method {settings.method}",
+            do="leave --robot out",
+        )
+    opened = call.open(create=True) if tries else call.open_for(robot, *recording)
+    told = {"robot": robot, "log_map": log_map, "robot_door": trial, "gait": gait, "say": say}
+    told = {name: value for name, value in told.items() if value is not None and (tries or name != "say")}
+    with opened as session, call.progress() as progress:
+        result = session.calibrate(given, **vars(settings), **told, progress=progress)
+    call.emit_and_write(result, report)
