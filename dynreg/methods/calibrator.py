@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class Question:
     """A robot's recording, cut and parted, and where to begin.
 
-    data : None for a method that tries the robot instead; see `Evidence.trying`. start : (P,) parameters in their units;
-    by default those that the recording tells, else nominal. hold_out : what was asked for as the test part, of which no
-    method sees the data.
+    data : None for a method that tries the robot instead; see `Evidence.trying`. start : (P,) parameters in their
+    units; by default those that the recording tells, else nominal. hold_out : what was asked for as the test part, of
+    which no method sees the data.
     """
 
     data: Data | None

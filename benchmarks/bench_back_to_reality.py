@@ -1,0 +1,279 @@
+"""Paper B: a gait and a simulator of an AIBO make each other better, by scores of trials alone.
+
+A hidden AIBO (`aibo.hidden`) differs from the nameplate in 38 parameters, and its elbows are of a second material that
+no simulator of the family has. The robot begins with a gait of about 40 % of the best speed, which is that of a search
+in the hidden robot itself. It is given 190 trials in all, those that fall included. A real-only genetic algorithm and a
+hill climber begin with the same gait and have as many. Speeds are means over new trials, which no choice has seen.
+
+LP is the paper's learning performance d IF / e: d genes of the gait, IF = 100 (f_end - f_0) / f_end in percent, e
+trials. The paper prints its column IF as a fraction, a hundredth of what its LP is made of; `TABLE` has what it prints,
+and `learning` recomputes it. `--scale` runs a share of the published generations. The truth has a time step four times
+finer than the model's. Every finished step is a line of the journal; a second start goes on.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import aibo
+import numpy as np
+from journal import Journal
+from naming import RESULTS
+
+import dynreg
+from dynreg.adapt.differences import rank_correlation
+from dynreg.adapt.reality import Rules
+from dynreg.gait.tasks import Task, fitness, task_of
+from dynreg.gait.trials import Simulators, Trials
+from dynreg.methods.by_reality import Played
+from dynreg.rng import stream
+from dynreg.search.drive import Limits, drive
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
+from dynreg.sim.effects import Terms
+from dynreg.sim.engines import Arena
+from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, largest_drive
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
+
+REPORT, TUNE = 20261210, 71
+FILE = RESULTS / "back_to_reality.json"
+FINER = 4  # physics steps of the truth for one of the model
+TRIALS = 190
+SHARE = 0.4  # of the best, from which all begin
+AGAIN = 10  # new trials of a gait
+FIXED = 20  # gaits by which simulators are ranked
+DRAWS, ORACLE = 60, 400  # gaits among which the start is chosen, and of the search for the best
+# name: (genes d, trials e, f_0, f_end [cm/s], IF and LP as printed, LP to the third digit)
+TABLE = {
+    "Hornby trot": (20, 30 * 3 * 21, 4.5, 10.0, 0.55, 0.582, 0.582),
+    "Hornby pace": (20, 30 * 3 * 11, 8.7, 12.0, 0.275, 0.556, 0.556),
+    "Golubovic-Hu": (13, 20 * 50, 4.0, 11.7, 0.658, 0.855, 0.856),
+    "Kohl-Stone": (12, 15 * 3 * 23, 24.5, 29.0, 0.155, 0.180, 0.180),
+    "Quinlan EHCLS": (11, 80, 24.9, 29.0, 0.141, 1.939, 1.944),
+    "Rofer ERS-210": (26, 15 * 3 * 48, 23.0, 31.0, 0.258, 0.310, 0.311),
+    "Rofer ERS-7": (26, 15 * 3 * 48, 30.0, 40.0, 0.25, 0.301, 0.301),
+    "Kim-Uther Powell": (24, 24 * 24, 22.7, 27.0, 0.159, 0.663, 0.664),
+    "Back to Reality": (20, 190, 10.0, 24.7, 0.595, 6.263, 6.265),
+}
+
+
+def improvement(first: float, last: float) -> float:
+    """IF in percent, as paper B's equation 2 has it."""
+    return 100.0 * (last - first) / last
+
+
+def learning(genes: int, trials: int, first: float, last: float) -> float:
+    """LP, of IF in percent."""
+    return genes * improvement(first, last) / trials
+
+
+@dataclass(frozen=True)
+class Tape:
+    """The hidden robot, and a person with a tape measure: its trials tell how far it walked, or that it fell."""
+
+    hidden: aibo.Hidden
+    robot: Robot
+    task: Task
+    threads: int = 1
+
+    def __call__(self, actions: np.ndarray, rate: float, name: str) -> float | None:
+        """The score; None for a fall. Disturbances of a trial are drawn by its name."""
+        truth = self.robot.stepped(FINER)
+        rng = stream(self.hidden.seed, "tape", name)
+        run = disturbed(truth, Run(actions[None], period=1.0 / rate), rng)
+        terms, values = self.hidden.effects(self.robot)
+        size = np.array([[DISTURBANCE * largest_drive(self.robot)]])
+        active = Terms((*terms, disturbance(truth)), (*(v[None] for v in values), size))
+        parameters = self.hidden.values(self.robot.space)[None]
+        walk = Arena(truth, parameters, run, terms=active, threads=self.threads).walk(run)
+        fell = walk.fell[0, 0] < walk.base.shape[2]
+        return None if fell else float(fitness(self.task.grade(walk))[0, 0])
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One hidden robot and what it is asked for."""
+
+    tape: Tape
+    played: Played
+
+    @classmethod
+    def of(cls, seed: int, seconds: float, threads: int) -> "Bench":
+        robot = walking_for(seconds)
+        task = task_of(robot)
+        tape = Tape(aibo.hidden(seed), robot, task, threads)
+        return cls(tape, Played(robot, task, seed, threads))
+
+    def score(self, unit: np.ndarray, name: str) -> float:
+        """One trial of a gait (G,) in the unit cube; 0 for a fall."""
+        return self.tape(self.played.commands(unit), self.tape.robot.rate, name) or 0.0
+
+    def again(self, unit: np.ndarray, name: str) -> list[float]:
+        """New trials of a gait."""
+        return [self.score(unit, f"{name} again {i}") for i in range(AGAIN)]
+
+    def start(self) -> dict:
+        """The best speed that a search in the hidden robot's own simulator finds, and a gait of `SHARE` of it."""
+        tape, space = self.tape, self.played.space
+        terms, values = tape.hidden.effects(tape.robot)
+        own = Simulators(
+            tape.hidden.values(tape.robot.space)[None], Terms(terms, tuple(v[None] for v in values))
+        )
+        trials = Trials(tape.robot, tape.task, own, rate=tape.robot.rate, threads=tape.threads)
+        fit = lambda unit: fitness(trials.grades(self.played.genes(unit)))  # noqa: E731
+        rng = stream(tape.hidden.seed, "start")
+        draws = space.about_rest(DRAWS, rng)
+        scores = fit(draws)[:, 0]
+        begin = Start(len(space), rng, 10, draws[scores.argmax()], space.periodic)
+        best = drive(SEARCHES["cma"].begin(begin), fit, lambda g: (g[:, 0], -g[:, 0]), Limits(ORACLE))
+        top = float(np.mean(self.again(best.best, "oracle")))
+        for one in np.argsort(np.abs(scores - SHARE * top)):
+            speeds = self.again(draws[one], "start")
+            if min(speeds) > 0.0:
+                return {"unit": draws[one].tolist(), "speeds": speeds, "best": top}
+        raise SystemExit("no gait to begin with stands")
+
+    def btr(self, start: np.ndarray, rules: Rules) -> dict:
+        """Back to Reality, through a session."""
+        robot, space, seed = self.tape.robot, self.played.space, self.tape.hidden.seed
+        genes = space.as_dict(self.played.genes(start[None])[0])
+        began, told = time.process_time(), {"trials": TRIALS, "seed": seed, "threads": self.tape.threads}
+        with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
+            found = session.calibrate(
+                robot, method="btr", robot_door=self.tape, gait=genes, rules=rules, progress=shown, **told
+            )
+            made = [session.registry.simulator(v.simulator)["values"] for v in found.versions]
+        simulators = [robot.space.from_dict(values) for values in made]
+        best = space.to_unit(space.from_dict(found.on_robot.gait))
+        return {
+            "unit": best.tolist(),
+            "speeds": self.again(best, "btr"),
+            "trials": found.cost.trials,
+            "falls": found.cost.falls,
+            "discarded": found.cost.discarded,
+            "rollouts": found.cost.rollouts,
+            "core seconds": time.process_time() - began,
+            "ended": found.ended,
+            "versions": [(v.stage, v.before, v.after) for v in found.versions],
+            "scores": found.on_robot.scores(),
+            "tried": [one.to_dict() for one in found.on_robot.tried],
+            "rank": self.ranks(np.array(simulators)),
+        }
+
+    def ranks(self, simulators: np.ndarray) -> list[float]:
+        """Spearman's correlation of real and simulated fitness over the fixed gaits, of each simulator (s, P)."""
+        fixed = self.played.space.about_rest(FIXED, stream(self.tape.hidden.seed, "fixed gaits"))
+        real = np.array([self.score(one, f"fixed {i}") for i, one in enumerate(fixed)])
+        unit = self.tape.robot.space.to_unit(simulators)
+        return rank_correlation(self.played(fixed, unit), real).tolist()
+
+    def real_only(self, start: np.ndarray, method: str) -> dict:
+        """The same trials, all on the robot, by a search that begins with the same gait."""
+        space, count = self.played.space, iter(range(TRIALS))
+        rng = stream(self.tape.hidden.seed, "real only", method)
+        kind = SEARCHES[method]
+        begin = Start(len(space), rng, 15 if method == "roulette" else kind.batch, start, space.periodic)
+        found = drive(
+            kind.begin(begin),
+            lambda some: np.array([[self.score(one, f"{method} {next(count)}")] for one in some]),
+            lambda g: (g[:, 0], -g[:, 0]),
+            Limits(TRIALS, cut=True),
+        )
+        return {
+            "unit": found.best.tolist(),
+            "speeds": self.again(found.best, method),
+            "trials": found.evaluations,
+            "history": found.history,
+        }
+
+
+def walking_for(seconds: float) -> Robot:
+    """An AIBO whose task lasts so long."""
+    robot = load_robot("aibo")
+    table = robot.file.tasks[0].model_copy(update={"seconds": seconds})
+    return replace(robot, file=robot.file.model_copy(update={"tasks": [table]}))
+
+
+def shown(stage: str, done: int, total: int) -> None:
+    """Tell how far it is, ten times a stage."""
+    if total and done * 10 // total != (done - 1) * 10 // total:
+        print(f"  {time.strftime('%H:%M:%S')} {stage}: {done} of {total}", flush=True)
+
+
+def scaled(share: float, iterations: int) -> Rules:
+    """The published sizes with a share of the generations of steps 1 and 3."""
+    usual = Rules()
+    some = lambda many: max(round(share * many), 1)  # noqa: E731
+    return Rules(
+        iterations=iterations, first=some(usual.first), later=some(usual.later), turns=some(usual.turns)
+    )
+
+
+def show(lines: list[dict], seconds: float) -> None:
+    """Print the table of every robot."""
+    for seed in dict.fromkeys(line["robot"] for line in lines):
+        own = {line["step"]: line for line in lines if line["robot"] == seed}
+        if "start" not in own:
+            continue
+        speed = lambda step: 100.0 * float(np.mean(own[step]["speeds"])) / seconds  # noqa: E731, B023
+        first, best = speed("start"), 100.0 * own["start"]["best"] / seconds
+        print(f"robot {seed}: start {first:.2f} cm/s, best known {best:.2f} cm/s ({first / best:.0%})")
+        for step in ("btr", "roulette", "hill"):
+            if step not in own:
+                continue
+            last, trials = speed(step), own[step]["trials"]
+            lp = learning(20, trials, first, last) if last > first else 0.0
+            print(
+                f"  {step:9} {last:6.2f} cm/s  x {last / first:.2f}  {trials} trials  LP {lp:6.3f} (paper 6.263)"
+                f"  {(last - first) / trials:.4f} cm/s a trial"
+            )
+        if "btr" in own:
+            b = own["btr"]
+            print(f"  falls {b['falls']}, discarded {b['discarded']}, {b['rollouts']} rollouts, {b['ended']}")
+            for (stage, before, after), rank in zip(b["versions"], b["rank"], strict=True):
+                delta = f"  Delta {before:.4g} -> {after:.4g} ({after / before:.0%})" if before else ""
+                print(f"  {stage:12} rank correlation over {FIXED} fixed gaits {rank:+.3f}{delta}")
+
+
+def main() -> None:
+    """Run what is left, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, default=3)
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the published generations")
+    parser.add_argument("--iterations", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=20.0, help="of a trial; the paper's last 20 s")
+    parser.add_argument("--steps", nargs="*", default=["btr", "roulette", "hill"])
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--tune", action="store_true", help="the robots of the development; keeps no table")
+    parser.add_argument("--journal", type=Path, default=RESULTS / "back_to_reality.jsonl")
+    given = parser.parse_args()
+    first = TUNE if given.tune else REPORT
+    head = {name: getattr(given, name) for name in ("scale", "iterations", "seconds")} | {"seed": first}
+    journal = Journal(given.journal, head)
+    journal.begin()
+    for seed in range(first, first + given.robots):
+        bench = Bench.of(seed, given.seconds, given.threads)
+        done = {line["step"]: line for line in journal.lines() if line["robot"] == seed}
+        for step in ("start", *given.steps):
+            if step in done:
+                continue
+            if step == "start":
+                made = bench.start()
+            elif step == "btr":
+                made = bench.btr(np.array(done["start"]["unit"]), scaled(given.scale, given.iterations))
+            else:
+                made = bench.real_only(np.array(done["start"]["unit"]), step)
+            done[step] = journal.add({"robot": seed, "step": step, **made})
+            show([*done.values()], given.seconds)
+    show(journal.lines(), given.seconds)
+    if not given.tune:
+        kept = head | {"cells": journal.lines()}
+        FILE.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
