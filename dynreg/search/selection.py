@@ -62,5 +62,6 @@ class Roulette:
             return np.full(len(losses), 1.0 / len(losses))
         above = np.where(told, losses[told].mean() - losses, 0.0)
         scale = max(above.max() / (self.best - 1.0), -above.min())
-        expected = np.where(told, 1.0 + above / scale if scale > 0.0 else 1.0, 0.0)
+        # the mean of equal losses may be a rounding off them
+        expected = np.where(told, 1.0 + above / scale if above.max() > 0.0 else 1.0, 0.0)
         return expected / expected.sum()

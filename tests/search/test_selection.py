@@ -34,6 +34,12 @@ def test_neither_the_scale_nor_the_sign_of_losses_matters(best: float) -> None:
         assert roulette.chances(scale * losses + shift) == pytest.approx(expected, abs=1e-8)
 
 
+def test_losses_that_are_equal_but_for_a_rounding_have_equal_chances() -> None:
+    for many in range(2, 30):
+        for loss in (0.1, 0.3, -0.7, 1e-17, 1e9 / 3):
+            assert Roulette().chances(np.full(many, loss)) == pytest.approx(1.0 / many)
+
+
 def test_where_the_worst_would_have_less_than_none_it_has_none_and_the_mean_stays() -> None:
     losses = np.array([0.0, 0.0, 0.0, 0.0, 10.0])
     assert Roulette().chances(losses) == pytest.approx([0.25, 0.25, 0.25, 0.25, 0.0])

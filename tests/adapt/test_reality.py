@@ -1,0 +1,215 @@
+"""Back to Reality over a toy: a gait scores by how near it is to what the robot hides, and some gaits fall."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynreg.adapt.differences import differences, rank_correlation
+from dynreg.adapt.journalled import Journalled, Outcome
+from dynreg.adapt.reality import BACK, REFINE, TRANSFER, Reached, Rules, World, back_to_reality
+from dynreg.errors import BudgetError, UsageError
+from dynreg.rng import stream
+from dynreg.search.journal import Journal
+
+HIDDEN = np.array([0.75, 0.3, 0.6])
+BEGIN = np.array([0.45, 0.5, 0.4])  # the simulator's
+GAIT = np.array([0.1, 0.8, 0.3, 0.2])  # stands, and is poor
+TALL = 0.7  # a gait whose last gene is higher falls on the robot; no simulator knows
+FREE = np.arange(3)
+SMALL = Rules(first=20, later=8, turns=30, simulators=20, steps=2, variations=6)
+
+
+def scores(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+    """(s, n) highest, 1, where the first genes are the simulator's numbers."""
+    apart = np.abs(gaits[None, :, :3] - simulators[:, None]).mean(axis=-1)
+    return np.clip(1.0 - 2.0 * apart, 0.0, None)
+
+
+class Robot:
+    """What is behind the door: trials at most, and which gaits were played."""
+
+    def __init__(
+        self, most: int = 1000, breaks: int | None = None, slips: float = np.inf, tall: float = TALL
+    ):
+        self.most, self.breaks, self.slips, self.tall, self.played = most, breaks, slips, tall, []
+
+    def __call__(self, gait: np.ndarray) -> float | None:
+        if len(self.played) == self.most:
+            raise BudgetError("the budget is spent", expected="more", do="grant it")
+        if len(self.played) == self.breaks:
+            raise KeyboardInterrupt
+        self.played.append(gait)
+        off = np.abs(gait[:3] - HIDDEN).mean()
+        return (
+            None if gait[3] > self.tall or off > self.slips else float(scores(gait[None], HIDDEN[None])[0, 0])
+        )
+
+
+def run(
+    robot, rules: Rules = SMALL, seed: int = 4, journal=lambda _: None, gaits: np.ndarray = GAIT[None]
+) -> Reached:
+    world = World(scores, robot, lambda step: stream(seed, "toy", step), journal)
+    return back_to_reality(world, rules, gaits, BEGIN, FREE)
+
+
+def apart(simulator: np.ndarray) -> float:
+    """Mean difference over gaits that no choice has seen."""
+    unseen = stream(9, "unseen").uniform(size=(200, 4))
+    return float(np.abs(scores(unseen, simulator[None]) - scores(unseen, HIDDEN[None])).mean())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])
+def test_the_absolute_difference_brings_the_simulator_near_and_the_signed_one_leads_it_away(
+    seed: int,
+) -> None:
+    one = replace(SMALL, iterations=1, steps=0, first=4, lost=0.9, enough=0.05)
+    found = {
+        name: run(Robot(), replace(one, difference=name), seed).versions[-1]
+        for name in ("absolute", "signed", "rank")
+    }
+    assert found["absolute"].after < 0.3 * found["absolute"].before
+    assert apart(found["absolute"].simulator) < 0.85 * apart(BEGIN)
+    assert found["rank"].after < 0.3 * found["rank"].before
+    assert apart(found["signed"].simulator) > apart(BEGIN), "the slowest simulator has its lowest value"
+
+
+def test_a_gait_and_a_simulator_make_each_other_better() -> None:
+    found = run(Robot())
+    first = scores(GAIT[None], HIDDEN[None])[0, 0]
+    assert found.best.score > 1.5 * first and found.ended == "iterations"
+    assert [v.iteration for v in found.versions] == [0, 1, 2] and found.versions[2].parent == 1
+    assert apart(found.versions[-1].simulator) < 0.5 * apart(BEGIN)
+
+
+def test_gaits_that_fall_are_discarded_and_counted_and_shape_nothing() -> None:
+    robot = Robot()
+    found = run(robot, replace(SMALL, lost=0.9, first=4), seed=2)
+    fell = [one for one in found.tried if one.fell]
+    assert fell and all(one.scores[-1] is None and one.score == 0.0 for one in fell)
+    assert all(None not in one.scores[:-1] for one in fell), "a fall ends the trials of a gait"
+    lost = {n for one in fell for n in one.trials}
+    assert not lost & {n for v in found.versions for n in v.trials}
+    numbers = [n for one in found.tried for n in one.trials]
+    assert numbers == [*range(1, len(robot.played) + 1)], "every trial counts, those with a fall too"
+    for number in (1, 2):
+        stood = [t for t in found.tried if (t.iteration, t.step, t.fell) == (number, TRANSFER, False)]
+        assert len(stood) == SMALL.stand and all(len(t.trials) == SMALL.repeats for t in stood)
+
+
+@pytest.mark.parametrize("most", [1, 5, 17, 33, 60])
+def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int) -> None:
+    whole, part = run(Robot()), run(Robot(most))
+    assert part.ended == "the budget is spent"
+    assert sum(len(one.trials) for one in part.tried) == most
+    assert part.best.score == max(one.score for one in part.tried)
+    played = [s for one in whole.tried for s in one.scores][:most]
+    assert [s for one in part.tried for s in one.scores] == played, "a budget changes nothing before its end"
+    assert (len(part.versions) > 1) == (most >= 5), "what was tried is used, even where no trial is left"
+
+
+def test_the_goal_ends_it() -> None:
+    found = run(Robot(), replace(SMALL, goal=0.85))
+    assert found.ended == "goal" and found.best.score >= 0.85
+    assert sum(one.score >= 0.85 for one in found.tried if one.step == REFINE) <= SMALL.variations
+
+
+def spoilt(robot: Robot) -> Reached:
+    """The signed difference leads the simulator away: its gaits fall on a robot that slips far from the best."""
+    return run(robot, replace(SMALL, iterations=3, difference="signed", enough=0.01, steps=0))
+
+
+def test_a_simulator_that_was_spoilt_is_rolled_back_and_the_search_in_it_is_shortened() -> None:
+    found = spoilt(Robot(slips=0.3, tall=1.0))
+    here = [t for t in found.tried if t.iteration == 2]
+    assert sum(t.fell for t in here) >= SMALL.lost * len(here)
+    before, away, back = found.versions[:3]
+    assert back.made == BACK and back.iteration == 2 and back.trials == ()
+    assert (back.simulator == before.simulator).all() and not (away.simulator == before.simulator).all()
+    healthy = run(Robot(tall=1.0), replace(SMALL, iterations=3, steps=0))
+    assert BACK not in {v.made for v in healthy.versions}
+
+
+def asked_by(rules: Rules, robot: Robot) -> dict[str, int]:
+    """How many gaits each search asked for, by its name."""
+    counts: dict[str, int] = {}
+
+    def seen(stage: str, done: int, total: int) -> None:
+        counts[stage] = max(counts.get(stage, 0), done)
+
+    world = World(scores, robot, lambda step: stream(4, "toy", step), progress=seen)
+    back_to_reality(world, rules, GAIT[None], BEGIN, FREE)
+    return counts
+
+
+def test_disengagement_halves_the_generations_of_step_1() -> None:
+    rules = replace(SMALL, iterations=3, first=16, later=8, steps=0)
+    free, falls = asked_by(rules, Robot(tall=1.0)), asked_by(rules, Robot(slips=0.01))
+    sizes = [[counts[f"gaits {i}"] // rules.gaits for i in (1, 2, 3)] for counts in (free, falls)]
+    assert sizes == [[16, 8, 8], [16, 4, 2]]
+
+
+def kept(path: Path, robot: Robot, again: list[Outcome], resume: bool) -> Reached:
+    journal = lambda name: Journal(path / f"{name}.jsonl", {"toy": name}, resume=resume)  # noqa: E731
+
+    def trial(gait: np.ndarray) -> Outcome:
+        return Outcome(robot(gait), 2.0, len(robot.played))
+
+    return run(Journalled(trial, again.append, journal("trials")), journal=journal)
+
+
+@pytest.mark.parametrize("breaks", [1, 14, 32, 40])
+def test_what_was_interrupted_goes_on_to_the_same_end_without_playing_a_trial_twice(
+    tmp_path: Path, breaks: int
+) -> None:
+    whole, first, second, again = run(Robot()), Robot(breaks=breaks), Robot(), []
+    with pytest.raises(KeyboardInterrupt):
+        kept(tmp_path, first, [], resume=False)
+    found = kept(tmp_path, second, again, resume=True)
+    told = lambda r: [(t.gait.tobytes(), t.trials, t.scores, t.simulated) for t in r.tried]  # noqa: E731
+    assert told(found) == told(whole)
+    ends = lambda r: [(v.simulator.tobytes(), v.before, v.after) for v in r.versions]  # noqa: E731
+    assert ends(found) == ends(whole)
+    assert len(again) == breaks and len(first.played) + len(second.played) == sum(
+        len(t.trials) for t in whole.tried
+    )
+    assert sum(one.seconds for one in again) == 2.0 * breaks
+
+
+def test_a_door_that_falls_every_time_leaves_no_gait() -> None:
+    found = run(Robot(slips=0.0), replace(SMALL, iterations=2))
+    assert found.best is None and len(found.versions) == 1
+    assert all(one.fell for one in found.tried) and len(found.tried) <= 2 * SMALL.stand
+
+
+def test_differences_are_what_the_paper_says() -> None:
+    simulated, real = np.array([[5.0, 0.0], [3.0, 1.0]]), np.array([0.0, 5.0])
+    assert differences("absolute", simulated, real).tolist() == [5.0, 3.5]
+    assert differences("signed", simulated, real).tolist() == [0.0, -0.5], "+5 and -5 cancel"
+    assert differences("rank", simulated, real).tolist() == [2.0, 2.0]
+    assert rank_correlation(np.array([[1.0, 1.0, 1.0], [1.0, 2.0, 9.0]]), np.arange(3.0)).tolist() == [
+        0.0,
+        pytest.approx(1.0),
+    ]
+
+
+def test_a_budget_of_simulations_is_shared_by_the_steps() -> None:
+    usual = Rules()
+    assert usual.rollouts == 15 * 700 + 2 * 45 * 20 * 10
+    assert usual.within(None) == usual.within(10**6) == usual
+    half = usual.within(usual.rollouts // 2)
+    assert half.rollouts <= usual.rollouts // 2 and abs(half.first - 300) < 9 and abs(half.turns - 22) < 3
+    with pytest.raises(UsageError, match="at least 430"):
+        usual.within(100)
+
+
+@pytest.mark.parametrize("wrong", [{"stand": 0}, {"lost": 1.0}, {"difference": "none"}, {"variations": 1}])
+def test_sizes_that_make_no_sense_are_refused(wrong: dict) -> None:
+    with pytest.raises(UsageError, match=str(next(iter(wrong)))):
+        Rules(**wrong)
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_another() -> None:
+    ends = lambda seed: [v.simulator.tobytes() for v in run(Robot(), seed=seed).versions]  # noqa: E731
+    assert ends(4) == ends(4) != ends(5)
