@@ -5,6 +5,7 @@ from typing import Any
 from rich.console import Group
 from rich.text import Text
 
+from dynreg.report import on_robot
 from dynreg.report.drawing import chart, estimate_track
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count, held_out_words, number
@@ -13,6 +14,8 @@ from dynreg.results.calibration import Calibration
 
 def verdict(result: Calibration) -> str:
     """The answer in one short sentence."""
+    if result.on_robot is not None:
+        return on_robot.verdict(result)
     part = "train" if result.test_error is None else "test"
     error, nominal = (
         (result.train_error, result.nominal_train_error)
@@ -36,7 +39,8 @@ def spent(result: Calibration) -> str:
     """What it cost, in words."""
     simulated = result.cost.simulated_seconds
     more = f", {simulated:.0f} s of simulated time" if simulated else ""
-    return f"{cost_words(result.cost)}{more}"
+    robot = "" if result.on_robot is None else f"; {on_robot.spent(result)}"
+    return f"{cost_words(result.cost)}{more}{robot}"
 
 
 def made(result: Calibration) -> list[tuple[str, ...]]:
@@ -48,7 +52,7 @@ def made(result: Calibration) -> list[tuple[str, ...]]:
             v.parent[:12] if v.parent else "nominal",
             number(v.before),
             number(v.after),
-            count(len(v.episodes), "episode"),
+            count(len(v.trials), "trial") if result.on_robot else count(len(v.episodes), "episode"),
             ", ".join(f"{name} {number(value)}" for name, value in v.figures.items()),
         )
         for v in result.versions
@@ -66,6 +70,8 @@ def columns(rows: list[tuple[str, ...]]) -> tuple[str, ...]:
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
     """What to do next."""
+    if result.on_robot is not None:
+        return on_robot.next_steps(result)
     asked = result.recording[:12]
     query = (f"Compare with a query: dynreg query {asked}",) if result.population is None else ()
     last = result.versions[-1] if result.versions else None
@@ -82,7 +88,7 @@ def next_steps(result: Calibration) -> tuple[str, ...]:
 
 
 def tables(result: Calibration) -> Group:
-    """The fitted parameters, and the errors of the nominal and the fitted simulator."""
+    """The fitted parameters, and the errors of the nominal and the fitted simulator, or the gaits on the robot."""
     errors = [
         ("nominal", result.nominal_train_error, result.nominal_test_error),
         (result.method, result.train_error, result.test_error),
@@ -91,7 +97,11 @@ def tables(result: Calibration) -> Group:
     return Group(
         Text(verdict(result), style="bold"),
         estimate_table(result.parameters, "parameters"),
-        table(("", "train", "test"), errors, "replay error (1: as large as the motion)"),
+        table(("", "train", "test"), errors, "replay error (1: as large as the motion)")
+        if result.on_robot is None
+        else table(
+            on_robot.GAITS, on_robot.rows(result.on_robot), f"gaits on the robot [{result.on_robot.unit}]"
+        ),
         *([table(columns(versions), versions, "versions")] if versions else []),
         *([Text(f"\n{held}")] if (held := held_out_words(result.parts or {"test": ()})) else []),
         Text(f"\n{spent(result)}"),
@@ -103,12 +113,15 @@ def page(result: Calibration) -> dict[str, Any]:
     """The template's variables."""
     steps = [step.simulations for step in result.history]
     errors, versions = {"answer": [step.error for step in result.history]}, made(result)
+    history = chart("best replay error so far", "simulations", steps, errors)
     return {
         "result": result,
-        "title": f"{result.recording[:12]} · {result.robot}",
+        "title": f"{(result.recording or result.method)[:12]} · {result.robot}",
         "verdict": verdict(result),
         "steps": next_steps(result),
-        "chart": chart("best replay error so far", "simulations", steps, errors),
+        "charts": ([history] if history else []) if result.on_robot is None else on_robot.charts(result),
+        "gaits": [] if result.on_robot is None else on_robot.rows(result.on_robot),
+        "gait_columns": on_robot.GAITS,
         "versions": versions,
         "columns": columns(versions),
         "spent": spent(result).removeprefix("cost: "),

@@ -46,7 +46,7 @@ def page(result: Gait) -> dict[str, Any]:
     rising = chart(f"best value so far [{result.unit}]", "gaits tried", tried, {"answer": best})
     return {
         "result": result,
-        "title": f"{result.recording_name} · gait of {result.robot}",
+        "title": f"{result.recording_name or result.method} · gait of {result.robot}",
         "verdict": result.headline,
         "search": rising,
         "ways": [c for c in map(_way, result.trials) if c is not None],

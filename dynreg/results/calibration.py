@@ -114,7 +114,7 @@ class CalibrationCost(Cost):
 
 
 class Calibration(Result):
-    """A simulator fitted to a recording by a method.
+    """A simulator fitted to a recording by a method; by `btr` to the robot itself, and recording and errors are null.
 
     versions : every simulator that was made on the way, in order; the last is `simulator`. causes : keys of the effects
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
@@ -122,8 +122,6 @@ class Calibration(Result):
     test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
     "episodes", "plan" where all generations of one were run, "iterations", "goal" where a task was met, what budget of
     trials is spent, or the verdict of a diagnosis. population : id of the one that was searched.
-
-    Of a method that tries the robot, recording and errors are null, and `on_robot` tells the trials.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")

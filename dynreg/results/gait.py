@@ -136,19 +136,21 @@ class Gait(Result):
     kind : the family of gaits. genes : the numbers of the search. table : what every joint is told, sent at `rate` [Hz]
     for `seconds` and faded in from the joints' `rest` over `ramp` [s]; they are all that is needed to play the gait.
 
-    recording : the recording for which the simulators were chosen. on : how they were chosen. source : the stored
-    result that named them. value : the objective of the search, `accept` over `trials` (one run in each simulator).
-    finals : the runs that chose among the best gaits; null if there were none. expected : of a trial on the robot; null
-    in results of older versions. packaged : number, from 1, of the robot's own gait ([[gait.start]]) that this is,
-    unchanged; null of a new gait. succeeded : the gait reached `success`
-    in all simulators, and fell neither there nor in the finals. ended : why the search ended. notes : further remarks.
+    recording : the recording for which the simulators were chosen; null of a gait that was made on the robot
+    itself, by `dynreg calibrate --method btr`, whose `fitness` is in the simulator all the same. on : how they
+    were chosen. source : the stored result that named them. value : the objective of the search, `accept` over
+    `trials` (one run in each simulator). finals : the runs that chose among the best gaits; null if there were
+    none. expected : of a trial on the robot; null in results of older versions. packaged : number, from 1, of
+    the robot's own gait ([[gait.start]]) that this is, unchanged; null of a new gait. succeeded : the gait
+    reached `success` in all simulators, and fell neither there nor in the finals. ended : why the search ended.
+    notes : further remarks.
     """
 
     schema_: Literal["dynreg/gait/2"] = Field(default="dynreg/gait/2", alias="schema")
     robot: str
     robot_hash: str
-    recording: str
-    recording_name: str
+    recording: str | None
+    recording_name: str = ""
     on: str
     k: int
     source: str | None
@@ -227,7 +229,7 @@ class Gait(Result):
 
     def brief(self) -> str:
         worst = f"{self.fitness.min:.3g} {self.unit} at worst in {self.k} simulators"
-        return f"of {self.robot} for {self.recording_name}: {self.task}, {worst}"
+        return f"of {self.robot} for {self.recording_name or 'it'}: {self.task}, {worst}"
 
     def __str__(self) -> str:
         return f"{self.headline} {self.prediction}".rstrip()
@@ -249,7 +251,7 @@ class Gait(Result):
             how = f"below the goal of {self.success:.3g} {self.unit}"
         simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
         return (
-            f"{self.recording_name}: the gait {how}. Task {self.task} in {simulators}: "
+            f"{self.recording_name or self.robot}: the gait {how}. Task {self.task} in {simulators}: "
             f"{self.fitness.min:.3g} {self.unit} in the worst, {self.fitness.mean:.3g} {self.unit} on average."
         )
 

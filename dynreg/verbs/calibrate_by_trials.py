@@ -24,6 +24,7 @@ from dynreg.sim.real import Budget, RealRobot
 from dynreg.sim.robot import Robot, packaged_robots
 from dynreg.verbs.calibration import parameters
 from dynreg.verbs.calibration_start import require_plain, shared_values
+from dynreg.verbs.gait_by_trials import gait_by_trials
 from dynreg.verbs.gaits import gait_of, genes_of
 from dynreg.verbs.journals import Journals
 from dynreg.verbs.simulators import NOMINAL, Simulator, simulator
@@ -83,8 +84,9 @@ def calibrate_by_trials(
         .fit(Question(None, start), Evidence(trying=Trying(door, gaits, rules)), limits)
     )
     ids = _register(asked, settings.method, task, found, begin and begin.id)
+    gait = gait_by_trials(asked, settings, task, found, ids[-1][0], time.perf_counter() - began)
     cost = _cost(found, door, time.perf_counter() - began, time.process_time() - worked)
-    made = _document(asked, settings, task, found, ids, cost)
+    made = _document(asked, settings, task, found, ids, cost, gait)
     registry.put_result(made.schema_name(), None, made.to_dict())
     journals.end()
     return made
@@ -158,6 +160,7 @@ def _document(
     found: Answer,
     ids: list[tuple[str, str | None]],
     cost: CalibrationCost,
+    gait: str,
 ) -> Calibration:
     return Calibration(
         robot=asked.robot.name,
@@ -173,7 +176,7 @@ def _document(
         history=(),
         ended=found.ended,
         seed=settings.seed,
-        on_robot=_on_robot(asked.robot, task, found),
+        on_robot=_on_robot(asked.robot, task, found, gait),
         cost=cost,
     )
 
@@ -191,7 +194,7 @@ def _version(version: Version, simulator: str, parent: str | None) -> Calibratio
     )
 
 
-def _on_robot(robot: Robot, task: Task, found: Answer) -> OnRobot:
+def _on_robot(robot: Robot, task: Task, found: Answer, gait: str) -> OnRobot:
     stood = [i for i, one in enumerate(found.tried) if not one.fell]
     return OnRobot(
         task=task.name,
@@ -209,6 +212,7 @@ def _on_robot(robot: Robot, task: Task, found: Answer) -> OnRobot:
         ),
         best=1 + max(stood, key=lambda i: found.tried[i].score),
         gait=gait_space(robot, task.motion).as_dict(found.gait),
+        document=gait,
     )
 
 

@@ -101,7 +101,8 @@ def gait(
     key, path = journal(asked, chosen, trials, search)
     sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
     unseen = expected(trials, sought.genes)
-    found = document(asked, chosen, trials, search, sought, unseen, time.perf_counter() - began)
+    about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
+    found = document(robot, about, chosen, trials, search, sought, unseen, seconds)
     asked.keep(found)
     path.unlink(missing_ok=True)  # only after the gait is stored
     return found

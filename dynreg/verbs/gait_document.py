@@ -18,6 +18,7 @@ from dynreg.gait.ways import ways
 from dynreg.results.gait import Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTable, GaitTrial
 from dynreg.results.result import Cost
 from dynreg.results.trials import rate
+from dynreg.sim.robot import Robot
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.subjects import Recorded
 
@@ -39,7 +40,8 @@ def journal(
 
 
 def document(
-    asked: Recorded,
+    robot: Robot,
+    recording: tuple[str | None, str],
     chosen: Chosen,
     trials: Trials,
     search: SearchSettings,
@@ -47,15 +49,19 @@ def document(
     unseen: np.ndarray,
     seconds: float,
 ) -> Gait:
-    """The document of the gait. unseen : (n,) its grades in runs that no choice has seen. seconds : wall time."""
-    robot, task, space, found = asked.robot, trials.task, trials.space, sought.found
+    """The document of the gait.
+
+    recording : id and name of that for which it was sought. unseen : (n,) its grades in runs that no choice has seen.
+    seconds : wall time.
+    """
+    task, space, found = trials.task, trials.space, sought.found
     finals, values = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
     stood = not sought.fell.any() and not (finals and finals.falls)
     return Gait(
         robot=robot.name,
         robot_hash=robot.hash,
-        recording=asked.recording.id,
-        recording_name=asked.name,
+        recording=recording[0],
+        recording_name=recording[1],
         on=chosen.on,
         k=len(trials.simulators),
         source=chosen.source,

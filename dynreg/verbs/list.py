@@ -71,7 +71,17 @@ def _results(registry: Registry) -> Iterator[Row]:
     for record in [registry.result(i) for i in registry.ids("result")]:
         detail = {"recording": record.recording_id[:12]} if record.recording_id else {}
         detail |= {name: record.document[name] for name in TELLING if record.document.get(name) is not None}
-        yield record.id, record.kind, record.document.get("robot", ""), detail
+        yield record.id, record.kind, record.document.get("robot", ""), detail | _on_robot(record.document)
+
+
+def _on_robot(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a calibration that tried the robot: task, trials, falls, and the best score; else nothing."""
+    told = document.get("on_robot")
+    if not told:
+        return {}
+    best = told["tried"][told["best"] - 1]["scores"]
+    spent = {name: document["cost"][name] for name in ("trials", "falls")}
+    return {"task": told["task"], **spent, "score": round(sum(best) / len(best), 4)}
 
 
 def _robots(registry: Registry) -> Iterator[Row]:

@@ -1,0 +1,88 @@
+"""What a calibration did on the robot itself: its sentence, its tables, and its two curves."""
+
+from typing import Any
+
+from dynreg.report.drawing import Chart, chart
+from dynreg.report.words import count, number
+from dynreg.results.calibration import Calibration, OnRobot
+
+GAITS = ("gait", "iteration", "step", "trials", "score", "in the simulator")
+
+
+def verdict(result: Calibration) -> str:
+    """The answer in one or two sentences."""
+    told, cost = result.on_robot, result.cost
+    best, first = told.tried[told.best - 1], told.tried[0]
+    begun = "" if first is best or first.fell else f", after {number(first.score)} of the first one"
+    falls = f"{count(cost.trials, 'trial')} on {result.robot}, {cost.falls} with a fall"
+    text = (
+        f"{result.method} found a gait with a score of {number(best.score)} {told.unit}{begun}, in {falls}."
+    )
+    adapted = [v for v in result.versions if v.before is not None]
+    if not adapted:
+        return f"{text} The simulator was not adapted."
+    changes = " and ".join(f"{number(v.before)} to {number(v.after)}" for v in adapted)
+    return f"{text} The difference of simulated and real scores fell from {changes}."
+
+
+def spent(result: Calibration) -> str:
+    """What the trials cost, in words."""
+    cost = result.cost
+    lost = f", {count(cost.discarded, 'trial')} of gaits that were discarded" if cost.discarded else ""
+    return (
+        f"on the robot: {count(cost.trials, 'trial')}, {cost.trial_seconds:.0f} s,"
+        f" {count(cost.falls, 'fall')}{lost}; ended by: {result.ended}"
+    )
+
+
+def next_steps(result: Calibration) -> tuple[str, ...]:
+    """What to do next."""
+    told = result.on_robot
+    out = (
+        []
+        if told.document is None
+        else [f"Play it: dynreg export {told.document[:12]} --as python --to gait.py"]
+    )
+    if len(told.tried[told.best - 1].trials) == 1:
+        out.append("The best score is of one trial, the luckiest of many: try the gait again.")
+    return tuple(out)
+
+
+def rows(told: OnRobot) -> list[tuple[Any, ...]]:
+    """A row for each gait that came from the simulator or is the best: `GAITS`; those of small steps are counted."""
+    out: list[tuple[Any, ...]] = []
+    for number_, one in enumerate(told.tried, 1):
+        if one.step == "refine" and number_ != told.best:
+            continue
+        score = f"fell in trial {one.trials[-1]}" if one.fell else number(one.score)
+        trials = str(one.trials[0]) if len(one.trials) == 1 else f"{one.trials[0]} to {one.trials[-1]}"
+        mark = ", the best" if number_ == told.best else ""
+        out.append((str(number_), one.iteration, one.step + mark, trials, score, number(one.simulated)))
+    return out
+
+
+def charts(result: Calibration) -> list[Chart]:
+    """The score of every trial beside the simulated one, broken at each adaptation; the difference by iteration."""
+    told = result.on_robot
+    x: list[float] = []
+    real: list[float | None] = []
+    simulated: list[float | None] = []
+    iteration, step = 1, "transfer"
+    for one in told.tried:
+        if (one.iteration, one.step) != (iteration, step):
+            x, real, simulated = [*x, one.trials[0] - 0.5], [*real, None], [*simulated, None]
+            iteration, step = one.iteration, one.step
+        x += one.trials
+        real += [0.0 if score is None else score for score in one.scores]
+        simulated += [one.simulated] * len(one.trials)
+    curves = {"nominal": simulated, "answer": real}
+    scores = chart(f"score [{told.unit}] on the robot, and simulated (dashed)", "trial", x, curves)
+    at: list[float] = []
+    delta: list[float | None] = []
+    for number_, one in enumerate((v for v in result.versions if v.before is not None), 1):
+        at += [number_ - 1, number_, number_]
+        delta += [one.before, one.after, None]
+    apart = chart(
+        f"difference of simulated and real scores [{told.unit}]", "adaptations", at, {"answer": delta}
+    )
+    return [one for one in (scores, apart) if one is not None]

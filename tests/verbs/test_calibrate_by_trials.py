@@ -1,0 +1,202 @@
+"""`calibrate --method btr`: a robot in place of a recording, through a session, a folder and the command line."""
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dynreg
+from dynreg.adapt.reality import Rules
+from dynreg.errors import BudgetError, LogError, NoMatchError, UsageError
+from dynreg.gait.space import gait_space
+from dynreg.gait.tasks import task_of
+from dynreg.report.html import page
+from dynreg.report.tables import render
+from dynreg.results import Calibration
+from dynreg.session import Session
+from dynreg.sim.real import SimulatedRobot
+from dynreg.sim.robot import Robot
+from dynreg.verbs.trial_folder import TrialFolder, read_score
+
+TINY = Rules(
+    iterations=2, first=2, later=1, gaits=4, stand=2, repeats=2, turns=2, simulators=3, variations=2, steps=1
+)
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Iterator[Session]:
+    with dynreg.open(tmp_path / "registry") as made:
+        yield made
+
+
+class Door:
+    """A robot that scores how far its joints are sent, and breaks after some trials."""
+
+    def __init__(self, breaks: int | None = None, falls: bool = False):
+        self.breaks, self.falls, self.names = breaks, falls, []
+
+    def __call__(self, actions: np.ndarray, rate: float, name: str) -> float | None:
+        if len(self.names) == self.breaks:
+            raise KeyboardInterrupt
+        self.names.append(name)
+        return None if self.falls else float(np.ptp(actions, axis=0).mean())
+
+
+def calibrated(opened: Session, robot: Robot, door, **told) -> Calibration:
+    given = {"rules": TINY, "seed": 3, "threads": 1, "say": lambda _: None, **told}
+    return opened.calibrate(robot, method="btr", robot_door=door, **given)
+
+
+def told_by(found: Calibration) -> dict:
+    """All but what differs from run to run."""
+    document = found.to_dict()
+    cost = {
+        k: v for k, v in document["cost"].items() if k in ("trials", "trial_seconds", "falls", "discarded")
+    }
+    document["on_robot"].pop("document")  # it holds a wall time
+    return document | {"cost": cost}
+
+
+def test_a_simulated_robot_is_calibrated_by_its_scores_alone(
+    opened: Session, brief: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynreg.sim.real.FINER", 2)
+    space = brief.space
+    hidden = space.from_unit(np.clip(space.to_unit(space.nominal) + 0.1, 0.0, 1.0))
+    real = SimulatedRobot(brief, hidden, seed=5, threads=1)
+    found = calibrated(opened, brief, real, rules=Rules(**{**vars(TINY), "iterations": 1}))
+    assert found.recording is None and found.train_error is None and found.ended == "iterations"
+    assert (found.cost.trials, found.cost.falls) == (real.spent.trials, real.spent.falls)
+    assert found.cost.trial_seconds == pytest.approx(real.spent.seconds)
+    start, adapted = found.versions
+    assert start.stage == "start" and adapted.parent == start.simulator
+    assert adapted.stage == "iteration 1" and adapted.after <= adapted.before
+    kept = opened.registry.simulator(adapted.simulator)
+    assert kept["lineage"]["trials"] == [*adapted.trials] and kept["lineage"]["made_by"] == "calibrate btr"
+    assert found.simulator == adapted.simulator and kept["robot"] == brief.hash
+    assert opened.result("@last") in (found, opened.result(found.on_robot.document))
+    listed = next(i for i in opened.list("result").items if i.name == "calibration").detail
+    assert listed["trials"] == found.cost.trials and listed["score"] > 0.0
+    assert Calibration.model_validate(found.to_dict()) == found
+    text = page(found)
+    assert "trials on the robot" in text and "difference of simulated and real scores" in text
+    assert render(found) is not None and found.tables()["robot"]
+
+
+def test_the_gait_can_be_played_and_begun_with(opened: Session, brief: Robot, tmp_path: Path) -> None:
+    found = calibrated(opened, brief, Door())
+    gait = opened.export_gait(found.on_robot.document, tmp_path / "gait.py", "python")
+    genes = {name: gene.value for name, gene in gait.genes.items()}
+    assert genes == pytest.approx(found.on_robot.gait) and gait.method == "btr" and "None" not in str(gait)
+    again = calibrated(opened, brief, Door(), gait=found.on_robot.document, seed=4)
+    best = found.on_robot.tried[found.on_robot.best - 1]
+    assert again.on_robot.tried[0].score == pytest.approx(best.score, rel=1e-6)
+    assert again.on_robot.tried[0].simulated is None, "it is tried first"
+    later = calibrated(opened, brief, Door(), start=found.simulator, seed=5)
+    assert later.versions[0].parent == found.simulator
+
+
+def test_the_same_bytes_on_any_threads(opened: Session, brief: Robot) -> None:
+    first, second = (calibrated(opened, brief, Door(), threads=threads) for threads in (1, 2))
+    assert told_by(first) == told_by(second)
+
+
+@pytest.mark.parametrize("breaks", [1, 6])
+def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
+    opened: Session, brief: Robot, breaks: int
+) -> None:
+    whole, first, second = calibrated(opened, brief, Door()), Door(breaks), Door()
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, first)
+    with pytest.raises(UsageError, match="nothing to resume with seed 9"):
+        calibrated(opened, brief, Door(), seed=9, resume=True)
+    found = calibrated(opened, brief, second, resume=True)
+    assert told_by(found) == told_by(whole)
+    assert [*first.names, *second.names] == [f"trial_{i + 1}" for i in range(whole.cost.trials)]
+
+
+@pytest.mark.parametrize("budget", [{"trials": 3}, {"seconds": 5.0}])
+def test_the_budget_ends_it_without_an_error(opened: Session, brief: Robot, budget: dict) -> None:
+    door, seconds = Door(), task_of(brief).seconds
+    found = calibrated(opened, brief, door, **budget)
+    assert found.ended.startswith(f"the budget of {[*budget.values()][0]:g}") and found.cost.falls == 0
+    assert len(door.names) == found.cost.trials == min(3 if "trials" in budget else 5.0 // seconds, 12)
+
+
+def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_log) -> None:
+    opened.ingest(short_log, brief, name="log")
+    door = Door()
+    with pytest.raises(BudgetError, match="room for"):
+        calibrated(opened, brief, door, seconds=0.1)
+    assert not door.names, "nothing moved"
+    with pytest.raises(NoMatchError, match="every one of the .* gaits fell on robot 'quadruped'"):
+        calibrated(opened, brief, Door(falls=True))
+    with pytest.raises(NoMatchError, match="the 2 gaits fell .* budget of 2 falls"):
+        calibrated(opened, brief, Door(falls=True), falls=2)
+    with pytest.raises(UsageError, match="'log'.*reads no recording|reads no recording such as 'log'"):
+        calibrated(opened, "log", Door())
+    with pytest.raises(UsageError, match="method 'btr' without a robot to try"):
+        calibrated(opened, brief, None)
+    for method in ("cma", "diagnose", "nearest"):
+        with pytest.raises(
+            UsageError, match=f"method '{method}' needs a recording, and 'quadruped' is a robot"
+        ):
+            opened.calibrate("quadruped", method=method)
+    with pytest.raises(UsageError, match="hold_out '0.25' with method 'btr'"):
+        calibrated(opened, brief, door, hold_out="0.25")
+    with pytest.raises(UsageError, match="trials '9' with method 'cma'"):
+        opened.calibrate("log", trials=9)
+    with pytest.raises(UsageError, match="robot_door with method 'cma'"):
+        opened.calibrate("log", robot_door=door)
+    with pytest.raises(LogError, match="has the score nan"):
+        calibrated(opened, brief, lambda *_: float("nan"))
+
+
+def test_a_tape_measure_and_a_folder_will_do(
+    opened: Session, brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.0)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.01)
+    folder, over, said = tmp_path / "trials", threading.Event(), []
+
+    def person() -> None:
+        """Plays each table, and writes how far it went, or that it fell."""
+        while not over.is_set():
+            for table in folder.glob("trial_*.csv"):
+                score = folder / f"{table.stem}_score.txt"
+                if not score.exists() and any(score.name in line for line in said):
+                    number = int(table.stem.removeprefix("trial_"))
+                    score.with_suffix(".part").write_text("fell\n" if number == 2 else f"0.{number + 10}\n")
+                    score.with_suffix(".part").rename(score)
+            time.sleep(0.01)
+
+    measuring = threading.Thread(target=person)
+    measuring.start()
+    try:
+        found = calibrated(opened, brief, folder, trials=6, say=said.append)
+    finally:
+        over.set()
+        measuring.join()
+    scores = found.on_robot.scores()
+    assert scores[1] is None and [s for i, s in enumerate(scores) if i != 1] == [0.11, 0.13, 0.14, 0.15, 0.16]
+    assert found.cost.falls == 1 and found.cost.discarded == 2
+    assert f"{folder / 'trial_1.csv'} on the robot (1 s)" in said[0] and len(said) == 6
+    quiet = TrialFolder(folder, opened.registry, brief, say=said.append)
+    told = np.loadtxt(folder / "trial_1.csv", delimiter=",", skiprows=1)[:, 1:]
+    assert quiet.told(told, brief.rate, "trial_1") == 0.11, "it is there already"
+
+
+@pytest.mark.parametrize("line", ["", "about a metre", "nan", "0.3 0.4"])
+def test_a_file_of_a_score_with_another_line_is_refused(tmp_path: Path, line: str) -> None:
+    (tmp_path / "trial_1_score.txt").write_text(line, encoding="utf-8")
+    with pytest.raises(LogError, match=r"trial_1_score.txt' says"):
+        read_score(tmp_path / "trial_1_score.txt")
+
+
+def test_a_gait_of_another_robot_is_refused(opened: Session, brief: Robot) -> None:
+    genes = gait_space(brief).as_dict(gait_space(brief).bounds.mean(axis=1))
+    with pytest.raises(UsageError, match="does not fit"):
+        calibrated(opened, brief, Door(), gait={**genes, "wings": 2.0})
