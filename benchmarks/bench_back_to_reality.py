@@ -144,7 +144,7 @@ class Bench:
         began, told = time.process_time(), {"trials": TRIALS, "seed": seed, "threads": self.tape.threads}
         with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
             found = session.calibrate(
-                robot, method="btr", robot_door=self.tape, gait=genes, rules=rules, progress=shown, **told
+                robot, method="btr", robot_door=self.tape, gait=genes, rules=rules, progress=Shown(), **told
             )
             made = [session.registry.simulator(v.simulator)["values"] for v in found.versions]
         simulators = [robot.space.from_dict(values) for values in made]
@@ -198,10 +198,16 @@ def walking_for(seconds: float) -> Robot:
     return replace(robot, file=robot.file.model_copy(update={"tasks": [table]}))
 
 
-def shown(stage: str, done: int, total: int) -> None:
-    """Tell how far it is, ten times a stage."""
-    if total and done * 10 // total != (done - 1) * 10 // total:
-        print(f"  {time.strftime('%H:%M:%S')} {stage}: {done} of {total}", flush=True)
+class Shown:
+    """Tells how far it is, ten times a stage at most."""
+
+    def __init__(self) -> None:
+        self._last: tuple[str, int] | None = None
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        if (now := (stage, 10 * done // max(total, 1))) != self._last:
+            self._last = now
+            print(f"  {time.strftime('%H:%M:%S')} {stage}: {done} of {total}", flush=True)
 
 
 def scaled(share: float, iterations: int) -> Rules:

@@ -1,5 +1,8 @@
 """A gait and a simulator in turn, by scores of trials on the robot alone: paper B's way."""
 
+from collections.abc import Callable
+from functools import cached_property
+
 import numpy as np
 
 from dynreg.adapt.journalled import Journalled, Outcome
@@ -102,11 +105,14 @@ class ByReality:
 class _Late:
     """Trials that are made when the first is asked for."""
 
-    def __init__(self, make):
-        self._make, self._made = make, None
+    def __init__(self, make: Callable[[], Journalled]):
+        self._make = make
+
+    @cached_property
+    def _made(self) -> Journalled:
+        return self._make()
 
     def __call__(self, gait: np.ndarray) -> float | None:
-        self._made = self._made or self._make()
         return self._made(gait)
 
 
@@ -125,7 +131,7 @@ def _version(robot: Robot, one: Adapted) -> Version:
 
 def _none_stood(name: str, many: int, ended: str) -> None:
     raise NoMatchError(
-        f"every one of the {many} gaits fell on robot {name!r} (ended by: {ended})",
+        f"every one of the gaits that were tried ({many}) fell on robot {name!r} (ended by: {ended})",
         expected="a gait that stands on the robot",
         do="begin with one that does (--gait), or with a simulator that is nearer to it (--start)",
     )

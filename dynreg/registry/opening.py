@@ -72,12 +72,15 @@ def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
 
 
 def take_away(directory: Directory) -> None:
-    """Close a registry, and remove it where its own opening made it and at most robots were stored in it since."""
+    """Close a registry, and remove it where its own opening made it and at most robots were stored in it since.
+
+    A journal of a search that can go on keeps it: it may tell of trials on a robot.
+    """
     gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
     with suppress(OSError, RegistryError):  # an empty registry that stays does no harm
         if directory.made:
             with directory.catalog.write() as writing:  # nobody puts anything meanwhile
-                if not _holds_any(writing.connection):
+                if not _holds_any(writing.connection) and not _can_go_on(directory.path):
                     disk.rename(directory.path, gone)
     directory.close()
     shutil.rmtree(gone, ignore_errors=True)
@@ -188,6 +191,11 @@ def _holds_any(connection: Connection) -> bool:
     """Whether there is anything that was asked for; robots come along with other things."""
     asked_for = (tables.populations, tables.recordings, tables.simulators, tables.results)
     return any(connection.execute(select(func.count()).select_from(t)).scalar_one() for t in asked_for)
+
+
+def _can_go_on(path: Path) -> bool:
+    """Whether a search has left a journal with a step in it, behind its head."""
+    return any(journal.read_bytes().count(b"\n") > 1 for journal in (path / SEARCHES).glob("*.jsonl"))
 
 
 def _version(path: Path) -> int | None:

@@ -118,6 +118,15 @@ def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
     assert [*first.names, *second.names] == [f"trial_{i + 1}" for i in range(whole.cost.trials)]
 
 
+def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), dynreg.open(tmp_path / "new") as made:
+        calibrated(made, brief, Door(2))
+    door = Door()
+    with dynreg.open(tmp_path / "new", create=False) as again:
+        found = calibrated(again, brief, door, resume=True, trials=4)
+    assert door.names == ["trial_3", "trial_4"] and found.cost.trials == 4
+
+
 @pytest.mark.parametrize("budget", [{"trials": 3}, {"seconds": 5.0}])
 def test_the_budget_ends_it_without_an_error(opened: Session, brief: Robot, budget: dict) -> None:
     door, seconds = Door(), task_of(brief).seconds
@@ -132,9 +141,9 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
     with pytest.raises(BudgetError, match="room for"):
         calibrated(opened, brief, door, seconds=0.1)
     assert not door.names, "nothing moved"
-    with pytest.raises(NoMatchError, match="every one of the .* gaits fell on robot 'quadruped'"):
+    with pytest.raises(NoMatchError, match="every one of the gaits .* fell on robot 'quadruped'"):
         calibrated(opened, brief, Door(falls=True))
-    with pytest.raises(NoMatchError, match="the 2 gaits fell .* budget of 2 falls"):
+    with pytest.raises(NoMatchError, match=r"tried \(2\) fell .* budget of 2 falls"):
         calibrated(opened, brief, Door(falls=True), falls=2)
     with pytest.raises(UsageError, match="'log'.*reads no recording|reads no recording such as 'log'"):
         calibrated(opened, "log", Door())
