@@ -21,7 +21,7 @@ class Kind:
 
     needs : what it cannot do without: "plan", "population", "wheels" of the robot, or a "door" to the robot itself, in
     place of a recording, and a "task" for it. reads : further settings that mean something to it, of "start", "budget"
-    and "resume", and of a door "trials", "seconds" and "falls".
+    and "resume", and of a door "trials", "seconds", "falls" and "goal".
     """
 
     name: str
@@ -106,7 +106,7 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "by_reality:ByReality",
                 "parameters and a gait in turn (paper B), where a score of each trial is all that is measured",
                 needs=("door", "task"),
-                reads=("start", "budget", "resume", "trials", "seconds", "falls"),
+                reads=("start", "budget", "resume", "trials", "seconds", "falls", "goal"),
             ),
         )
     }

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Settings that mean nothing to some methods.
 OPTIONAL = (
     *("plan", "population", "start", "budget", "resume", "hold_out"),
-    *("task", "trials", "seconds", "falls"),
+    *("task", "trials", "seconds", "falls", "goal"),
 )
 
 
@@ -67,6 +67,9 @@ class CalibrateSettings(Settings):
     )
     seconds: float | None = option(None, "Most seconds of its trials in all.", usual="no limit", above=0.0)
     falls: int | None = option(None, "End `btr` after this many falls.", usual="never", least=1)
+    goal: float | None = option(
+        None, "End `btr` once a gait scores so much on the robot, in the task's unit.", usual="never"
+    )
     resume: bool = option(False, "Continue an interrupted calibration.")
     threads: int = threads()
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,12 +77,10 @@ def calibrate_by_trials(
         },
         settings.resume,
     )
+    # a run that is continued may have another goal and another budget of trials
+    trying = Trying(door, gaits, rules if settings.goal is None else replace(rules, goal=settings.goal))
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
-    found = (
-        METHODS[settings.method]
-        .made()
-        .fit(Question(None, start), Evidence(trying=Trying(door, gaits, rules)), limits)
-    )
+    found = METHODS[settings.method].made().fit(Question(None, start), Evidence(trying=trying), limits)
     ids = _register(asked, settings.method, task, found, begin and begin.id)
     gait = gait_by_trials(asked, settings, task, found, ids[-1][0], time.perf_counter() - began)
     cost = _cost(found, door, time.perf_counter() - began, time.process_time() - worked)

@@ -160,7 +160,7 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
         "population": None,
         "resume": False,
         "threads": 0,
-        **dict.fromkeys(("task", "trials", "seconds", "falls")),
+        **dict.fromkeys(("task", "trials", "seconds", "falls", "goal")),
         "robot": "leg",
         "log_map": Path("m.toml"),
         "progress": named["progress"],
@@ -168,11 +168,11 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
 
 
 def test_calibrate_takes_a_robot_and_a_folder_for_its_trials(dynreg, session) -> None:
-    line = "calibrate leg --method btr --task forward --trials 30 --seconds 300.5 --falls 3 --trial tries --gait 1f2e"
-    assert dynreg(*line.split()).status == 0
+    line = "calibrate leg --method btr --task forward --trials 30 --seconds 300.5 --falls 3 --goal 0.8"
+    assert dynreg(*line.split(), "--trial", "tries", "--gait", "1f2e").status == 0
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("calibrate", ("leg",)) and session.created
-    told = {"task": "forward", "trials": 30, "seconds": 300.5, "falls": 3, "method": "btr"}
+    told = {"task": "forward", "trials": 30, "seconds": 300.5, "falls": 3, "goal": 0.8, "method": "btr"}
     assert named == named | told | {"robot_door": Path("tries"), "gait": "1f2e"}
     refused = dynreg(*"calibrate bench --method btr --robot leg".split())
     assert refused.status == 2 and "dynreg calibrate leg --method btr" in refused.err

@@ -135,6 +135,11 @@ def test_the_budget_ends_it_without_an_error(opened: Session, brief: Robot, budg
     assert len(door.names) == found.cost.trials == min(3 if "trials" in budget else 5.0 // seconds, 12)
 
 
+def test_a_task_that_is_met_ends_it(opened: Session, brief: Robot) -> None:
+    met = calibrated(opened, brief, Door(), goal=1e-6)
+    assert met.ended == "goal" and met.cost.trials == 4, "the two gaits that had to stand"
+
+
 def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_log) -> None:
     opened.ingest(short_log, brief, name="log")
     door = Door()
