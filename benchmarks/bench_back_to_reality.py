@@ -25,7 +25,7 @@ from naming import RESULTS
 
 import dynreg
 from dynreg.adapt.differences import rank_correlation
-from dynreg.adapt.reality import Rules
+from dynreg.adapt.tried import Rules
 from dynreg.gait.tasks import Task, fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.methods.by_reality import Played

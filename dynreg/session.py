@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-    from dynreg.adapt.reality import Rules
+    from dynreg.adapt.tried import Rules
     from dynreg.data.recording import Recording
     from dynreg.datasets.dataset import Dataset
     from dynreg.distance.population import Training
@@ -179,13 +179,8 @@ class Session:
         the robot's folder. rules are sizes other than the published ones. say tells what to do in the folder.
         """
         from dynreg.errors import UsageError
-        from dynreg.verbs.calibrate_by_trials import (
-            Tryable,
-            calibrate_by_trials,
-            real_of,
-            require_recording,
-            robot_to_try,
-        )
+        from dynreg.verbs.calibrate_by_trials import calibrate_by_trials
+        from dynreg.verbs.tryable import Tryable, real_of, require_recording, robot_to_try
 
         settings = CalibrateSettings(**told)
         trying = {"robot_door": robot_door, "gait": gait, "rules": rules}

@@ -7,13 +7,14 @@ a policy gradient (4). No state of the robot is ever read. Gaits and simulators 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.adapt.differences import DIFFERENCES, differences
+from dynreg.adapt.differences import differences
 from dynreg.adapt.searched import searched
-from dynreg.errors import BudgetError, UsageError
+from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried
+from dynreg.errors import BudgetError
 from dynreg.search.drive import Limits, Search, drive
 from dynreg.search.journal import Journal
 from dynreg.search.seen import Seen
@@ -21,75 +22,6 @@ from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
-TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
-START, BACK = "start", "rolled back"  # versions that no adaptation made
-
-
-@dataclass(frozen=True)
-class Rules:
-    """The sizes of every step, as published but for `lost`, which is ours.
-
-    iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
-    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them. turns :
-    generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
-    difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
-    estimates. lost : share of gaits that fall on the robot, from which on simulator and robot are disengaged. goal :
-    score with which the task is met; None for never. Raises UsageError for sizes that make no sense.
-    """
-
-    iterations: int = 2
-    first: int = 600
-    later: int = 100
-    gaits: int = 15
-    stand: int = 10
-    repeats: int = 3
-    turns: int = 45
-    simulators: int = 20
-    enough: float = 0.2
-    difference: str = "absolute"
-    variations: int = 13
-    steps: int = 10
-    lost: float = 0.5
-    goal: float | None = None
-
-    def __post_init__(self) -> None:
-        least = dict.fromkeys(("iterations", "first", "later", "gaits", "stand", "repeats", "turns"), 1)
-        least |= {"simulators": 1, "steps": 0, "variations": 2}
-        wrong = [f"{name} = {getattr(self, name)}" for name in least if getattr(self, name) < least[name]]
-        shares = ("enough", "lost")
-        wrong += [f"{name} = {getattr(self, name)}" for name in shares if not 0 < getattr(self, name) < 1]
-        if self.difference not in DIFFERENCES:
-            wrong.append(f"difference = {self.difference!r}")
-        if wrong:
-            raise UsageError(
-                wrong[0],
-                expected=f"sizes of 1 or more, shares between 0 and 1, a difference of {list(DIFFERENCES)}",
-                do="correct it",
-            )
-
-    def within(self, rollouts: int | None) -> "Rules":
-        """Steps 1 and 3 with the same share of their generations, so that no more than `rollouts` are run.
-
-        Raises UsageError where not even one generation of each is.
-        """
-        if rollouts is None or rollouts >= self.rollouts:
-            return self
-        one = replace(self, first=1, later=1, turns=1)
-        if rollouts < one.rollouts:
-            raise UsageError(
-                f"a budget of {rollouts} simulations",
-                expected=f"at least {one.rollouts}: one generation of each step",
-                do="raise --budget",
-            )
-        share = (rollouts - one.rollouts) / (self.rollouts - one.rollouts)
-        some = lambda generations: 1 + int(share * (generations - 1))  # noqa: E731
-        return replace(self, first=some(self.first), later=some(self.later), turns=some(self.turns))
-
-    @property
-    def rollouts(self) -> int:
-        """Runs of single gaits in single simulators, where every generation of every step is run."""
-        gaits = self.first + (self.iterations - 1) * self.later
-        return gaits * self.gaits + self.iterations * self.turns * self.simulators * self.stand
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,64 +39,6 @@ class World:
     journal: Callable[[str], Journal | None] = lambda _: None
     periodic: np.ndarray | None = None
     progress: Callable[[str, int, int], None] = lambda *_: None
-
-
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """A gait (G,) on the robot: its trials by number from 1, and their scores, None for the fall that ended them.
-
-    iteration : from 1. step : `TRANSFER` or `REFINE`. simulated : its fitness in the simulator that it comes from;
-    None where it was not run there.
-    """
-
-    gait: np.ndarray
-    iteration: int
-    step: str
-    trials: tuple[int, ...]
-    scores: tuple[float | None, ...]
-    simulated: float | None = None
-
-    @property
-    def fell(self) -> bool:
-        """Whether it is discarded."""
-        return None in self.scores
-
-    @property
-    def score(self) -> float:
-        """The mean over its trials; 0 after a fall."""
-        return 0.0 if self.fell else float(np.mean(self.scores))
-
-
-@dataclass(frozen=True, eq=False)
-class Adapted:
-    """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or "adapted".
-
-    parent : number of the version that it came from. trials : those that shaped it. before, after : the difference at
-    its parent and at it; None where nothing was adapted.
-    """
-
-    simulator: np.ndarray
-    iteration: int
-    made: str
-    parent: int | None = None
-    trials: tuple[int, ...] = ()
-    before: float | None = None
-    after: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """What it came to: versions, of which the last is the answer, all gaits on the robot, and why it ended.
-
-    best : the gait with the highest mean score on the robot; None where all fell. resumed : simulations of steps 1 and
-    3 that an interrupted run had left.
-    """
-
-    versions: tuple[Adapted, ...]
-    tried: tuple[Tried, ...]
-    best: Tried | None
-    ended: str
-    resumed: int
 
 
 def back_to_reality(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.adapt.reality import Tried
+from dynreg.adapt.tried import Tried
 
 
 @dataclass(frozen=True, eq=False)

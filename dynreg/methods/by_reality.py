@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.adapt.journalled import Journalled, Outcome
-from dynreg.adapt.reality import Adapted, Rules, World, back_to_reality
+from dynreg.adapt.reality import World, back_to_reality
+from dynreg.adapt.tried import Adapted, Rules
 from dynreg.errors import NoMatchError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, fitness

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.adapt.journalled import Outcome
-from dynreg.adapt.reality import Rules
+from dynreg.adapt.tried import Rules
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, UsageError
 from dynreg.gait.logged import trial_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.adapt.reality import Rules
+from dynreg.adapt.tried import Rules
 from dynreg.errors import BudgetError, LogError, NoMatchError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
