@@ -179,6 +179,7 @@ class Session:
         the robot's folder. rules are sizes other than the published ones. say tells what to do in the folder.
         """
         from dynreg.errors import UsageError
+        from dynreg.gait.tasks import task_of
         from dynreg.verbs.calibrate_by_trials import calibrate_by_trials
         from dynreg.verbs.tryable import Tryable, real_of, require_recording, robot_to_try
 
@@ -199,6 +200,7 @@ class Session:
             )
         self.registry.check_writable()
         own = robot_to_try(self.registry, recording, settings.method)
+        task_of(own, settings.task)  # a mistake here makes no folder
         real = real_of(robot_door, self.registry, own, log_map, say, settings.method)
         asked = Built(self.registry, own)
         return calibrate_by_trials(asked, settings, Tryable(real, gait, rules), progress)

@@ -52,9 +52,19 @@ def calibrate(
             expected=f"the robot alone: dynreg calibrate {robot} --method {settings.method}",
             do="leave --robot out",
         )
+    if not tries and not call.registry.is_dir():
+        _require_recording(given, settings.method)
     opened = call.open(create=True) if tries else call.open_for(robot, *recording)
     told = {"robot": robot, "log_map": log_map, "robot_door": trial, "gait": gait, "say": say}
     told = {name: value for name, value in told.items() if value is not None and (tries or name != "say")}
     with opened as session, call.progress() as progress:
         result = session.calibrate(given, **vars(settings), **told, progress=progress)
     call.emit_and_write(result, report)
+
+
+def _require_recording(given: str | list[str], method: str) -> None:
+    """UsageError for a robot in place of a recording, where there is no registry yet that could hold one."""
+    from dynreg.verbs.tryable import require_recording
+
+    if isinstance(given, str):
+        require_recording(None, given, method)

@@ -41,12 +41,12 @@ def robot_to_try(registry: Registry, subject: Any, method: str) -> Robot:
     )
 
 
-def require_recording(registry: Registry, subject: Any, method: str) -> None:
-    """UsageError where a robot is given to a method that reads a recording."""
+def require_recording(registry: Registry | None, subject: Any, method: str) -> None:
+    """UsageError where a robot is given to a method that reads a recording; registry : None where there is none yet."""
     own = isinstance(subject, str | Path) and (
         str(subject) in packaged_robots() or (Path(subject) / "robot.toml").is_file()
     )
-    if isinstance(subject, Robot) or (own and not _is_recording(registry, subject)):
+    if isinstance(subject, Robot) or (own and (registry is None or not _is_recording(registry, subject))):
         name = subject.name if isinstance(subject, Robot) else str(subject)
         raise UsageError(
             f"method {method!r} needs a recording, and {name!r} is a robot",

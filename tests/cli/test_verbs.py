@@ -307,3 +307,20 @@ def test_a_shell_is_offered_the_names_of_a_registry(registry_folder, monkeypatch
     assert "servo_pendulum" in completion.stored_names("")
     monkeypatch.setenv("DYNREG_REGISTRY", str(registry_folder / "missing"))
     assert completion.recording_names("") == []
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("calibrate quadruped --method cma", "method 'cma' needs a recording, and 'quadruped' is a robot"),
+        ("calibrate quadruped --method btr", "method 'btr' without a robot to try"),
+        ("calibrate quadruped --method btr --falls 0 --trial t", "--falls 0"),
+    ],
+)
+def test_calibrate_ends_with_status_2_where_a_robot_or_a_recording_is_missing(
+    line: str, says: str, dynreg, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended = dynreg(*line.split())
+    assert ended.status == 2 and says in ended.err and len(ended.err.splitlines()) == 1
+    assert not list(tmp_path.iterdir()), "nothing is made"
