@@ -15,6 +15,7 @@ from dynreg.adapt.differences import differences
 from dynreg.adapt.searched import searched
 from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried
 from dynreg.errors import BudgetError
+from dynreg.search.bits import roulette
 from dynreg.search.drive import Limits, Search, drive
 from dynreg.search.journal import Journal
 from dynreg.search.seen import Seen
@@ -107,15 +108,14 @@ class _Run:
     def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
         """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
 
-        In the first iteration, gaits that are known come before all. Gaits that fall in the simulator are left out.
+        Real gaits are in the first generation. In the first iteration, those to begin with come before all. Gaits that
+        fall in the simulator are left out.
         """
         rules, simulator = self.rules, self.versions[-1].simulator
         generations = max((rules.first if number == 1 else rules.later) >> self.halved, 1)
-        known = [self.best.gait] if self.best else [*self.known]
-        size = self.known.shape[1]
+        known = self.real(rules.gaits)
         rng = self.world.rng(f"gaits {number}")
-        start = Start(size, rng, rules.gaits, known[0] if known else None, self.world.periodic)
-        search = Seen(SEARCHES["roulette"].begin(start))
+        search = Seen(roulette(self.known.shape[1], rng, rules.gaits, known))
         found = drive(
             search,
             lambda some: self.world.play(some, simulator[None]).T,
@@ -130,6 +130,14 @@ class _Run:
             order = np.argsort(losses, kind="stable")
             out += [(asked[i], -float(losses[i])) for i in order if losses[i] < 0.0]
         return out
+
+    def real(self, most: int) -> np.ndarray:
+        """(n, G) at most so many of the gaits that stood on the robot, the best first; else those to begin with.
+
+        A generation without an elite would soon lose a single one among gaits at random.
+        """
+        stood = sorted((one for one in self.tried if not one.fell), key=lambda one: -one.score)
+        return np.array([one.gait for one in stood[:most]]) if stood else self.known[:most]
 
     def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
         """Step 2: gaits are tried until enough stood, or so many fell that there is no hope; none is tried twice."""

@@ -198,15 +198,23 @@ def begin_operon(start: Start) -> Operon:
     return Operon(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL)
 
 
-def begin_roulette(start: Start) -> BitGenetic:
-    """Paper B's, in which what is known is one of the first generation."""
+def roulette(
+    dimensions: int, rng: np.random.Generator, population: int, seeds: np.ndarray | None = None
+) -> BitGenetic:
+    """Paper B's, in which seeds (n, P) are the first of the first generation."""
     return BitGenetic(
-        start.dimensions,
-        rng=start.rng,
-        population=start.batch,
+        dimensions,
+        rng=rng,
+        population=population,
         selection=Roulette(),
         elite=0,
         mutation=0.005,
         digits=8,
-        seeds=None if start.point is None else start.point[None],
+        seeds=seeds,
     )
+
+
+def begin_roulette(start: Start) -> BitGenetic:
+    """The same, in which what is known is one of the first generation."""
+    seeds = None if start.point is None else start.point[None]
+    return roulette(start.dimensions, start.rng, start.batch, seeds)
