@@ -2,8 +2,8 @@
 
 A hidden AIBO (`aibo.hidden`) differs from the nameplate in 38 parameters, and its elbows are of a second material that
 no simulator of the family has. The robot begins with a gait of about 40 % of the best speed, which is that of a search
-in the hidden robot itself. It is given 190 trials in all, those that fall included. A real-only genetic algorithm and a
-hill climber begin with the same gait and have as many. Speeds are means over new trials, which no choice has seen.
+in the hidden robot itself. It is given 190 trials in all, those that fall included. Searches on the robot alone (two
+genetic algorithms, a hill climber, a policy gradient) begin with the same gait and have as many. Speeds are means over new trials, which no choice has seen.
 
 LP is the paper's learning performance d IF / e: d genes of the gait, IF = 100 (f_end - f_0) / f_end in percent, e
 trials. The paper prints its column IF as a fraction, a hundredth of what its LP is made of; `TABLE` has what it prints,
@@ -45,6 +45,7 @@ FINER = 4  # physics steps of the truth for one of the model
 TRIALS = 190
 SHARE = 0.4  # of the best, from which all begin
 AGAIN = 10  # new trials of a gait
+REAL_ONLY = ("roulette", "genetic", "hill", "policy")  # searches on the robot alone; the first keeps no elite
 FIXED = 20  # gaits by which simulators are ranked
 DRAWS, ORACLE = 60, 400  # gaits among which the start is chosen, and of the search for the best
 # name: (genes d, trials e, f_0, f_end [cm/s], IF and LP as printed, LP to the third digit)
@@ -228,7 +229,7 @@ def show(lines: list[dict], seconds: float) -> None:
         speed = lambda step: 100.0 * float(np.mean(own[step]["speeds"])) / seconds  # noqa: E731, B023
         first, best = speed("start"), 100.0 * own["start"]["best"] / seconds
         print(f"robot {seed}: start {first:.2f} cm/s, best known {best:.2f} cm/s ({first / best:.0%})")
-        for step in ("btr", "roulette", "hill"):
+        for step in ("btr", *REAL_ONLY):
             if step not in own:
                 continue
             last, trials = speed(step), own[step]["trials"]
@@ -252,7 +253,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=1.0, help="share of the published generations")
     parser.add_argument("--iterations", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=20.0, help="of a trial; the paper's last 20 s")
-    parser.add_argument("--steps", nargs="*", default=["btr", "roulette", "hill"])
+    parser.add_argument("--steps", nargs="*", default=["btr", *REAL_ONLY], choices=["btr", *REAL_ONLY])
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; keeps no table")
     parser.add_argument("--journal", type=Path, default=RESULTS / "back_to_reality.jsonl")
