@@ -3,7 +3,8 @@
 A hidden AIBO (`aibo.hidden`) differs from the nameplate in 38 parameters, and its elbows are of a second material that
 no simulator of the family has. The robot begins with a gait of about 40 % of the best speed, which is that of a search
 in the hidden robot itself. It is given 190 trials in all, those that fall included. Searches on the robot alone (two
-genetic algorithms, a hill climber, a policy gradient) begin with the same gait and have as many. Speeds are means over new trials, which no choice has seen.
+genetic algorithms, a hill climber, a policy gradient) begin with the same gait and have as many. Speeds are means over
+new trials, which no choice has seen.
 
 LP is the paper's learning performance d IF / e: d genes of the gait, IF = 100 (f_end - f_0) / f_end in percent, e
 trials. The paper prints its column IF as a fraction, a hundredth of what its LP is made of; `TABLE` has what it prints,
