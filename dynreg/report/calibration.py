@@ -5,7 +5,7 @@ from typing import Any
 from rich.console import Group
 from rich.text import Text
 
-from dynreg.report.drawing import chart, estimate_track
+from dynreg.report.drawing import Chart, chart, estimate_track
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count, held_out_words, number
 from dynreg.results.calibration import Calibration
@@ -99,16 +99,27 @@ def tables(result: Calibration) -> Group:
     )
 
 
+def learning(result: Calibration) -> list[Chart]:
+    """A curve for each stage that searched: its lowest objective after so many simulations."""
+    drawn = []
+    for stage in dict.fromkeys(step.stage for step in result.history):
+        own = [step for step in result.history if step.stage == stage]
+        title = f"lowest objective of {stage or result.method}"
+        drawn.append(
+            chart(title, "simulations", [s.simulations for s in own], {"answer": [s.error for s in own]})
+        )
+    return [one for one in drawn if one is not None]
+
+
 def page(result: Calibration) -> dict[str, Any]:
     """The template's variables."""
-    steps = [step.simulations for step in result.history]
-    errors, versions = {"answer": [step.error for step in result.history]}, made(result)
+    versions = made(result)
     return {
         "result": result,
         "title": f"{result.recording[:12]} · {result.robot}",
         "verdict": verdict(result),
         "steps": next_steps(result),
-        "chart": chart("best replay error so far", "simulations", steps, errors),
+        "charts": learning(result),
         "versions": versions,
         "columns": columns(versions),
         "spent": spent(result).removeprefix("cost: "),
