@@ -19,6 +19,7 @@ import numpy as np
 from naming import RESULTS
 
 import dynreg
+from dynreg.data.recording import Recording
 from dynreg.methods.losses import mean_velocities
 from dynreg.replay.data import data
 from dynreg.replay.windows import Replayer
@@ -40,15 +41,20 @@ PAPER = {  # standard deviation of x, y [mm/s], r [deg/s] over A + B
 }
 
 
-def calibrated(session: Session, given: argparse.Namespace, hidden: aibo.Hidden) -> dict[str, np.ndarray]:
-    """{stage: (P,) parameters of aibo} of the nominal robot and after each stage, and all at once where asked."""
+def calibrated(
+    session: Session, given: argparse.Namespace, hidden: aibo.Hidden
+) -> tuple[dict[str, np.ndarray], int]:
+    """{stage: (P,) parameters of aibo} of the nominal robot and after each stage; simulators that were run.
+
+    The walks are recording "walks" of the session afterwards; those of group B are held out.
+    """
     robot = load_robot("aibo")
     stand, names = on_stand(robot), aibo.logs(hidden, fit=given.fit, held=given.held, air=given.air)
     session.ingest(names["air"], stand, name="air")
     for name in ("ground", "walks"):
         session.ingest(names[name], robot, name=name)
     found = {"initial": robot.space.nominal}
-    held = ",".join(f"walks/{e.name}" for e in names["walks"].episodes if e.name.startswith("B"))
+    held = ",".join(f"walks/{name}" for name in held_out(names["walks"]))
     told = {"method": "staged", "seed": hidden.seed, "threads": given.threads, "resume": given.resume}
     began = time.perf_counter()
 
@@ -72,12 +78,16 @@ def calibrated(session: Session, given: argparse.Namespace, hidden: aibo.Hidden)
 
     air = session.calibrate("air", plan=plan("air"), robot=stand, hold_out="0", **told)
     after(air)
-    after(
-        session.calibrate(
-            ["ground", "walks"], plan=plan("ground"), robot=robot, start=air.simulator, hold_out=held, **told
-        )
+    last = session.calibrate(
+        ["ground", "walks"], plan=plan("ground"), robot=robot, start=air.simulator, hold_out=held, **told
     )
-    return found
+    after(last)
+    return found, air.cost.rollouts + last.cost.rollouts
+
+
+def held_out(walks: Recording) -> list[str]:
+    """Names of the walks of group B."""
+    return [e.name for e in walks.episodes if e.name.startswith("B")]
 
 
 def deviations(hidden: aibo.Hidden, session: Session, found: dict[str, np.ndarray], threads: int) -> dict:
@@ -149,7 +159,7 @@ def main() -> None:
         dynreg.open(given.registry or Path(folder) / "registry") as session,
     ):
         began = time.perf_counter()
-        found = calibrated(session, given, hidden)
+        found, _ = calibrated(session, given, hidden)
         spent = time.perf_counter() - began
         table = deviations(hidden, session, found, given.threads)
     show(table)
