@@ -86,8 +86,7 @@ def show(lines: list[dict]) -> None:
             mean, low, high = np.exp(interval(ratio))
             better = int((ratio < 0).sum())
             print(
-                f"staged over {arm}, B: {mean:.2f} [{low:.2f}, {high:.2f}], better on {better} of "
-                f"{len(own)}"
+                f"staged over {arm}, B: {mean:.2f} [{low:.2f}, {high:.2f}], better on {better} of {len(own)}"
             )
 
 
