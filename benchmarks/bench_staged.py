@@ -61,7 +61,8 @@ def calibrated(
     The walks are recording "walks" of the session afterwards; those of group B are held out.
     """
     robot = load_robot("aibo")
-    stand, names = on_stand(robot), aibo.logs(hidden, fit=given.fit, held=given.held, air=given.air)
+    stand = on_stand(robot)
+    names = aibo.logs(hidden, fit=given.fit, held=given.held, air=given.air, walk=given.walk)
     session.ingest(names["air"], stand, name="air")
     for name in ("ground", "walks"):
         session.ingest(names[name], robot, name=name)
@@ -172,6 +173,7 @@ def main() -> None:
     parser.add_argument("--fit", type=int, default=aibo.FIT, help="walks of group A")
     parser.add_argument("--held", type=int, default=aibo.HELD, help="walks of group B")
     parser.add_argument("--air", type=float, default=aibo.AIR, help="seconds in the air")
+    parser.add_argument("--walk", type=float, default=aibo.WALK, help="seconds of a walk")
     parser.add_argument("--seed", type=int, default=REPORT)
     parser.add_argument("--registry", type=Path, help="to go on in")
     parser.add_argument("--resume", action="store_true")
@@ -191,7 +193,8 @@ def main() -> None:
     show(table)
     print(f"{spent:.0f} s")
     whole = all(
-        getattr(given, name) == parser.get_default(name) for name in ("scale", "fit", "held", "air", "seed")
+        getattr(given, name) == parser.get_default(name)
+        for name in ("scale", "fit", "held", "air", "walk", "seed")
     )
     if whole:
         FILE.write_text(json.dumps({"seconds": spent, "table": table}, indent=1) + "\n", encoding="utf-8")
