@@ -103,7 +103,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--journal", type=Path, default=RESULTS / "at_once.jsonl")
     given = parser.parse_args()
-    given.resume = False
+    given.resume, given.walk = False, aibo.WALK
     told = {name: getattr(given, name) for name in ("seed", "arms", "scale", "fit", "held", "air")}
     journal = Journal(given.journal, told)
     journal.begin()
