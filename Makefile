@@ -76,6 +76,8 @@ pages: reference
 notebooks: $(STAMP)
 	@$(BIN)/python tests/executed_notebooks.py $(NOTEBOOKS)
 
+# Tests are kept compiled, whatever the environment says: each process would else rewrite all of them (10 s).
+test: export PYTHONDONTWRITEBYTECODE :=
 test: $(STAMP)
 	@$(BIN)/python -m pytest $(SPREAD) $(ARGS)
 

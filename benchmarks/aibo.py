@@ -146,14 +146,16 @@ def logged(
     return Recording(tuple(Channel(c.name, c.unit) for c in named), tuple(episodes), measured=False)
 
 
-def logs(robot: Hidden, *, fit: int = FIT, held: int = HELD, air: float = AIR) -> dict[str, Recording]:
-    """{"air": of `aibo_on_stand`, "ground": motions, "walks": groups A and B, of `aibo`}."""
+def logs(
+    robot: Hidden, *, fit: int = FIT, held: int = HELD, air: float = AIR, walk: float = WALK
+) -> dict[str, Recording]:
+    """{"air": of `aibo_on_stand`, "ground": motions, "walks": groups A and B, of `aibo`}; air, walk : [s] of each."""
     aibo = load_robot("aibo")
     stand = on_stand(aibo)
-    named = {f"A{i:02}": w for i, w in enumerate(walks(aibo, fit, robot.seed))}
-    named |= {f"B{i:02}": w for i, w in enumerate(walks(aibo, held, robot.seed + 1_000_000))}
+    named = {f"A{i:02}": w for i, w in enumerate(walks(aibo, fit, robot.seed, walk))}
+    named |= {f"B{i:02}": w for i, w in enumerate(walks(aibo, held, robot.seed + 1_000_000, walk))}
     return {
         "air": logged(robot, stand, {"air": in_the_air(stand, air)}),
-        "ground": logged(robot, aibo, on_the_ground(aibo)),
+        "ground": logged(robot, aibo, on_the_ground(aibo, walk)),
         "walks": logged(robot, aibo, named),
     }

@@ -1,5 +1,7 @@
 """A plausible comparison of models, with errors that were made up."""
 
+from functools import cache
+
 import numpy as np
 
 from dynreg.results import (
@@ -24,6 +26,7 @@ NAMES = ("nominal", "synthesised ab12ab12", "kinematic", "dynamic")
 OFF = {"nominal": 1.1, "synthesised ab12ab12": 1.0, "kinematic": 3.0, "dynamic": 1.0}  # times the noise
 
 
+@cache  # its tests are a tenth of a second, and half of all tests of the commands ask for it
 def comparison(paths: bool = True) -> Comparison:
     """Two simulators and two models on 40 commands."""
     rng = stream(1, "made up comparison")

@@ -80,9 +80,9 @@ def test_no_search_asks_what_kind_of_robot_it_has():
     asked = [
         where(path, node)
         for path, node in nodes()
-        if isinstance(node, ast.Attribute) and path.relative_to(PACKAGE).parts[0] in ROOMS_OF_A_SEARCH
-        if node.attr in KINDS_OF_ROBOTS
-        or (node.attr == "floating" and path.relative_to(PACKAGE).as_posix() not in CHOOSE)
+        if isinstance(node, ast.Attribute) and (node.attr in KINDS_OF_ROBOTS or node.attr == "floating")
+        if path.relative_to(PACKAGE).parts[0] in ROOMS_OF_A_SEARCH
+        if node.attr in KINDS_OF_ROBOTS or path.relative_to(PACKAGE).as_posix() not in CHOOSE
     ]
     assert not asked
 

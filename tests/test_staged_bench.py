@@ -34,10 +34,11 @@ def bench_staged(aibo: ModuleType) -> ModuleType:
 def test_each_stage_makes_its_loss_small_and_the_last_one_the_error_of_walks(
     tmp_path: Path, aibo, bench_staged, capsys
 ) -> None:
-    given = argparse.Namespace(fit=2, held=1, air=2.0, scale=0.006, threads=0, resume=False)
+    given = argparse.Namespace(fit=2, held=1, air=2.0, walk=2.5, scale=0.003, threads=0, resume=False)
     with dynreg.open(tmp_path / "registry") as session:
-        found = bench_staged.calibrated(session, given, aibo.hidden(7))
+        found, rollouts = bench_staged.calibrated(session, given, aibo.hidden(7))
         table = bench_staged.deviations(aibo.hidden(7), session, found, 0)
+    assert rollouts == 3 + 25 + 25 + 50  # what a stage begins with, and one generation of each
     assert list(found) == ["initial", "air", "ground", "walks"]
     losses = re.findall(r"(\w+): (\S+) -> (\S+)\n", capsys.readouterr().out)
     assert [name for name, *_ in losses] == ["air", "ground", "walks"]

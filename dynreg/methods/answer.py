@@ -15,7 +15,8 @@ class Version:
     stage : what made it. parent : number of the version that it came from; None of the nominal simulator, or the one
     that the question begins with. entry : id of the registered simulator that it is; None of a new one. episodes : of
     the recording, that shaped it. before, after : the objective that the stage made small, at its parent and at it;
-    None where the stage has none. figures : what else is worth telling, by name. trials : names of the trials on the
+    None where the stage has none. figures : what else is worth telling, by name. history : (simulators run in the
+    stage, lowest objective) whenever it fell; empty of a stage that is no search. trials : names of the trials on the
     robot that shaped it.
     """
 
@@ -28,6 +29,7 @@ class Version:
     entry: str | None = None
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     figures: Mapping[str, float] = field(default_factory=dict)
+    history: tuple[tuple[int, float], ...] = ()
     trials: tuple[str, ...] = ()
 
 
@@ -38,9 +40,8 @@ class Answer:
     ended : why it ended. rollouts : simulators run. simulated : seconds of them; None where nobody counted them.
     evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
     of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
-    none. saw : names of what is held out that the method saw all the same. history : (simulators run, lowest objective)
-    whenever it fell; empty for a method with several objectives. tried : of a method that tries gaits on the robot, all
-    of them. gait : (G,) genes of the best of them.
+    none. saw : names of what is held out that the method saw all the same. tried : of a method that tries gaits on the
+    robot, all of them. gait : (G,) genes of the best of them.
     """
 
     versions: tuple[Version, ...]
@@ -52,7 +53,6 @@ class Answer:
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     causes: tuple[str, ...] | None = None
     saw: tuple[str, ...] = ()
-    history: tuple[tuple[int, float], ...] = ()
     tried: tuple[Tried, ...] = ()
     gait: np.ndarray | None = None
 

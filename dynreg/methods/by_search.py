@@ -41,14 +41,13 @@ class BySearch:
             progress=limits.progress and (lambda done, total: limits.progress("calibrate", done, total)),
         )
         made = Version(
-            self._name, data.values_of(found.unit), None, episodes_of(question), found.first, found.last
+            self._name,
+            data.values_of(found.unit),
+            None,
+            episodes_of(question),
+            found.first,
+            found.last,
+            history=found.history,
         )
         simulated = found.evaluations * seconds_of(question)
-        return Answer(
-            (made,),
-            found.ended,
-            found.evaluations,
-            simulated,
-            history=found.history,
-            resumed=found.resumed,
-        )
+        return Answer((made,), found.ended, found.evaluations, simulated, resumed=found.resumed)

@@ -40,6 +40,7 @@ class Staged:
                 tuple(dict.fromkeys(episode[w] for w in stage.windows)),
                 one.first,
                 one.last,
+                history=one.history,
             )
             for number, (stage, one) in enumerate(zip(stages, found, strict=True))
         )

@@ -6,7 +6,7 @@ from rich.console import Group
 from rich.text import Text
 
 from dynreg.report import on_robot
-from dynreg.report.drawing import chart, estimate_track
+from dynreg.report.drawing import Chart, chart, estimate_track
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count, held_out_words, number
 from dynreg.results.calibration import Calibration
@@ -109,17 +109,27 @@ def tables(result: Calibration) -> Group:
     )
 
 
+def learning(result: Calibration) -> list[Chart]:
+    """A curve for each stage that searched: its lowest objective after so many simulations."""
+    drawn = []
+    for stage in dict.fromkeys(step.stage for step in result.history):
+        own = [step for step in result.history if step.stage == stage]
+        title = f"lowest objective of {stage or result.method}"
+        drawn.append(
+            chart(title, "simulations", [s.simulations for s in own], {"answer": [s.error for s in own]})
+        )
+    return [one for one in drawn if one is not None]
+
+
 def page(result: Calibration) -> dict[str, Any]:
     """The template's variables."""
-    steps = [step.simulations for step in result.history]
-    errors, versions = {"answer": [step.error for step in result.history]}, made(result)
-    history = chart("best replay error so far", "simulations", steps, errors)
+    versions = made(result)
     return {
         "result": result,
         "title": f"{(result.recording or result.method)[:12]} · {result.robot}",
         "verdict": verdict(result),
         "steps": next_steps(result),
-        "charts": ([history] if history else []) if result.on_robot is None else on_robot.charts(result),
+        "charts": learning(result) if result.on_robot is None else on_robot.charts(result),
         "gaits": [] if result.on_robot is None else on_robot.rows(result.on_robot),
         "gait_columns": on_robot.GAITS,
         "versions": versions,

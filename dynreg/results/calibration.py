@@ -8,8 +8,12 @@ from dynreg.results.result import Cost, Result
 
 
 class CalibrationStep(Result):
-    """The best replay error on the train part after so many simulations."""
+    """The lowest objective of a stage after so many of its simulations.
 
+    stage : of a version; empty in results of version 1, which had one stage, whose objective is the replay error.
+    """
+
+    stage: str = ""
     simulations: int
     error: float
 

@@ -73,7 +73,7 @@ def try_out(robot: Robot, engine: str, *, whole: bool) -> Tried:
 def try_step(robot: Robot, engine: str) -> Coarse | None:
     """Whether the time step is too long for the nominal robot; None where it is not."""
     run = _bank(robot)
-    states = _finer(robot, run, engine, 1)
+    states = _finer(robot, _noisy(run, 1), engine, 1)
     if np.isfinite(states).all():
         return _coarse(robot, run, engine, states)
     return Coarse(robot.channels[int((~np.isfinite(states)).any(axis=(0, 1, 2)).argmax())], np.inf, None)
@@ -232,6 +232,7 @@ def _law(robot: Robot, hold: Run) -> ServoLaw:
 
 def _coarse(robot: Robot, run: Run, engine: str, coarse: np.ndarray) -> Coarse | None:
     """Whether half the time step gives another motion from the start (later, contacts and chaos part it)."""
+    run = _begin(robot, _noisy(run, 1))
     fine = _finer(robot, run, engine, 2)
     channel, share = _changed(robot, coarse, fine)
     if channel is None:
@@ -245,12 +246,24 @@ def _coarse(robot: Robot, run: Run, engine: str, coarse: np.ndarray) -> Coarse |
 
 def _finer(robot: Robot, run: Run, engine: str, times: int) -> np.ndarray:
     """(1, E, T+1, S) states of the nominal robot with a time step so many times shorter."""
-    return rollout(robot.stepped(times), robot.space.nominal[None], _noisy(run, 1), engine=engine).states
+    return rollout(robot.stepped(times), robot.space.nominal[None], run, engine=engine).states
+
+
+def _begin(robot: Robot, run: Run) -> Run:
+    """What `_changed` looks at of a run: its first steps."""
+    steps = _compared(robot)
+    inputs = None if run.inputs is None else run.inputs[:, :steps]
+    return replace(run, actions=run.actions[..., :steps, :], noise=run.noise[..., :steps, :], inputs=inputs)
+
+
+def _compared(robot: Robot) -> int:
+    """Steps for which two time steps are compared."""
+    return max(3, round(SHORT * (robot.file.robot.control_rate or TYPICAL)))
 
 
 def _changed(robot: Robot, coarse: np.ndarray, fine: np.ndarray) -> tuple[str | None, float]:
     """The channel that differs most between two time steps, None where none does by much; percent of its motion."""
-    steps = max(3, round(SHORT * (robot.file.robot.control_rate or TYPICAL)))
+    steps = _compared(robot)
     rates = np.array([c.unit.endswith("/s") for c in robot.file.channels])
     columns = np.flatnonzero(~rates) if not rates.all() else np.arange(len(rates))  # impacts shift rates
     before, after = (x[:, :, : steps + 1, columns] for x in (coarse, fine))

@@ -140,10 +140,17 @@ def _moves_already(
 
 
 def _begins(time: np.ndarray, speeds: np.ndarray, longest: float) -> np.ndarray:
-    """Rows at which a command begins."""
+    """Rows at which a command begins, of times (T,) that increase and speeds (T, 2)."""
+    same = (speeds[1:] == speeds[:-1]) | (np.isnan(speeds[1:]) & np.isnan(speeds[:-1]))
+    changes = np.flatnonzero(~same.all(axis=1)) + 1
     begins = [0]
-    for row in range(1, len(time) - 1):
-        same = np.array_equal(speeds[row], speeds[begins[-1]], equal_nan=True)
-        if not same or time[row] - time[begins[-1]] >= longest - 1e-9:
-            begins.append(row)
-    return np.array(begins)
+    for change in (*changes[changes < len(time) - 1].tolist(), len(time) - 1):
+        while True:  # what lasts too long begins again
+            last = begins[-1]
+            until = min(change, int(np.searchsorted(time, time[last] + longest, side="right")) + 1)
+            late = np.flatnonzero(time[last + 1 : until] - time[last] >= longest - 1e-9)
+            if not len(late):
+                break
+            begins.append(last + 1 + int(late[0]))
+        begins.append(change)
+    return np.array(begins[:-1])

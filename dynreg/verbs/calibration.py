@@ -72,7 +72,11 @@ def document(
         test_error=answer[1] if tested else None,
         nominal_train_error=nominal[0],
         nominal_test_error=nominal[1] if tested else None,
-        history=tuple(CalibrationStep(simulations=n, error=e) for n, e in found.history),
+        history=tuple(
+            CalibrationStep(stage=v.stage, simulations=n, error=e)
+            for v in found.versions
+            for n, e in v.history
+        ),
         parts=cut.named,
         ended=found.ended,
         population=population and population.id,

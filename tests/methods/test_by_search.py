@@ -82,7 +82,7 @@ def test_errors_are_those_of_what_comes_back(secret: Data, search: str) -> None:
     )
     train = replay_errors(secret, [nominal, answer])[:, 0]
     np.testing.assert_allclose(train, (found.final.before, found.final.after))
-    spent, lowest = zip(*found.history, strict=True)
+    spent, lowest = zip(*found.final.history, strict=True)
     assert (
         spent[0] == 1 and spent == tuple(sorted(set(spent))) and lowest == tuple(sorted(lowest, reverse=True))
     )
@@ -110,7 +110,7 @@ def test_what_the_log_tells_stays_beyond_its_range_too(secret: Data, share: floa
 
 def test_where_all_is_known_there_is_nothing_to_search(secret: Data) -> None:
     every = calibrate(replace(secret, known=secret.robot.space.nominal), "cma", budget=12)
-    assert every.rollouts == 1 and every.history == ((1, every.final.before),)
+    assert every.rollouts == 1 and every.final.history == ((1, every.final.before),)
     assert every.final.before == every.final.after and every.ended == "nothing to fit"
 
 

@@ -66,8 +66,7 @@ def test_each_column_of_the_catalogue_changed_is_found_and_not_answered_with(wor
     assert found(work)
     assert wrong(right, work) == []
     verify(work, repair=True)
-    assert not found(work) and wrong(right, work) == []
-    assert answers(work) == right
+    assert not found(work) and answers(work) == right
 
 
 @pytest.mark.parametrize("table", [t.name for t in tables.SEALED])

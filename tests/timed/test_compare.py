@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from dynreg.errors import SimulationError, UsageError
 from dynreg.results import Errors
@@ -35,6 +36,17 @@ def test_tukeys_test_gives_the_published_p_values(axis: str) -> None:
     assert near.difference == pytest.approx(PUBLISHED[axis]["network"][0] - PUBLISHED[axis]["dynamic"][0])
     assert near.low < near.difference < near.high and (near.low < 0 < near.high) == (near.tukey > 0.05)
     assert told["network", "kinematic"].tukey < 1e-5 and told["dynamic", "kinematic"].tukey < 1e-5
+
+
+def test_an_interval_and_a_p_value_are_those_of_scipy() -> None:
+    errors = {name: stream(i, name).gamma(1.0 + 0.2 * i, 1.0, 12) for i, name in enumerate("abc")}
+    said = stats.tukey_hsd(*errors.values())
+    interval = said.confidence_interval(0.95)
+    _, pairs = judged(errors, "dx", "cm")
+    for pair, at in zip(pairs, ((0, 1), (0, 2), (1, 2)), strict=True):
+        ours = (pair.difference, pair.low, pair.high, pair.tukey)
+        theirs = (said.statistic[at], interval.low[at], interval.high[at], said.pvalue[at])
+        assert ours == pytest.approx(theirs, rel=1e-12)
 
 
 def test_errors_are_told_in_centimetres_and_degrees() -> None:

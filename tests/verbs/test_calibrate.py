@@ -103,6 +103,10 @@ def test_the_stages_of_a_plan_are_versions_in_turn(found: dict[str, Calibration]
     assert (masses.stage, every.stage) == ("masses", "all") and every.parent == masses.simulator
     assert masses.episodes == ("e0", "e1", "e2") and every.episodes == ("e0", "e1", "e2", "e3")
     assert masses.after <= masses.before and every.after <= every.before
+    for one in (masses, every):
+        curve = [(s.simulations, s.error) for s in found["staged"].history if s.stage == one.stage]
+        assert (curve[0], curve[-1][1]) == ((1, one.before), one.after), "its learning curve is its own"
+    assert "lowest objective of masses" in page(found["staged"]) and "of all" in page(found["staged"])
 
 
 def test_a_simulator_is_made_of_the_nearest_one(session: Session, found: dict[str, Calibration]) -> None:
