@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 class Kind:
     """One method: its name, "module:class" of it, and when to use it.
 
-    needs : what it cannot do without: "plan", "population", "wheels" of the robot, or a "door" to the robot itself, in
-    place of a recording, and a "task" for it. reads : further settings that mean something to it, of "start", "budget"
-    and "resume", and of a door "trials", "seconds", "falls" and "goal".
+    needs : what it cannot do without: "plan", "population", "wheels" of the robot, or "trials" of a "task" on the robot
+    itself, in place of a recording. reads : further settings that mean something to it, of "start", "budget" and
+    "resume", and of trials "seconds", "falls" and "goal".
     """
 
     name: str
@@ -33,7 +33,7 @@ class Kind:
     @property
     def tries(self) -> bool:
         """Whether it tries the robot itself, and reads no recording."""
-        return "door" in self.needs
+        return "trials" in self.needs
 
     def takes(self, setting: str) -> bool:
         """Whether a setting means something to it; a part of the recording is held out by all that read one."""
@@ -105,8 +105,8 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "btr",
                 "by_reality:ByReality",
                 "parameters and a gait in turn (paper B), where a score of each trial is all that is measured",
-                needs=("door", "task"),
-                reads=("start", "budget", "resume", "trials", "seconds", "falls", "goal"),
+                needs=("trials", "task"),
+                reads=("start", "budget", "resume", "seconds", "falls", "goal"),
             ),
         )
     }
