@@ -7,7 +7,6 @@ cheap to simulate, so simulated seconds stand beside the simulators. The interva
 """
 
 import argparse
-import json
 import tempfile
 import time
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 from bench_staged import calibrated, deviations, held_out
 from bootstrap import interval
 from journal import Journal
+from kept import keep
 from naming import RESULTS
 
 import dynreg
@@ -30,21 +30,24 @@ CHILDREN = 50  # of a generation, as in the last stage
 ARMS = ("es", "cma")
 
 
-def at_once(session: Session, search: str, rollouts: int, given: argparse.Namespace, seed: int) -> np.ndarray:
-    """(P,) parameters of aibo, all fitted to the session's walks by so many simulators."""
-    robot, path = load_robot("aibo"), Path(session.registry.path) / f"{search}.toml"
+def at_once(
+    session: Session, search: str, rollouts: int, given: argparse.Namespace, seed: int
+) -> tuple[np.ndarray, int]:
+    """(P,) parameters of aibo, all fitted to the session's walks; simulators that were run, no more than `rollouts`."""
+    robot = load_robot("aibo")
     numbers = "mu = 9\n" if search == "es" else ""
-    path.write_text(
-        f'[[stages]]\nname = "once"\nparameters = ["*"]\nloss = "velocity"\nskip = 1.0\nsearch = "{search}"\n'
-        f"children = {CHILDREN}\n{numbers}generations = {round(rollouts / CHILDREN)}\n",
-        encoding="utf-8",
-    )
-    walks = session.registry.recording(session.registry.resolve("walks", ("recording",))[1])
-    found = session.calibrate(
-        "walks", method="staged", plan=path, robot=robot, hold_out=",".join(held_out(walks)), seed=seed,
-        threads=given.threads,
-    )  # fmt: skip
-    return robot.space.from_dict({name: one.value for name, one in found.parameters.items()})
+    walks = session.recording("walks")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "once.toml"
+        path.write_text(
+            f'[[stages]]\nname = "once"\nparameters = ["*"]\nloss = "velocity"\nskip = 1.0\nsearch = "{search}"\n'
+            f"children = {CHILDREN}\n{numbers}generations = {(rollouts - 1) // CHILDREN}\n",
+            encoding="utf-8",
+        )
+        told = {"hold_out": ",".join(held_out(walks)), "seed": seed, "threads": given.threads}
+        found = session.calibrate("walks", method="staged", plan=path, robot=robot, **told)
+    values = {name: one.value for name, one in found.parameters.items()}
+    return robot.space.from_dict(values), found.cost.rollouts
 
 
 def error(groups: dict, group: str) -> float:
@@ -55,19 +58,19 @@ def error(groups: dict, group: str) -> float:
 
 def compared(seed: int, given: argparse.Namespace) -> dict:
     """{arm: errors of A and B, core seconds} of a hidden robot."""
-    hidden, spent = aibo.hidden(seed), {}
+    hidden, spent, ran = aibo.hidden(seed), {}, {}
     with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
         began = time.process_time()
-        found, rollouts = calibrated(session, given, hidden)
+        found, ran["staged"] = calibrated(session, given, hidden)
         spent["staged"] = time.process_time() - began
         ends = {"initial": found["initial"], "staged": found["walks"]}
         for arm in given.arms:
             began = time.process_time()
-            ends[arm] = at_once(session, arm, rollouts, given, seed)
+            ends[arm], ran[arm] = at_once(session, arm, ran["staged"], given, seed)
             spent[arm] = time.process_time() - began
         table = deviations(hidden, session, ends, given.threads)
     return {
-        "rollouts": rollouts,
+        "rollouts": ran,
         "errors": {arm: {g: error(table[arm], g) for g in ("A", "B")} for arm in ends},
         "core seconds": spent,
     }
@@ -78,7 +81,8 @@ def show(lines: list[dict]) -> None:
     for line in lines:
         errors = ", ".join(f"{arm} {e['A']:.0f} / {e['B']:.0f}" for arm, e in line["errors"].items())
         spent = ", ".join(f"{arm} {s:.0f}" for arm, s in line["core seconds"].items())
-        print(f"robot {line['number']}: {line['rollouts']} simulators; mm/s A / B: {errors}; core s: {spent}")
+        ran = ", ".join(f"{arm} {n}" for arm, n in line["rollouts"].items())
+        print(f"robot {line['number']}: mm/s A / B: {errors}; simulators: {ran}; core s: {spent}")
     for arm in ("initial", *ARMS):
         own = [line["errors"] for line in lines if arm in line["errors"]]
         if len(own) > 1:
@@ -102,8 +106,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=REPORT)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--journal", type=Path, default=RESULTS / "at_once.jsonl")
+    parser.set_defaults(resume=False, walk=aibo.WALK)
     given = parser.parse_args()
-    given.resume, given.walk = False, aibo.WALK
     told = {name: getattr(given, name) for name in ("seed", "arms", "scale", "fit", "held", "air")}
     journal = Journal(given.journal, told)
     journal.begin()
@@ -113,9 +117,7 @@ def main() -> None:
             own = stream_seed(given.seed, "at once", number) % 2**31
             show([journal.add({"number": number, **compared(own, given)})])
     show(journal.lines())
-    if given.seed == REPORT:
-        kept = {**told, "robots": journal.lines()}
-        (RESULTS / "at_once.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    keep(RESULTS / "at_once.json", {**told, "robots": journal.lines()}, parser, given)
 
 
 if __name__ == "__main__":

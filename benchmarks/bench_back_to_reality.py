@@ -13,7 +13,6 @@ finer than the model's. Every finished step is a line of the journal; a second s
 """
 
 import argparse
-import json
 import tempfile
 import time
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from pathlib import Path
 import aibo
 import numpy as np
 from journal import Journal
+from kept import keep
 from naming import RESULTS
 
 import dynreg
@@ -229,14 +229,15 @@ def show(lines: list[dict], seconds: float) -> None:
             continue
         speed = lambda step: 100.0 * float(np.mean(own[step]["speeds"])) / seconds  # noqa: E731, B023
         first, best = speed("start"), 100.0 * own["start"]["best"] / seconds
+        genes, *_, printed, _ = TABLE["Back to Reality"]
         print(f"robot {seed}: start {first:.2f} cm/s, best known {best:.2f} cm/s ({first / best:.0%})")
         for step in ("btr", *REAL_ONLY):
             if step not in own:
                 continue
             last, trials = speed(step), own[step]["trials"]
-            lp = learning(20, trials, first, last) if last > first else 0.0
+            lp = learning(genes, trials, first, last) if last > first else 0.0
             print(
-                f"  {step:9} {last:6.2f} cm/s  x {last / first:.2f}  {trials} trials  LP {lp:6.3f} (paper 6.263)"
+                f"  {step:9} {last:6.2f} cm/s  x {last / first:.2f}  {trials} trials  LP {lp:6.3f} (paper {printed})"
                 f"  {(last - first) / trials:.4f} cm/s a trial"
             )
         if "btr" in own:
@@ -278,9 +279,7 @@ def main() -> None:
             done[step] = journal.add({"robot": seed, "step": step, **made})
             show([*done.values()], given.seconds)
     show(journal.lines(), given.seconds)
-    if not given.tune:
-        kept = head | {"cells": journal.lines()}
-        FILE.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    keep(FILE, head | {"cells": journal.lines()}, parser, given)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ import numpy as np
 from bench_naming_independent import rows_of
 from bootstrap import median_interval
 from journal import Journal
+from kept import keep
 from naming import RESULTS, TUNE, seeds
 from scipy.stats import wilcoxon
 
@@ -40,6 +41,7 @@ from dynreg.rng import stream
 from dynreg.sim.config import SimConfig, effects_of
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.timed.compare import holm
 from dynreg.truths.table import KINDS
 
 REPORT = 20261203
@@ -230,7 +232,8 @@ def main() -> None:
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
-    journal = Journal(given.journal, {"seed": seed})
+    head = {"seed": seed, "entries": ENTRIES, "plans": PLANS, "size": SIZE}
+    journal = Journal(given.journal, head)
     journal.begin()
     for robot in given.only:
         done = {
@@ -244,18 +247,7 @@ def main() -> None:
                     journal.add(line)
                     print(json.dumps(line), flush=True)
     show(journal.lines())
-    if not given.tune:
-        kept = {"seed": seed, "cells": journal.lines()}
-        (RESULTS / "methods.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-
-
-def holm(p: dict[str, float]) -> dict[str, float]:
-    """p values of a family of tests, corrected by Holm's step-down rule (1979)."""
-    out, least = {}, 0.0
-    for rank, name in enumerate(sorted(p, key=p.__getitem__)):
-        least = max(least, min(1.0, (len(p) - rank) * p[name]))
-        out[name] = least
-    return out
+    keep(RESULTS / "methods.json", head | {"cells": journal.lines()}, parser, given)
 
 
 def show(lines: list[dict]) -> None:
@@ -270,9 +262,9 @@ def show(lines: list[dict]) -> None:
         for m in rivals:
             both = sorted(shares[m].keys() & shares[best].keys())
             apart = np.log([shares[m][n] / shares[best][n] for n in both])
-            if m != best and np.any(apart):
-                p[m] = float(wilcoxon(apart).pvalue)
-        corrected = holm(p)
+            if m != best:
+                p[m] = float(wilcoxon(apart).pvalue) if apart.any() else 1.0
+        corrected = dict(zip(p, holm([*p.values()]), strict=True))
         print(f"{key[0]}, {key[1]}, {key[2]:g} s: {len(shares[best])} robots; best is {best}")
         for m in sorted(methods, key=lambda m: rivals.get(m, -1.0)):
             mine = [x for x in own if x["method"] == m]

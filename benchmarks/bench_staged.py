@@ -19,6 +19,7 @@ from pathlib import Path
 
 import aibo
 import numpy as np
+from kept import keep
 from naming import RESULTS
 
 import dynreg
@@ -192,12 +193,7 @@ def main() -> None:
         table = deviations(hidden, session, found, given.threads)
     show(table)
     print(f"{spent:.0f} s")
-    whole = all(
-        getattr(given, name) == parser.get_default(name)
-        for name in ("scale", "fit", "held", "air", "walk", "seed")
-    )
-    if whole:
-        FILE.write_text(json.dumps({"seconds": spent, "table": table}, indent=1) + "\n", encoding="utf-8")
+    keep(FILE, {"seconds": spent, "table": table}, parser, given)
 
 
 if __name__ == "__main__":

@@ -128,7 +128,7 @@ def main(arguments: list[str] | None = None) -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     with dynreg.open(given.registry) as session:
         air, ground = found = calibrations(session)
-        end = len(session.recording("air").episodes[0].time) * 0.008
+        end = float(np.ptp(session.recording("air").episodes[0].time))
         walks = session.recording("walks")
         unseen = next(e.name for e in walks.episodes if e.name.startswith("B"))
         shown = [

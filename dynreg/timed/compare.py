@@ -129,7 +129,7 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
         radius, chances = 0.0, [_without_scatter([columns[a], columns[b]])[1] for a, b in both]
     else:
         radius, chances = _tukey(columns, both)
-    paired = _holm([ranks(columns[a] - columns[b]) for a, b in both])  # 1 where the models predict the same
+    paired = holm([ranks(columns[a] - columns[b]) for a, b in both])  # 1 where the models predict the same
     pairs = []
     for (a, b), tukey, chance in zip(both, chances, paired, strict=True):
         apart = float(columns[a].mean() - columns[b].mean())
@@ -188,7 +188,7 @@ def spread(errors: np.ndarray, unit: str) -> Spread:
     )
 
 
-def _holm(chances: list[float]) -> list[float]:
+def holm(chances: list[float]) -> list[float]:
     """p-values that hold for all of them together (Holm, Scand. J. Stat. 6, 1979)."""
     order = np.argsort(chances, kind="stable")
     out, least = np.empty(len(chances)), 0.0

@@ -8,7 +8,7 @@ from dynreg.errors import SimulationError, UsageError
 from dynreg.results import Errors
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES
-from dynreg.timed.compare import _holm, compared, judged
+from dynreg.timed.compare import holm, compared, judged
 
 # Pretorius et al., Table III: mean and standard deviation of 230 absolute errors
 PUBLISHED = {
@@ -72,8 +72,8 @@ def test_a_paired_test_sees_what_tukeys_does_not() -> None:
 
 
 def test_p_values_hold_together_by_holms_method() -> None:
-    assert _holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
-    assert _holm([0.5, 0.9]) == pytest.approx([1.0, 1.0]) and _holm([0.2]) == [0.2]
+    assert holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
+    assert holm([0.5, 0.9]) == pytest.approx([1.0, 1.0]) and holm([0.2]) == [0.2]
 
 
 def test_axes_without_scatter_have_honest_numbers() -> None:

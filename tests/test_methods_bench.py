@@ -1,0 +1,72 @@
+"""The table of all methods: what it prints of lines, and which tables are kept."""
+
+import argparse
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+
+
+@pytest.fixture
+def bench_methods(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    import bench_methods
+
+    return bench_methods
+
+
+def line(method: str, number: int, share: float, told: str | None = None) -> dict:
+    key = {"robot": "servo_pendulum", "hidden": "outside", "number": number, "seconds": 50.0}
+    return {**key, "method": method, "share": share, "told": told, "rollouts": 600, "core seconds": 1.0}
+
+
+def test_each_method_is_held_against_the_best_one_in_pairs(bench_methods: ModuleType, capsys) -> None:
+    rng = np.random.default_rng(3)
+    hard = rng.uniform(0.5, 2.0, 12)  # robots differ more than methods do
+    lines = [line("diagnose", i, 0.1 * h, "right" if i else "wrong") for i, h in enumerate(hard)]
+    lines += [line("cma", i, 0.12 * h) for i, h in enumerate(hard)]
+    lines += [line("es", i, (0.104 + 0.01 * (-1) ** i) * h) for i, h in enumerate(hard)]
+    lines += [line(bench_methods.TRUE, i, 0.01) for i in range(12)]
+    bench_methods.show(lines)
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert "12 robots; best is diagnose" in head, "the robot itself is no method"
+    told = {row.split()[0]: row for row in rows}
+    assert "11 right, 1 wrong" in told["diagnose"] and " p " not in told["diagnose"]
+    assert "p 0.001" in told["cma"] and "not sure" in told["es"]
+
+
+def test_robots_outside_hide_each_another_cause_and_those_inside_none(bench_methods: ModuleType) -> None:
+    given = argparse.Namespace(robots=6, seconds=[10.0])
+    for robot in ("servo_pendulum", "quadruped"):
+        drawn = [*bench_methods.secrets(robot, given, 5)]
+        assert [s.cause for s in drawn[:6]] == [None] * 6 and len({s.cause for s in drawn[6:]}) == 6
+        assert len({s.seed for s in drawn}) == 12
+
+
+def test_a_name_is_right_where_no_command_tells_it_from_the_hidden_cause(bench_methods: ModuleType) -> None:
+    secret = bench_methods.Secret("servo_pendulum", "outside", 0, 12.5, "torque_limit", 5)
+    hidden, log = secret.log()
+    robot = bench_methods.load_robot("servo_pendulum")
+    assert bench_methods.named(robot, hidden, ["duty_limit"]) == "right", "no command tells the two apart"
+    assert bench_methods.named(robot, hidden, ["backlash"]) == "wrong"
+    assert bench_methods.named(robot, hidden, []) == "none"
+    assert bench_methods.named(robot, hidden, None) is None
+    assert {e.name.split("_")[0] for e in log.episodes} == {"fit", "select", "test"}
+
+
+def test_a_small_run_keeps_no_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    from kept import keep
+
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--robots", type=int, default=12)
+    parser.add_argument("--threads", type=int, default=0)
+    path = tmp_path / "results" / "table.json"
+    assert not keep(path, {"a": 1}, parser, parser.parse_args(["--robots", "1"])) and not path.exists()
+    assert "table.json stays as it is: robots" in capsys.readouterr().out
+    assert (
+        keep(path, {"a": 1}, parser, parser.parse_args(["--threads", "1"])) and '"a": 1' in path.read_text()
+    )
