@@ -105,6 +105,13 @@ class _Run:
             raise over
         return self.refined(number)
 
+    def journal(self, step: str, *by: np.ndarray) -> Journal | None:
+        """The journal of a step; a run with another budget may have come to it with other simulators, gaits, scores."""
+        made = self.world.journal(step)
+        if made is not None:
+            made.shaped(*by)
+        return made
+
     def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
         """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
 
@@ -121,7 +128,7 @@ class _Run:
             lambda some: self.world.play(some, simulator[None]).T,
             lambda grades: (grades[:, 0], -grades[:, 0]),
             Limits(generations * rules.gaits),
-            journal=self.world.journal(f"gaits {number}"),
+            journal=self.journal(f"gaits {number}", simulator, known),
             progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
         )
         self.resumed += found.resumed
@@ -189,7 +196,7 @@ class _Run:
             ),
             Limits(1 + rules.turns * rules.simulators),
             most=0.0,
-            journal=self.world.journal(name),
+            journal=self.journal(name, parent.simulator, gaits, real),
             progress=lambda done, total: self.world.progress(name, done, total),
         )
         self.resumed += found.resumed

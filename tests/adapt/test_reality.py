@@ -49,9 +49,14 @@ class Robot:
 
 
 def run(
-    robot, rules: Rules = SMALL, seed: int = 4, journal=lambda _: None, gaits: np.ndarray = GAIT[None]
+    robot,
+    rules: Rules = SMALL,
+    seed: int = 4,
+    journal=lambda _: None,
+    gaits: np.ndarray = GAIT[None],
+    play=scores,
 ) -> Reached:
-    world = World(scores, robot, lambda step: stream(seed, "toy", step), journal)
+    world = World(play, robot, lambda step: stream(seed, "toy", step), journal)
     return back_to_reality(world, rules, gaits, BEGIN, FREE)
 
 
@@ -154,13 +159,13 @@ def test_disengagement_halves_the_generations_of_step_1() -> None:
     assert sizes == [[16, 8, 8], [16, 4, 2]]
 
 
-def kept(path: Path, robot: Robot, again: list[Outcome], resume: bool) -> Reached:
+def kept(path: Path, robot: Robot, again: list[Outcome], resume: bool, **told) -> Reached:
     journal = lambda name: Journal(path / f"{name}.jsonl", {"toy": name}, resume=resume)  # noqa: E731
 
     def trial(gait: np.ndarray) -> Outcome:
         return Outcome(robot(gait), 2.0, len(robot.played))
 
-    return run(Journalled(trial, again.append, journal("trials")), journal=journal)
+    return run(Journalled(trial, again.append, journal("trials")), journal=journal, **told)
 
 
 @pytest.mark.parametrize("breaks", [1, 14, 32, 40])
@@ -179,6 +184,25 @@ def test_what_was_interrupted_goes_on_to_the_same_end_without_playing_a_trial_tw
         len(t.trials) for t in whole.tried
     )
     assert sum(one.seconds for one in again) == 2.0 * breaks
+
+
+def test_grades_of_other_gaits_are_forgotten_where_a_larger_budget_tries_more_of_them(
+    tmp_path: Path,
+) -> None:
+    asked, rules = [], replace(SMALL, enough=0.01)
+
+    def breaks(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        asked.append(len(simulators))
+        if len([many for many in asked if many > 1]) == 3:
+            raise KeyboardInterrupt
+        return scores(gaits, simulators)
+
+    with pytest.raises(KeyboardInterrupt):
+        kept(tmp_path, Robot(8, tall=1.0), [], resume=False, rules=rules, play=breaks)
+    found = kept(tmp_path, Robot(22, tall=1.0), [], resume=True, rules=rules)
+    whole = run(Robot(30, tall=1.0), rules)
+    ends = lambda r: [(v.simulator.tobytes(), v.before, v.after) for v in r.versions]  # noqa: E731
+    assert ends(found) == ends(whole) and len(found.versions) > 1
 
 
 def test_a_door_that_falls_every_time_leaves_no_gait() -> None:
