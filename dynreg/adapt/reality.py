@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynreg.adapt.differences import differences
+from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
 from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried
 from dynreg.errors import BudgetError
@@ -29,13 +30,13 @@ FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapt
 class World:
     """What can be asked, and how it is kept.
 
-    play : fitness (s, n) of gaits (n, G) in simulators (s, P), 0 for a fall. trial : score of a gait (G,) on the robot,
-    None for a fall; BudgetError where no more is allowed. rng, journal : of a step, by its name. periodic : (G,) genes
+    play : fitness (s, n) of gaits (n, G) in simulators (s, P), 0 for a fall. trial : what a gait (G,) comes to on the
+    robot; BudgetError where no more is allowed. rng, journal : of a step, by its name. periodic : (G,) genes
     that run round.
     """
 
     play: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    trial: Callable[[np.ndarray], float | None]
+    trial: Callable[[np.ndarray], Outcome]
     rng: Callable[[str], np.random.Generator]
     journal: Callable[[str], Journal | None] = lambda _: None
     periodic: np.ndarray | None = None
@@ -72,7 +73,6 @@ class _Run:
     free: np.ndarray
     versions: list[Adapted]
     tried: list[Tried] = field(default_factory=list)
-    trials: int = 0
     halved: int = 0
     resumed: int = 0
 
@@ -164,15 +164,14 @@ class _Run:
         self, gait: np.ndarray, number: int, step: str, repeats: int, simulated: float | None = None
     ) -> Tried:
         """Trials of a gait on the robot, up to a fall; what the budget leaves of them counts."""
-        scores: list[float | None] = []
+        made: list[Outcome] = []
         try:
-            while len(scores) < repeats and None not in scores:
-                scores.append(self.world.trial(gait))
+            while len(made) < repeats and not any(one.fell for one in made):
+                made.append(self.world.trial(gait))
         finally:
-            if scores:
-                numbers = tuple(range(self.trials + 1, self.trials + 1 + len(scores)))
-                self.trials += len(scores)
-                self.tried.append(Tried(gait, number, step, numbers, tuple(scores), simulated))
+            if made:
+                trials, scores = zip(*((one.number, one.score) for one in made), strict=True)
+                self.tried.append(Tried(gait, number, step, trials, scores, simulated))
         return self.tried[-1]
 
     def adapt(self, number: int, stood: Sequence[Tried]) -> None:

@@ -1,11 +1,9 @@
 """A gait and a simulator in turn, by scores of trials on the robot alone: paper B's way."""
 
-from collections.abc import Callable
-from functools import cached_property
 
 import numpy as np
 
-from dynreg.adapt.journalled import Journalled, Outcome
+from dynreg.adapt.journalled import Journalled, Outcome, trial_name
 from dynreg.adapt.reality import World, back_to_reality
 from dynreg.adapt.tried import Adapted, Rules
 from dynreg.errors import NoMatchError
@@ -71,7 +69,8 @@ class ByReality:
         trying = evidence.trying
         door, robot = trying.robot, trying.robot.robot
         played = Played(robot, door.task, limits.seed, limits.threads)
-        door.afford(len(played.times) / robot.rate)  # before time is spent on a gait
+        whole = len(played.times) / robot.rate
+        door.begin(whole)  # BudgetError before time is spent on a gait
         rules = (trying.rules or Rules()).within(limits.simulations)
         start = robot.space.nominal if question.start is None else question.start
         free = np.flatnonzero(np.isnan(nominal_known(robot)))
@@ -81,8 +80,7 @@ class ByReality:
 
         world = World(
             played,
-            # the journal of a search is begun before that of the trials: it tells whether there is any to resume
-            _Late(lambda: Journalled(trial, door.again, limits.journal("trials"))),
+            Journalled(lambda: door.begin(whole), trial, door.again, limits.journal("trials"), door.keeps),
             lambda step: stream(limits.seed, "btr", robot.name, step),
             limits.journal,
             played.space.periodic,
@@ -96,25 +94,11 @@ class ByReality:
             tuple(_version(robot, one) for one in found.versions),
             found.ended,
             played.rollouts,
-            played.rollouts * float(len(played.times) / robot.rate),
+            played.rollouts * whole,
             resumed=found.resumed,
             tried=found.tried,
             gait=played.genes(found.best.gait[None])[0],
         )
-
-
-class _Late:
-    """Trials that are made when the first is asked for."""
-
-    def __init__(self, make: Callable[[], Journalled]):
-        self._make = make
-
-    @cached_property
-    def _made(self) -> Journalled:
-        return self._make()
-
-    def __call__(self, gait: np.ndarray) -> float | None:
-        return self._made(gait)
 
 
 def _version(robot: Robot, one: Adapted) -> Version:
@@ -126,7 +110,7 @@ def _version(robot: Robot, one: Adapted) -> Version:
         (),
         one.before,
         one.after,
-        trials=tuple(f"trial_{n}" for n in one.trials),
+        trials=tuple(map(trial_name, one.trials)),
     )
 
 

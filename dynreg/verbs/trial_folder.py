@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -45,6 +45,8 @@ class TrialFolder:
     there is not played again. say : tells the user what to do.
     """
 
+    keeps: ClassVar[bool] = True  # see `ScoredRobot`: a trial of a name is not played again
+
     path: Path
     registry: "Registry"
     robot: "Robot"
@@ -68,6 +70,10 @@ class TrialFolder:
         if self._log(name) is None:
             self.say(_PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name))
         return read_log(self._arrived(name), self.robot, self.log_map)
+
+    def __call__(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
+        """`told`."""
+        return self.told(actions, rate, name)
 
     def told(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
         """What a trial came to: its log, or what a person measured, in `NAME_score.txt`.

@@ -71,7 +71,7 @@ def real_of(
 
     if isinstance(real, str | Path):
         given = None if log_map is None else read_map(log_map)
-        return TrialFolder(folder_of(real), registry, robot, given, say).told
+        return TrialFolder(folder_of(real), registry, robot, given, say)
     if isinstance(real, RealRobot) or callable(real):
         return real
     raise UsageError(

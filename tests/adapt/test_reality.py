@@ -34,18 +34,24 @@ class Robot:
     def __init__(
         self, most: int = 1000, breaks: int | None = None, slips: float = np.inf, tall: float = TALL
     ):
-        self.most, self.breaks, self.slips, self.tall, self.played = most, breaks, slips, tall, []
+        self.most, self.breaks, self.slips, self.tall = most, breaks, slips, tall
+        self.played, self.counted = [], []
 
-    def __call__(self, gait: np.ndarray) -> float | None:
+    def begin(self) -> Outcome:
         if len(self.played) == self.most:
             raise BudgetError("the budget is spent", expected="more", do="grant it")
+        number = len(self.played) + len(self.counted) + 1
+        return Outcome(None, 2.0, number, number, lost=True)
+
+    def __call__(self, gait: np.ndarray) -> Outcome:
+        begun = self.begin()
         if len(self.played) == self.breaks:
             raise KeyboardInterrupt
         self.played.append(gait)
         off = np.abs(gait[:3] - HIDDEN).mean()
-        return (
-            None if gait[3] > self.tall or off > self.slips else float(scores(gait[None], HIDDEN[None])[0, 0])
-        )
+        fell = gait[3] > self.tall or off > self.slips
+        score = None if fell else float(scores(gait[None], HIDDEN[None])[0, 0])
+        return replace(begun, score=score, lost=False)
 
 
 def run(
@@ -159,31 +165,43 @@ def test_disengagement_halves_the_generations_of_step_1() -> None:
     assert sizes == [[16, 8, 8], [16, 4, 2]]
 
 
-def kept(path: Path, robot: Robot, again: list[Outcome], resume: bool, **told) -> Reached:
+def kept(path: Path, robot: Robot, resume: bool, keeps: bool = False, **told) -> Reached:
     journal = lambda name: Journal(path / f"{name}.jsonl", {"toy": name}, resume=resume)  # noqa: E731
-
-    def trial(gait: np.ndarray) -> Outcome:
-        return Outcome(robot(gait), 2.0, len(robot.played))
-
-    return run(Journalled(trial, again.append, journal("trials")), journal=journal, **told)
+    trial = Journalled(robot.begin, robot, robot.counted.append, journal("trials"), keeps)
+    return run(trial, journal=journal, **told)
 
 
+def simulated(found: Reached) -> list[tuple]:
+    return [(v.simulator.tobytes(), v.before, v.after) for v in found.versions]
+
+
+@pytest.mark.parametrize("keeps", [True, False])
 @pytest.mark.parametrize("breaks", [1, 14, 32, 40])
-def test_what_was_interrupted_goes_on_to_the_same_end_without_playing_a_trial_twice(
-    tmp_path: Path, breaks: int
+def test_what_was_interrupted_goes_on_to_the_same_end_and_counts_every_trial_once(
+    tmp_path: Path, breaks: int, keeps: bool
 ) -> None:
-    whole, first, second, again = run(Robot()), Robot(breaks=breaks), Robot(), []
+    whole, first, second = run(Robot()), Robot(breaks=breaks), Robot()
     with pytest.raises(KeyboardInterrupt):
-        kept(tmp_path, first, [], resume=False)
-    found = kept(tmp_path, second, again, resume=True)
-    told = lambda r: [(t.gait.tobytes(), t.trials, t.scores, t.simulated) for t in r.tried]  # noqa: E731
-    assert told(found) == told(whole)
-    ends = lambda r: [(v.simulator.tobytes(), v.before, v.after) for v in r.versions]  # noqa: E731
-    assert ends(found) == ends(whole)
-    assert len(again) == breaks and len(first.played) + len(second.played) == sum(
-        len(t.trials) for t in whole.tried
-    )
-    assert sum(one.seconds for one in again) == 2.0 * breaks
+        kept(tmp_path, first, resume=False, keeps=keeps)
+    found = kept(tmp_path, second, resume=True, keeps=keeps)
+    told = lambda r: [(t.gait.tobytes(), t.scores, t.simulated) for t in r.tried]  # noqa: E731
+    assert told(found) == told(whole) and simulated(found) == simulated(whole)
+    assert len(first.played) + len(second.played) == sum(len(t.trials) for t in whole.tried)
+    numbers = [n for one in found.tried for n in one.trials]
+    assert numbers == [n for n in range(1, numbers[-1] + 1) if keeps or n != breaks + 1]
+    assert [one.number for one in second.counted] == [*range(1, breaks + (1 if keeps else 2))]
+    assert sum(one.seconds for one in second.counted) == 2.0 * len(second.counted)
+    assert [one.lost for one in second.counted] == [False] * breaks + [True] * (not keeps)
+
+
+def test_every_trial_that_was_lost_is_counted_in_every_later_run(tmp_path: Path) -> None:
+    for resume in (False, True, True):
+        with pytest.raises(KeyboardInterrupt):
+            kept(tmp_path, Robot(breaks=2), resume=resume)
+    last = Robot(most=1)
+    found = kept(tmp_path, last, resume=True)
+    assert [one.lost for one in last.counted] == [False, False, True, False, False, True, False, False, True]
+    assert [n for one in found.tried for n in one.trials] == [1, 2, 4, 5, 7, 8, 10]
 
 
 def test_grades_of_other_gaits_are_forgotten_where_a_larger_budget_tries_more_of_them(
@@ -198,11 +216,10 @@ def test_grades_of_other_gaits_are_forgotten_where_a_larger_budget_tries_more_of
         return scores(gaits, simulators)
 
     with pytest.raises(KeyboardInterrupt):
-        kept(tmp_path, Robot(8, tall=1.0), [], resume=False, rules=rules, play=breaks)
-    found = kept(tmp_path, Robot(22, tall=1.0), [], resume=True, rules=rules)
+        kept(tmp_path, Robot(8, tall=1.0), resume=False, rules=rules, play=breaks)
+    found = kept(tmp_path, Robot(22, tall=1.0), resume=True, rules=rules)
     whole = run(Robot(30, tall=1.0), rules)
-    ends = lambda r: [(v.simulator.tobytes(), v.before, v.after) for v in r.versions]  # noqa: E731
-    assert ends(found) == ends(whole) and len(found.versions) > 1
+    assert simulated(found) == simulated(whole) and len(found.versions) > 1
 
 
 def test_a_door_that_falls_every_time_leaves_no_gait() -> None:

@@ -114,8 +114,11 @@ def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
     with pytest.raises(UsageError, match="nothing to resume with seed 9"):
         calibrated(opened, brief, Door(), seed=9, resume=True)
     found = calibrated(opened, brief, second, resume=True)
-    assert told_by(found) == told_by(whole)
-    assert [*first.names, *second.names] == [f"trial_{i + 1}" for i in range(whole.cost.trials)]
+    assert found.on_robot.scores() == whole.on_robot.scores()
+    assert found.parameters == whole.parameters and found.on_robot.gait == whole.on_robot.gait
+    names = [f"trial_{i}" for i in range(1, whole.cost.trials + 2) if i != breaks + 1]
+    assert [*first.names, *second.names] == names, "the robot may have moved in the one that was interrupted"
+    assert found.cost.trials == whole.cost.trials + 1
 
 
 def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tmp_path: Path) -> None:
@@ -124,7 +127,7 @@ def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tm
     door = Door()
     with dynreg.open(tmp_path / "new", create=False) as again:
         found = calibrated(again, brief, door, resume=True, trials=4)
-    assert door.names == ["trial_3", "trial_4"] and found.cost.trials == 4
+    assert door.names == ["trial_4"] and found.cost.trials == 4, "the third was begun"
 
 
 @pytest.mark.parametrize("budget", [{"trials": 3}, {"seconds": 5.0}])

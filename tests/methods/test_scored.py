@@ -1,0 +1,54 @@
+"""The door of a robot that scores gaits: what trials cost, also those of which nothing tells how they ended."""
+
+import numpy as np
+import pytest
+
+from dynreg.errors import BudgetError, LogError
+from dynreg.gait.tasks import task_of
+from dynreg.methods.scored import ScoredRobot
+from dynreg.sim.real import Budget, SimulatedRobot, Spent
+from dynreg.sim.robot import Robot, load_robot
+
+STEPS = 20
+
+
+@pytest.fixture(scope="module")
+def quadruped() -> Robot:
+    return load_robot("quadruped")
+
+
+def straight(robot: Robot) -> np.ndarray:
+    """Commands of legs on which it falls."""
+    return np.zeros((STEPS, len(robot.actions)))
+
+
+def test_what_is_begun_costs_what_a_trial_with_an_error_costs(quadruped: Robot) -> None:
+    def breaks(actions: np.ndarray, rate: float, name: str) -> float:
+        raise LogError("no log", expected="one", do="log it")
+
+    door = ScoredRobot(quadruped, task_of(quadruped), breaks, budget=Budget(trials=1))
+    begun = door.begin(STEPS / quadruped.rate)
+    with pytest.raises(LogError):
+        door.try_out(straight(quadruped), quadruped.rate)
+    later = ScoredRobot(quadruped, task_of(quadruped), breaks, budget=Budget(trials=1))
+    later.again(begun)
+    assert later.spent == door.spent == Spent(1, STEPS / quadruped.rate, 0)
+    with pytest.raises(BudgetError):
+        later.begin(0.1)
+
+
+def test_a_real_robot_counts_a_trial_of_an_interrupted_run_where_it_does_not_know_of_it(
+    quadruped: Robot,
+) -> None:
+    task, real = task_of(quadruped), SimulatedRobot(quadruped, quadruped.space.nominal, seed=3, threads=1)
+    real.run(straight(quadruped), quadruped.rate)  # before this run
+    outcome = ScoredRobot(quadruped, task, real).try_out(straight(quadruped), quadruped.rate)
+    assert (outcome.number, outcome.ever, outcome.fell) == (1, 2, True)
+    spent, same = real.spent, ScoredRobot(quadruped, task, real)
+    same.again(outcome)
+    assert real.spent == spent and same.spent.trials == 1, "it is the one that made the trial"
+    other = SimulatedRobot(quadruped, quadruped.space.nominal, seed=3, threads=1)
+    door = ScoredRobot(quadruped, task, other)
+    door.again(outcome)
+    assert door.spent == other.spent == Spent(1, outcome.seconds, 1)
+    assert door.begin(0.4).number == 2
