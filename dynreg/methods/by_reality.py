@@ -1,6 +1,5 @@
 """A gait and a simulator in turn, by scores of trials on the robot alone: paper B's way."""
 
-
 import numpy as np
 
 from dynreg.adapt.journalled import Journalled, Outcome, trial_name

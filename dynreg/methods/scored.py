@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,8 @@ from dynreg.gait.tasks import Task, fitness
 from dynreg.sim.real import Door, RealRobot, RealTrial
 from dynreg.sim.robot import Robot
 
-Played = Callable[[np.ndarray, float, str], Recording | float | None]
+Played = Callable[[np.ndarray, float, str], Recording | float | str | None]
+FELL = "fell"  # what a function may return for a fall, beside None
 
 
 @dataclass
@@ -23,7 +26,8 @@ class ScoredRobot(Door):
     """A robot to be tried for a task, for a price.
 
     real : a `RealRobot`, whose own budget holds, too; or a function that is called with commands (T, A), how many a
-    second and the trial's name. It plays them, and returns the log, the score in the task's unit, or None for a fall.
+    second and the trial's name. It plays them, and returns the log, the score in the task's unit, or for a fall None or
+    `FELL`.
     Where it has `keeps` = True, it plays no trial of a name twice, and gives what the first one left. Raises UsageError
     where no log can tell what the task scores.
     """
@@ -86,12 +90,20 @@ class ScoredRobot(Door):
             self.real.spend(outcome.seconds, falls=int(outcome.fell))
 
 
-def _score(task: Task, trial: RealTrial | float | None) -> float | None:
+def _score(task: Task, trial: Any) -> float | None:
     """In the task's unit, None for a fall; LogError where it is not told."""
     if isinstance(trial, RealTrial):
         score = None if trial.fell else float(fitness(task.grade(trial.walk))[0, 0])
+    elif trial is None or (isinstance(trial, str) and trial.strip().lower() == FELL):
+        score = None
+    elif isinstance(trial, Real) and not isinstance(trial, bool | np.bool_):
+        score = float(trial)
     else:
-        score = None if trial is None else float(trial)
+        raise LogError(
+            f"a trial of task {task.name!r} came to {trial!r:.60}",
+            expected=f"a log, a number, or None or {FELL!r} for a fall",
+            do="return one of these from the function that plays commands",
+        )
     if score is not None and not math.isfinite(score):
         raise LogError(
             f"a trial of task {task.name!r} has the score {score}",

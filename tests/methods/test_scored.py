@@ -52,3 +52,21 @@ def test_a_real_robot_counts_a_trial_of_an_interrupted_run_where_it_does_not_kno
     door.again(outcome)
     assert door.spent == other.spent == Spent(1, outcome.seconds, 1)
     assert door.begin(0.4).number == 2
+
+
+@pytest.mark.parametrize(
+    ("answer", "score"),
+    [(None, None), ("Fell\n", None), (2, 2.0), (np.float32(0.5), 0.5), (np.int64(3), 3.0)],
+)
+def test_a_function_may_answer_with_a_number_or_a_fall(quadruped: Robot, answer, score) -> None:
+    door = ScoredRobot(quadruped, task_of(quadruped), lambda *_: answer)
+    outcome = door.try_out(straight(quadruped), quadruped.rate)
+    assert outcome.score == score and door.spent.falls == outcome.fell == (score is None)
+
+
+@pytest.mark.parametrize("answer", ["far", (1, 2), True, np.True_, np.zeros(2), [], {}, 1j, float("inf")])
+def test_any_other_answer_is_refused_in_one_line_and_the_trial_counts(quadruped: Robot, answer) -> None:
+    door = ScoredRobot(quadruped, task_of(quadruped), lambda *_: answer)
+    with pytest.raises(LogError, match="a trial of task 'forward'.*expected a log"):
+        door.try_out(straight(quadruped), quadruped.rate)
+    assert door.spent.trials == 1
