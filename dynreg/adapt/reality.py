@@ -83,7 +83,7 @@ class _Run:
 
     @property
     def met(self) -> bool:
-        """Whether the goal is."""
+        """Whether the goal is met."""
         return self.rules.goal is not None and self.best is not None and self.best.score >= self.rules.goal
 
     def iterate(self, number: int) -> bool:
@@ -147,7 +147,7 @@ class _Run:
         return np.array([one.gait for one in stood[:most]]) if stood else self.known[:most]
 
     def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
-        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope; none is tried twice."""
+        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope, or the goal is met."""
         stand, lost, seen = self.rules.stand, self.rules.lost, set()
         stood = fell = 0
         for gait, simulated in candidates:
@@ -159,6 +159,8 @@ class _Run:
             one = self.try_out(gait, number, TRANSFER, self.rules.repeats, simulated)
             stood, fell = stood + (not one.fell), fell + one.fell
             self.world.progress(f"robot {number}", stood, stand)
+            if self.met:
+                return
 
     def try_out(
         self, gait: np.ndarray, number: int, step: str, repeats: int, simulated: float | None = None

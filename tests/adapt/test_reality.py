@@ -129,6 +129,16 @@ def test_the_goal_ends_it() -> None:
     assert sum(one.score >= 0.85 for one in found.tried if one.step == REFINE) <= SMALL.variations
 
 
+def test_the_goal_ends_the_trials_of_gaits_from_the_simulator_too() -> None:
+    usual = run(Robot())
+    there = [one for one in usual.tried if one.step == TRANSFER and one.iteration == 1]
+    first = next(i for i, one in enumerate(there) if one.score >= 0.5)
+    assert first < len(there) - 1
+    found = run(Robot(), replace(SMALL, goal=0.5))
+    assert found.ended == "goal" and len(found.tried) == first + 1 and found.best is found.tried[-1]
+    assert len(found.versions) == 1
+
+
 def spoilt(robot: Robot) -> Reached:
     """The signed difference leads the simulator away: its gaits fall on a robot that slips far from the best."""
     rules = replace(SMALL, iterations=3, later=20, difference="signed", enough=0.01, steps=0)
