@@ -14,7 +14,7 @@ import numpy as np
 from dynreg.adapt.differences import differences
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
-from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried
+from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
 from dynreg.errors import BudgetError
 from dynreg.search.bits import roulette
 from dynreg.search.drive import Limits, Search, drive
@@ -78,13 +78,15 @@ class _Run:
 
     @property
     def best(self) -> Tried | None:
-        """The gait with the highest score on the robot; the first of equals."""
-        return max((one for one in self.tried if not one.fell), key=lambda one: one.score, default=None)
+        """See `best_of`."""
+        return best_of(self.tried, self.rules.repeats)
 
     @property
     def met(self) -> bool:
         """Whether the goal is met."""
-        return self.rules.goal is not None and self.best is not None and self.best.score >= self.rules.goal
+        best, goal = self.best, self.rules.goal
+        enough = best is not None and len(best.trials) >= self.rules.repeats
+        return goal is not None and enough and best.score >= goal
 
     def iterate(self, number: int) -> bool:
         """One iteration; whether the goal is met. Raises BudgetError where the robot may not be tried any more."""
@@ -216,21 +218,37 @@ class _Run:
             self.versions.append(Adapted(before.simulator, number, BACK, before.parent))
 
     def refined(self, number: int) -> bool:
-        """Step 4: small steps of the best gait on the robot; whether the goal is met."""
+        """Step 4: small steps of the best gait on the robot; whether the goal is met.
+
+        Each gait is tried once. The best of them is tried again, for itself, at the end and where it meets the goal.
+        """
         if self.best is None:
             return False
-        rules = self.rules
+        rules, single = self.rules, []
         rng = self.world.rng(f"refine {number}")
         start = Start(len(self.best.gait), rng, rules.variations, self.best.gait, self.world.periodic)
         search = SEARCHES["policy"].begin(start)
         for turn in range(rules.steps):
-            asked = search.ask()
-            scores = [self.try_out(gait, number, REFINE, 1).score for gait in asked]
-            search.tell(-np.array(scores))
+            made = [self.try_out(gait, number, REFINE, 1) for gait in search.ask()]
+            search.tell(-np.array([one.score for one in made]))
             self.world.progress(f"refine {number}", turn + 1, rules.steps)
+            single += made
+            if rules.goal is not None:
+                self.confirm(number, single, rules.goal)
             if self.met:
                 return True
-        return False
+        self.confirm(number, single, float(np.nextafter(self.best.score, np.inf)))
+        return self.met
+
+    def confirm(self, number: int, single: list[Tried], least: float) -> None:
+        """Try the best of gaits that were tried once again, where it scored at least so much, and take it from them."""
+        if self.rules.repeats == 1:
+            return
+        hopes = [one for one in single if not one.fell and one.score >= least]
+        if hopes:
+            one = max(hopes, key=lambda one: one.score)
+            single.remove(one)
+            self.try_out(one.gait, number, REFINE, self.rules.repeats)
 
 
 class _Until:

@@ -1,5 +1,6 @@
 """The nouns of Back to Reality: the sizes of its steps, gaits on the robot, and simulators on the way."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ class Rules:
     of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them. turns :
     generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
     difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
-    estimates. lost : share of gaits that fall on the robot, from which on simulator and robot are disengaged. goal :
+    estimates; the best of them all is tried `repeats` times more before it counts. lost : share of gaits that fall on the robot, from which on simulator and robot are disengaged. goal :
     score with which the task is met; None for never. Raises UsageError for sizes that make no sense.
     """
 
@@ -104,6 +105,15 @@ class Tried:
         return 0.0 if self.fell else float(np.mean(self.scores))
 
 
+def best_of(tried: Iterable[Tried], repeats: int) -> Tried | None:
+    """The gait with the highest score of those that stood in `repeats` trials; the first of equals.
+
+    Only where there is none, one with fewer trials: of many gaits with one trial each, the best was lucky.
+    """
+    stood = [one for one in tried if not one.fell]
+    return max(stood, key=lambda one: (len(one.trials) >= repeats, one.score), default=None)
+
+
 @dataclass(frozen=True, eq=False)
 class Adapted:
     """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or "adapted".
@@ -125,7 +135,7 @@ class Adapted:
 class Reached:
     """What it came to: versions, of which the last is the answer, all gaits on the robot, and why it ended.
 
-    best : the gait with the highest mean score on the robot; None where all fell. resumed : simulations of steps 1 and
+    best : see `best_of`; None where all fell. resumed : simulations of steps 1 and
     3 that an interrupted run had left.
     """
 

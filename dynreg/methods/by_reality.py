@@ -96,6 +96,7 @@ class ByReality:
             played.rollouts * whole,
             resumed=found.resumed,
             tried=found.tried,
+            best=found.best,
             gait=played.genes(found.best.gait[None])[0],
         )
 

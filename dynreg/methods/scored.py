@@ -27,9 +27,8 @@ class ScoredRobot(Door):
 
     real : a `RealRobot`, whose own budget holds, too; or a function that is called with commands (T, A), how many a
     second and the trial's name. It plays them, and returns the log, the score in the task's unit, or for a fall None or
-    `FELL`.
-    Where it has `keeps` = True, it plays no trial of a name twice, and gives what the first one left. Raises UsageError
-    where no log can tell what the task scores.
+    `FELL`. Where it has `keeps` = True, it plays no trial of a name twice, and gives what the first one left.
+    Raises UsageError where no log can tell what the task scores.
     """
 
     robot: Robot

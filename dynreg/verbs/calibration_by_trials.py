@@ -96,7 +96,6 @@ def _version(version: Version, simulator: str, parent: str | None) -> Calibratio
 
 
 def _on_robot(robot: Robot, task: Task, found: Answer, gait: str) -> OnRobot:
-    stood = [i for i, one in enumerate(found.tried) if not one.fell]
     return OnRobot(
         task=task.name,
         unit=task.unit,
@@ -111,7 +110,7 @@ def _on_robot(robot: Robot, task: Task, found: Answer, gait: str) -> OnRobot:
             )
             for one in found.tried
         ),
-        best=1 + max(stood, key=lambda i: found.tried[i].score),
+        best=1 + found.tried.index(found.best),
         gait=gait_space(robot, task.motion).as_dict(found.gait),
         document=gait,
     )

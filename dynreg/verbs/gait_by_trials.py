@@ -32,7 +32,7 @@ def gait_by_trials(
         found=Found(
             trials.space.to_unit(found.gait),
             fitness(task.grade(walk)[:, 0]),
-            max(one.score for one in found.tried if not one.fell),
+            found.best.score,
             (),
             len(found.tried),
             0,

@@ -117,7 +117,8 @@ def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int) -> Non
     whole, part = run(Robot()), run(Robot(most))
     assert part.ended == "the budget is spent"
     assert sum(len(one.trials) for one in part.tried) == most
-    assert part.best.score == max(one.score for one in part.tried)
+    counted = [one.score for one in part.tried if len(one.trials) == SMALL.repeats]
+    assert part.best.score == max(counted or [one.score for one in part.tried])
     played = [s for one in whole.tried for s in one.scores][:most]
     assert [s for one in part.tried for s in one.scores] == played, "a budget changes nothing before its end"
     assert (len(part.versions) > 1) == (most >= 5), "what was tried is used, even where no trial is left"
@@ -126,7 +127,32 @@ def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int) -> Non
 def test_the_goal_ends_it() -> None:
     found = run(Robot(), replace(SMALL, goal=0.85))
     assert found.ended == "goal" and found.best.score >= 0.85
-    assert sum(one.score >= 0.85 for one in found.tried if one.step == REFINE) <= SMALL.variations
+    small = [one for one in found.tried if one.step == REFINE]
+    assert small[-1] is found.best and len(found.best.trials) == SMALL.repeats
+    assert sum(one.score >= 0.85 for one in small) <= SMALL.variations + 1
+
+
+@pytest.mark.parametrize("goal", [None, 2.0])
+def test_one_lucky_trial_is_neither_the_best_nor_the_goal(goal: float | None) -> None:
+    class Lucky(Robot):
+        """Scores 5 in its 35th trial: one of step 4."""
+
+        def __call__(self, gait: np.ndarray) -> Outcome:
+            made = super().__call__(gait)
+            return replace(made, score=5.0) if made.number == 35 else made
+
+    found = run(Lucky(), replace(SMALL, iterations=1, goal=goal))
+    (lucky,) = (one for one in found.tried if one.score == 5.0)
+    again = [one for one in found.tried if one.gait.tobytes() == lucky.gait.tobytes() and one is not lucky]
+    assert lucky.step == REFINE and [len(one.trials) for one in again] == [SMALL.repeats]
+    assert found.best.score < 1.0 and found.ended == "iterations"
+
+
+def test_the_best_small_step_counts_by_trials_of_its_own() -> None:
+    found = run(Robot(), replace(SMALL, iterations=1))
+    single = [one for one in found.tried if one.step == REFINE and len(one.trials) == 1]
+    assert found.best is found.tried[-1] and len(found.best.trials) == SMALL.repeats
+    assert found.best.gait.tobytes() == max(single, key=lambda one: one.score).gait.tobytes()
 
 
 def test_the_goal_ends_the_trials_of_gaits_from_the_simulator_too() -> None:

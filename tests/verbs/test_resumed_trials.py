@@ -1,4 +1,4 @@
-"""A calibration by trials that goes on after a trial went wrong: what the robot did is counted, and is not done again."""
+"""A calibration by trials goes on after a trial went wrong: what the robot did counts, and is not done again."""
 
 from pathlib import Path
 
@@ -55,3 +55,20 @@ def test_a_trial_in_a_folder_whose_score_is_mended_is_taken_back(
         found = calibrated(opened, brief, folder, resume=True, say=said.append)
     assert found.on_robot.scores() == [0.1, 0.2, 0.3, 0.4] and found.cost.trials == 4
     assert sorted(path.name for path in folder.glob("trial_*.csv")) == [f"trial_{i}.csv" for i in range(1, 5)]
+
+
+def test_the_gait_that_is_told_and_stored_is_the_one_that_was_tried_again(
+    brief: Robot, tmp_path: Path
+) -> None:
+    names = []
+
+    def door(actions, rate: float, name: str) -> float:
+        """The fifth, which is the first small step, is lucky."""
+        names.append(name)
+        return 9.0 if len(names) == 5 else 1.0 / len(names)
+
+    with dynreg.open(tmp_path / "registry") as opened:
+        found = calibrated(opened, brief, door, trials=12)
+    told = found.on_robot
+    assert 9.0 in told.scores() and told.best == 1 and told.tried[0].score == pytest.approx(0.75)
+    assert told.gait != {} and found.cost.trials == len(names) == 4 + 2 + 2
