@@ -16,13 +16,14 @@ from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
 from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
 from dynreg.errors import BudgetError
-from dynreg.search.bits import roulette
+from dynreg.search.bits import BYTE, grid, roulette
 from dynreg.search.drive import Limits, Search, drive
 from dynreg.search.journal import Journal
 from dynreg.search.seen import Seen
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
+NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
 
 
@@ -32,7 +33,7 @@ class World:
 
     play : fitness (s, n) of gaits (n, G) in simulators (s, P), 0 for a fall. trial : what a gait (G,) comes to on the
     robot; BudgetError where no more is allowed. rng, journal : of a step, by its name. periodic : (G,) genes
-    that run round.
+    that run round. played : gaits (n, G) as the robot plays them, in the unit cube.
     """
 
     play: Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -40,7 +41,15 @@ class World:
     rng: Callable[[str], np.random.Generator]
     journal: Callable[[str], Journal | None] = lambda _: None
     periodic: np.ndarray | None = None
+    played: Callable[[np.ndarray], np.ndarray] = lambda gaits: gaits
     progress: Callable[[str, int, int], None] = lambda *_: None
+
+    def apart(self, gait: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """(n,) the largest difference of a gene between gaits (G,) and (n, G)."""
+        difference = np.abs(gait - others)
+        if self.periodic is not None:
+            difference = np.where(self.periodic, np.minimum(difference, 1.0 - difference), difference)
+        return difference.max(axis=1)
 
 
 def back_to_reality(
@@ -149,15 +158,22 @@ class _Run:
         return np.array([one.gait for one in stood[:most]]) if stood else self.known[:most]
 
     def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
-        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope, or the goal is met."""
-        stand, lost, seen = self.rules.stand, self.rules.lost, set()
+        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope, or the goal is met.
+
+        None is tried twice: gaits that are nearer than the codes of step 1 are taken for one, such as a gait and its
+        code.
+        """
+        if not candidates:
+            return
+        stand, lost, here = self.rules.stand, self.rules.lost, []
         stood = fell = 0
-        for gait, simulated in candidates:
+        played = self.world.played(np.array([gait for gait, _ in candidates]))
+        for (gait, simulated), as_played in zip(candidates, played, strict=True):
             if stood == stand or fell >= stand * lost / (1.0 - lost):
                 return
-            if gait.tobytes() in seen:
+            if here and self.world.apart(as_played, np.array(here)).min() < NEAR:
                 continue
-            seen.add(gait.tobytes())
+            here.append(as_played)
             one = self.try_out(gait, number, TRANSFER, self.rules.repeats, simulated)
             stood, fell = stood + (not one.fell), fell + one.fell
             self.world.progress(f"robot {number}", stood, stand)

@@ -17,11 +17,12 @@ class Rules:
     """The sizes of every step, as published but for `lost`, which is ours.
 
     iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
-    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them. turns :
-    generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
-    difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
-    estimates; the best of them all is tried `repeats` times more before it counts. lost : share of gaits that fall on the robot, from which on simulator and robot are disengaged. goal :
-    score with which the task is met; None for never. Raises UsageError for sizes that make no sense.
+    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the best
+    of step 4, which counts by these alone. turns : generations of step 3, of so many `simulators`; it ends early where
+    the difference is `enough` of its first value. difference : one of `differences.DIFFERENCES`. variations, steps :
+    trials of one estimate of the gradient, and estimates. lost : where this share of gaits falls, the simulator before
+    is used again. goal : score with which the task is met; None for never. Raises UsageError for sizes that make no
+    sense.
     """
 
     iterations: int = 2

@@ -83,6 +83,7 @@ class ByReality:
             lambda step: stream(limits.seed, "btr", robot.name, step),
             limits.journal,
             played.space.periodic,
+            lambda gaits: played.space.to_unit(played.genes(gaits)),
             limits.progress or (lambda *_: None),
         )
         gaits = played.space.to_unit(trying.gaits)

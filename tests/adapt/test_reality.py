@@ -165,6 +165,25 @@ def test_the_goal_ends_the_trials_of_gaits_from_the_simulator_too() -> None:
     assert len(found.versions) == 1
 
 
+def test_a_gait_and_its_code_are_tried_as_one() -> None:
+    found = run(Robot(tall=1.0), replace(SMALL, iterations=1, first=1, steps=0, lost=0.9))
+    tried = np.array([one.gait for one in found.tried])
+    apart = np.abs(tried[:, None] - tried).max(axis=2) + np.eye(len(tried))
+    assert (tried[0] == GAIT).all() and len(tried) == SMALL.stand and apart.min() > 0.99 / 255
+
+
+def test_gaits_that_the_robot_plays_alike_are_tried_as_one() -> None:
+    robot = Robot(tall=1.0)
+    still = lambda gaits: np.where([True, True, True, False], 0.5, gaits)  # noqa: E731
+    told = {"periodic": np.array([False, False, False, True]), "played": still}
+    world = World(scores, robot, lambda step: stream(4, "toy", step), **told)
+    back_to_reality(world, replace(SMALL, iterations=1, first=1, steps=0), GAIT[None], BEGIN, FREE)
+    last = np.array(robot.played)[:: SMALL.repeats, 3]
+    apart = np.abs(last[:, None] - last) + np.eye(len(last))
+    assert np.minimum(apart, 1.0 - apart + np.eye(len(last))).min() > 0.99 / 255
+    assert world.apart(np.array([0.1, 0.8, 0.3, 0.999]), GAIT[None] * [1, 1, 1, 0])[0] == pytest.approx(0.001)
+
+
 def spoilt(robot: Robot) -> Reached:
     """The signed difference leads the simulator away: its gaits fall on a robot that slips far from the best."""
     rules = replace(SMALL, iterations=3, later=20, difference="signed", enough=0.01, steps=0)
