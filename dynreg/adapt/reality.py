@@ -14,7 +14,7 @@ import numpy as np
 from dynreg.adapt.differences import differences
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
-from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
+from dynreg.adapt.tried import ADAPTED, BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
 from dynreg.errors import BudgetError
 from dynreg.search.bits import BYTE, grid, roulette
 from dynreg.search.drive import Limits, Search, drive
@@ -205,14 +205,14 @@ class _Run:
             return differences(rules.difference, self.world.play(gaits, simulators), real)
 
         first, name = float(difference(parent.simulator[None])[0]), f"simulators {number}"
+        # a difference that may be negative has no share that is near enough
+        target = rules.enough * first if first > 0.0 else -np.inf
         rng, kind = self.world.rng(name), SEARCHES["roulette"]
         found = searched(
             difference,
             parent.simulator,
             self.free,
-            lambda point: _Until(
-                kind.begin(Start(len(point), rng, rules.simulators, point)), rules.enough * first
-            ),
+            lambda point: _Until(kind.begin(Start(len(point), rng, rules.simulators, point)), target),
             Limits(1 + rules.turns * rules.simulators),
             most=0.0,
             journal=self.journal(name, parent.simulator, gaits, real),
@@ -221,7 +221,7 @@ class _Run:
         self.resumed += found.resumed
         numbers = tuple(n for one in stood for n in one.trials)
         made = Adapted(
-            found.unit, number, "adapted", len(self.versions) - 1, numbers, found.first, found.last
+            found.unit, number, ADAPTED, len(self.versions) - 1, numbers, found.first, found.last
         )
         self.versions.append(made)
 

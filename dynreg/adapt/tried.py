@@ -1,7 +1,9 @@
 """The nouns of Back to Reality: the sizes of its steps, gaits on the robot, and simulators on the way."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -9,7 +11,9 @@ from dynreg.adapt.differences import DIFFERENCES
 from dynreg.errors import UsageError
 
 TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
-START, BACK = "start", "rolled back"  # versions that no adaptation made
+START, BACK, ADAPTED = "start", "rolled back", "adapted"  # what made a version
+ONES = ("iterations", "first", "later", "gaits", "stand", "repeats", "turns", "simulators")
+LEAST = MappingProxyType(dict.fromkeys(ONES, 1) | {"variations": 2, "steps": 0})
 
 
 @dataclass(frozen=True)
@@ -41,19 +45,16 @@ class Rules:
     goal: float | None = None
 
     def __post_init__(self) -> None:
-        least = dict.fromkeys(("iterations", "first", "later", "gaits", "stand", "repeats", "turns"), 1)
-        least |= {"simulators": 1, "steps": 0, "variations": 2}
-        wrong = [f"{name} = {getattr(self, name)}" for name in least if getattr(self, name) < least[name]]
-        shares = ("enough", "lost")
-        wrong += [f"{name} = {getattr(self, name)}" for name in shares if not 0 < getattr(self, name) < 1]
+        for name, least in LEAST.items():
+            if not getattr(self, name) >= least:
+                _refuse(f"{name} = {getattr(self, name)}", f"{least} or more")
+        for name in ("enough", "lost"):
+            if not 0 < getattr(self, name) < 1:
+                _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
         if self.difference not in DIFFERENCES:
-            wrong.append(f"difference = {self.difference!r}")
-        if wrong:
-            raise UsageError(
-                wrong[0],
-                expected=f"sizes of 1 or more, shares between 0 and 1, a difference of {list(DIFFERENCES)}",
-                do="correct it",
-            )
+            _refuse(f"difference = {self.difference!r}", f"one of {list(DIFFERENCES)}")
+        if self.goal is not None and not math.isfinite(self.goal):
+            _refuse(f"goal = {self.goal}", "a score, or None for no goal")
 
     def within(self, rollouts: int | None) -> "Rules":
         """Steps 1 and 3 with the same share of their generations, so that no more than `rollouts` are run.
@@ -76,8 +77,14 @@ class Rules:
     @property
     def rollouts(self) -> int:
         """Runs of single gaits in single simulators, where every generation of every step is run."""
-        gaits = self.first + (self.iterations - 1) * self.later
-        return gaits * self.gaits + self.iterations * self.turns * self.simulators * self.stand
+        gaits = self.gaits * (self.first + (self.iterations - 1) * self.later)
+        # a search begins with the simulator before, which is graded before it, too
+        simulators = self.iterations * (2 + self.turns * self.simulators)
+        return gaits + simulators * self.stand
+
+
+def _refuse(problem: str, expected: str) -> None:
+    raise UsageError(problem, expected=expected, do="correct it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +124,7 @@ def best_of(tried: Iterable[Tried], repeats: int) -> Tried | None:
 
 @dataclass(frozen=True, eq=False)
 class Adapted:
-    """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or "adapted".
+    """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or `ADAPTED`.
 
     parent : number of the version that it came from. trials : those that shaped it. before, after : the difference at
     its parent and at it; None where nothing was adapted.

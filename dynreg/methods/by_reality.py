@@ -4,7 +4,7 @@ import numpy as np
 
 from dynreg.adapt.journalled import Journalled, Outcome, trial_name
 from dynreg.adapt.reality import World, back_to_reality
-from dynreg.adapt.tried import Adapted, Rules
+from dynreg.adapt.tried import ADAPTED, START, Adapted, Rules
 from dynreg.errors import NoMatchError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, fitness
@@ -58,7 +58,7 @@ class ByReality:
     """Back to Reality. It asks the robot for scores, and reads no state and no log of it; see `adapt.reality`.
 
     Versions: the simulator that it begins with, and one for each adaptation. `iteration 2` is that of the second, and
-    `iteration 2, rolled back` one that was taken again when the gaits of its follower fell. before, after : mean
+    `iteration 2, rolled back` the simulator before, used again because the newer one's gaits fell. before, after : mean
     difference of simulated and real scores, in the task's unit.
     """
 
@@ -105,7 +105,7 @@ class ByReality:
 def _version(robot: Robot, one: Adapted) -> Version:
     stage = f"iteration {one.iteration}" if one.iteration else one.made
     return Version(
-        stage if one.made in ("start", "adapted") else f"{stage}, {one.made}",
+        stage if one.made in (START, ADAPTED) else f"{stage}, {one.made}",
         robot.space.from_unit(one.simulator),
         one.parent,
         (),

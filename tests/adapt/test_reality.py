@@ -296,18 +296,57 @@ def test_differences_are_what_the_paper_says() -> None:
 
 def test_a_budget_of_simulations_is_shared_by_the_steps() -> None:
     usual = Rules()
-    assert usual.rollouts == 15 * 700 + 2 * 45 * 20 * 10
+    assert usual.rollouts == 15 * 700 + 2 * (2 + 45 * 20) * 10
     assert usual.within(None) == usual.within(10**6) == usual
     half = usual.within(usual.rollouts // 2)
     assert half.rollouts <= usual.rollouts // 2 and abs(half.first - 300) < 9 and abs(half.turns - 22) < 3
-    with pytest.raises(UsageError, match="at least 430"):
+    with pytest.raises(UsageError, match="at least 470"):
         usual.within(100)
 
 
-@pytest.mark.parametrize("wrong", [{"stand": 0}, {"lost": 1.0}, {"difference": "none"}, {"variations": 1}])
-def test_sizes_that_make_no_sense_are_refused(wrong: dict) -> None:
-    with pytest.raises(UsageError, match=str(next(iter(wrong)))):
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> None:
+    usual, played = replace(SMALL, enough=0.001, lost=0.9), []
+
+    def counting(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        played.append(len(gaits) * len(simulators))
+        return scores(gaits, simulators)
+
+    most = int(share * usual.rollouts)
+    rules = usual.within(most)
+    run(Robot(tall=1.0), rules, play=counting)
+    assert sum(played) == rules.rollouts <= most
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"stand": 0}, "stand = 0; expected 1 or more"),
+        ({"steps": -1}, "steps = -1; expected 0 or more"),
+        ({"variations": 1}, "variations = 1; expected 2 or more"),
+        ({"lost": 1.0}, "lost = 1.0; expected a share"),
+        ({"enough": float("nan")}, "enough = nan; expected a share"),
+        ({"difference": "none"}, "difference = 'none'; expected one of"),
+        ({"goal": float("nan")}, "goal = nan; expected a score"),
+        ({"goal": float("inf")}, "goal = inf; expected a score"),
+    ],
+)
+def test_sizes_that_make_no_sense_are_refused(wrong: dict, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
         Rules(**wrong)
+
+
+def test_a_difference_that_is_negative_at_first_does_not_end_the_search_for_a_simulator() -> None:
+    """The robot is better than every simulator."""
+    asked = []
+
+    def low(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        asked.append(len(simulators))
+        return scores(gaits, simulators) / 10.0
+
+    rules = replace(SMALL, iterations=1, steps=0, difference="signed")
+    found = run(Robot(), rules, play=low)
+    assert found.versions[1].before < 0.0 and sum(many > 1 for many in asked) == rules.turns
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_another() -> None:
