@@ -68,7 +68,7 @@ def back_to_reality(
                 ended = "goal"
                 break
     except BudgetError as spent:
-        ended = spent.problem
+        ended = spent.what
     return Reached(tuple(run.versions), tuple(run.tried), run.best, ended, run.resumed)
 
 
@@ -220,9 +220,7 @@ class _Run:
         )
         self.resumed += found.resumed
         numbers = tuple(n for one in stood for n in one.trials)
-        made = Adapted(
-            found.unit, number, ADAPTED, len(self.versions) - 1, numbers, found.first, found.last
-        )
+        made = Adapted(found.unit, number, ADAPTED, len(self.versions) - 1, numbers, found.first, found.last)
         self.versions.append(made)
 
     def disengage(self, number: int) -> None:

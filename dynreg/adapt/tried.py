@@ -141,8 +141,9 @@ class Adapted:
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """What it came to: versions, of which the last is the answer, all gaits on the robot, and why it ended.
+    """What it came to: versions, of which the last is the answer, and all gaits on the robot.
 
+    ended : "goal", "iterations", or which budget of the robot is spent: see `BudgetError`.
     best : see `best_of`; None where all fell. resumed : simulations of steps 1 and
     3 that an interrupted run had left.
     """

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dynreg.adapt.journalled import Outcome
 from dynreg.errors import BudgetError, LogError
 from dynreg.gait.tasks import task_of
 from dynreg.methods.scored import ScoredRobot
@@ -35,6 +36,16 @@ def test_what_is_begun_costs_what_a_trial_with_an_error_costs(quadruped: Robot) 
     assert later.spent == door.spent == Spent(1, STEPS / quadruped.rate, 0)
     with pytest.raises(BudgetError):
         later.begin(0.1)
+
+
+@pytest.mark.parametrize("what", ["trials", "seconds", "falls"])
+def test_the_budget_that_is_spent_is_told(quadruped: Robot, what: str) -> None:
+    budget = Budget(**{"trials": 9, "seconds": 9.0, "falls": 9, what: 1})
+    door = ScoredRobot(quadruped, task_of(quadruped), lambda *_: None, budget=budget)
+    door.again(Outcome(None, 0.5, 1, 1))
+    with pytest.raises(BudgetError) as told:
+        door.begin(0.6)
+    assert told.value.what == what
 
 
 def test_a_real_robot_counts_a_trial_of_an_interrupted_run_where_it_does_not_know_of_it(
