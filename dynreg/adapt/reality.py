@@ -6,7 +6,7 @@ algorithm over simulators makes the scores there like those on the robot (3); th
 a policy gradient (4). No state of the robot is ever read. Gaits and simulators are points in unit cubes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,7 @@ from dynreg.adapt.differences import differences
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
 from dynreg.adapt.tried import ADAPTED, BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
+from dynreg.adapt.world import World
 from dynreg.errors import BudgetError
 from dynreg.search.bits import BYTE, grid, roulette
 from dynreg.search.drive import Limits, Search, drive
@@ -25,31 +26,6 @@ from dynreg.search.table import SEARCHES
 
 NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
-
-
-@dataclass(frozen=True, eq=False)
-class World:
-    """What can be asked, and how it is kept.
-
-    play : fitness (s, n) of gaits (n, G) in simulators (s, P), 0 for a fall. trial : what a gait (G,) comes to on the
-    robot; BudgetError where no more is allowed. rng, journal : of a step, by its name. periodic : (G,) genes
-    that run round. played : gaits (n, G) as the robot plays them, in the unit cube.
-    """
-
-    play: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    trial: Callable[[np.ndarray], Outcome]
-    rng: Callable[[str], np.random.Generator]
-    journal: Callable[[str], Journal | None] = lambda _: None
-    periodic: np.ndarray | None = None
-    played: Callable[[np.ndarray], np.ndarray] = lambda gaits: gaits
-    progress: Callable[[str, int, int], None] = lambda *_: None
-
-    def apart(self, gait: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """(n,) the largest difference of a gene between gaits (G,) and (n, G)."""
-        difference = np.abs(gait - others)
-        if self.periodic is not None:
-            difference = np.where(self.periodic, np.minimum(difference, 1.0 - difference), difference)
-        return difference.max(axis=1)
 
 
 def back_to_reality(

@@ -3,8 +3,9 @@
 import numpy as np
 
 from dynreg.adapt.journalled import Journalled, Outcome, trial_name
-from dynreg.adapt.reality import World, back_to_reality
+from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import ADAPTED, START, Adapted, Rules
+from dynreg.adapt.world import World
 from dynreg.errors import NoMatchError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, fitness

@@ -8,8 +8,9 @@ import pytest
 
 from dynreg.adapt.differences import differences, rank_correlation
 from dynreg.adapt.journalled import Journalled, Outcome
-from dynreg.adapt.reality import World, back_to_reality
+from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import BACK, REFINE, TRANSFER, Reached, Rules
+from dynreg.adapt.world import World
 from dynreg.errors import BudgetError, UsageError
 from dynreg.rng import stream
 from dynreg.search.journal import Journal
