@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 TRIALS = 190  # as in paper B
+TRIALS_KEPT = "trials"  # the journal of them
 
 
 def calibrate_by_trials(
@@ -39,7 +40,8 @@ def calibrate_by_trials(
 ) -> Calibration:
     """Adapt a simulator and a gait to a robot by the scores of trials on it.
 
-    Raises BudgetError where not even one trial may be made, NoMatchError where no gait stood.
+    Raises BudgetError where not even one trial may be made, NoMatchError where no gait stood, UsageError where an
+    interrupted run has left trials and is not resumed.
     """
     began, worked = time.perf_counter(), time.process_time()
     robot, registry = asked.robot, asked.registry
@@ -62,6 +64,7 @@ def calibrate_by_trials(
         },
         settings.resume,
     )
+    journals.require_new(TRIALS_KEPT)
     # a run that is continued may have another goal and another budget of trials
     trying = Trying(door, gaits, rules if settings.goal is None else replace(rules, goal=settings.goal))
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)

@@ -25,6 +25,20 @@ class Journals:
     resume: bool
     paths: list[Path] = field(default_factory=list)
 
+    def require_new(self, stage: str) -> None:
+        """UsageError where an interrupted run has left steps of a stage, which beginning anew would take away.
+
+        It is for what cannot be had again by computing, such as trials on a robot.
+        """
+        path = self._path(stage)
+        steps = path.read_bytes().count(b"\n") - 1 if path.is_file() and not self.resume else 0
+        if steps > 0:
+            raise UsageError(
+                f"the {stage} of an interrupted run with these settings ({steps}) would be lost",
+                expected="to go on with them, or another seed to begin anew",
+                do="give --resume, or another --seed",
+            )
+
     def end(self) -> None:
         """Take the journals away: the calibration has ended."""
         for path in self.paths:
@@ -35,10 +49,8 @@ class Journals:
 
         Only the first stage tells: an interrupted run may not have come to the later ones.
         """
-        question = {**self.question, "stage": stage}
-        begins, ends = (_hash(part) for part in (question, self.how))
-        path = self.registry.journal_path(f"{begins}-{ends}")
-        first = not self.paths
+        path, first = self._path(stage), not self.paths
+        begins = path.name.partition("-")[0]
         if first and self.resume and not path.exists() and any(path.parent.glob(f"{begins}-*.jsonl")):
             raise UsageError(
                 f"nothing to resume with seed {self.how['seed']} and these settings: what was interrupted had others",
@@ -46,7 +58,11 @@ class Journals:
                 do="give those, or begin anew without --resume",
             )
         self.paths.append(path)
-        return Journal(path, {**question, **self.how}, resume=self.resume)
+        return Journal(path, {**self.question, "stage": stage, **self.how}, resume=self.resume)
+
+    def _path(self, stage: str) -> Path:
+        begins, ends = _hash({**self.question, "stage": stage}), _hash(self.how)
+        return self.registry.journal_path(f"{begins}-{ends}")
 
 
 def _hash(told: Mapping[str, Any]) -> str:
