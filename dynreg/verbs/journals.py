@@ -2,13 +2,15 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
+from dynreg.registry.files import LOCKS, try_lock
 from dynreg.search.journal import Journal
 
 
@@ -24,6 +26,18 @@ class Journals:
     how: Mapping[str, Any]
     resume: bool
     paths: list[Path] = field(default_factory=list)
+
+    @contextmanager
+    def held(self, stage: str) -> Iterator[None]:
+        """Keep this stage from other runs of the same calibration for the block; UsageError where one is on it."""
+        with try_lock(self.registry.path / LOCKS / f"{self._path(stage).stem}.lock") as mine:
+            if not mine:
+                raise UsageError(
+                    "another run of the same calibration has not ended",
+                    expected="one at a time, for each would spoil what the other keeps",
+                    do="wait for it, stop it, or give another --seed",
+                )
+            yield
 
     def require_new(self, stage: str) -> None:
         """UsageError where an interrupted run has left steps of a stage, which beginning anew would take away.
