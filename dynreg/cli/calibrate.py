@@ -9,9 +9,10 @@ from dynreg.cli.call import Call, can_write
 from dynreg.cli.completion import recording_names
 from dynreg.cli.options import MapOfLog, Page, RobotOfLog
 from dynreg.cli.output import say
-from dynreg.errors import UsageError
-from dynreg.methods.table import METHODS
+from dynreg.cli.told import naming
 from dynreg.verbs.calibrate import CalibrateSettings
+
+FLAGS = {"robot_door": "--trial", "gait": "--gait", "robot": "--robot", "log_map": "--map"}
 
 
 def calibrate(
@@ -30,7 +31,7 @@ def calibrate(
     trial: Annotated[
         Path | None,
         typer.Option(
-            help="With `btr`: commands of its trials are written to this folder, and logs or scores waited for there."
+            help="With `btr`: folder. Commands of trials are written there, and their logs or scores waited for."
         ),
     ] = None,
     gait: Annotated[
@@ -44,27 +45,20 @@ def calibrate(
 ) -> None:
     """Adapt a simulator."""
     can_write(report)
-    tries = METHODS[settings.method].tries
     given = recording if len(recording) > 1 else recording[0]
-    if tries and robot is not None:
-        raise UsageError(
-            f"--robot {robot} with method {settings.method!r}",
-            expected=f"the robot alone: dynreg calibrate {robot} --method {settings.method}",
-            do="leave --robot out",
-        )
-    if not tries and not call.registry.is_dir():
+    if not settings.tries and not call.registry.is_dir():
         _require_recording(given, settings.method)
-    opened = call.open(create=True) if tries else call.open_for(robot, *recording)
-    told = {"robot": robot, "log_map": log_map, "robot_door": trial, "gait": gait, "say": say}
-    told = {name: value for name, value in told.items() if value is not None and (tries or name != "say")}
-    with opened as session, call.progress() as progress:
-        result = session.calibrate(given, **vars(settings), **told, progress=progress)
+    opened = call.open(create=True) if settings.tries else call.open_for(robot, *recording)
+    told = {"robot": robot, "log_map": log_map, "robot_door": trial, "gait": gait}
+    told = {name: value for name, value in told.items() if value is not None}
+    with naming(FLAGS), opened as session, call.progress() as progress:
+        result = session.calibrate(given, **vars(settings), **told, say=say, progress=progress)
     call.emit_and_write(result, report)
 
 
 def _require_recording(given: str | list[str], method: str) -> None:
     """UsageError for a robot in place of a recording, where there is no registry yet that could hold one."""
-    from dynreg.verbs.tryable import require_recording
+    from dynreg.verbs.robot_door import require_recording
 
     if isinstance(given, str):
         require_recording(None, given, method)

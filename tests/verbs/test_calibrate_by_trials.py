@@ -45,9 +45,9 @@ class Door:
         return None if self.falls else float(np.ptp(actions, axis=0).mean())
 
 
-def calibrated(opened: Session, robot: Robot, door, **told) -> Calibration:
+def calibrated(opened: Session, own: Robot | str, door, **told) -> Calibration:
     given = {"rules": TINY, "seed": 3, "threads": 1, "say": lambda _: None, **told}
-    return opened.calibrate(robot, method="btr", robot_door=door, **given)
+    return opened.calibrate(own, method="btr", robot_door=door, **given)
 
 
 def told_by(found: Calibration) -> dict:
@@ -124,13 +124,51 @@ def test_trials_of_an_interrupted_run_are_not_lost_where_resume_is_forgotten(
     first, door = Door(3), Door()
     with pytest.raises(KeyboardInterrupt):
         calibrated(opened, brief, first)
-    with pytest.raises(UsageError, match=r"the trials of .* \(3\) would be lost.*--resume, or another --seed"):
+    with pytest.raises(
+        UsageError, match=r"the trials of .* \(3\) would be lost.*--resume, or another --seed"
+    ):
         calibrated(opened, brief, door)
     calibrated(opened, brief, Door(), seed=4, trials=2)
     assert not door.names, "nothing moved"
     calibrated(opened, brief, door, resume=True, trials=5)
     assert door.names == ["trial_4", "trial_5"]
     calibrated(opened, brief, door, trials=2)
+
+
+def test_trials_of_one_folder_are_not_taken_for_those_of_another(
+    opened: Session, brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stops(line: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, tmp_path / "one", say=stops)
+    (tmp_path / "one" / "trial_1_score.txt").write_text("0.2")
+    with pytest.raises(UsageError, match="nothing to resume .* expected the same .*trial"):
+        calibrated(opened, brief, tmp_path / "two", resume=True, trials=1)
+    monkeypatch.chdir(tmp_path)
+    found = calibrated(opened, brief, "one", resume=True, trials=1)
+    assert found.on_robot.scores() == [0.2]
+
+
+def test_a_calibration_that_runs_is_not_begun_beside_itself(opened: Session, brief: Robot) -> None:
+    def door(actions: np.ndarray, rate: float, name: str) -> float:
+        with pytest.raises(UsageError, match="another run of the same calibration"):
+            calibrated(opened, brief, Door(), resume=True, trials=1)
+        return 0.1
+
+    assert calibrated(opened, brief, door, trials=1).cost.trials == 1
+
+
+def test_a_run_may_go_on_with_another_goal(opened: Session, brief: Robot) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, Door(2), rules=Rules(**{**vars(TINY), "goal": 99.0}))
+    door = Door()
+    found = calibrated(
+        opened, brief, door, rules=Rules(**{**vars(TINY), "goal": 98.0}), resume=True, trials=3
+    )
+    assert door.names == ["trial_3"] and found.cost.trials == 3
 
 
 def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tmp_path: Path) -> None:
@@ -174,6 +212,9 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
             UsageError, match=f"method '{method}' needs a recording, and 'quadruped' is a robot"
         ):
             opened.calibrate("quadruped", method=method)
+    for told in ({"robot": "diffdrive"}, {"log_map": "map.toml"}):
+        with pytest.raises(UsageError, match=f"{[*told][0]} '{[*told.values()][0]}' with"):
+            calibrated(opened, brief, door, **told)
     with pytest.raises(UsageError, match="hold_out '0.25' with method 'btr'"):
         calibrated(opened, brief, door, hold_out="0.25")
     with pytest.raises(UsageError, match="trials '9' with method 'cma'"):

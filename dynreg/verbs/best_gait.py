@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 
-def gait_by_trials(
+def best_gait(
     asked: Built, settings: "CalibrateSettings", task: Task, found: Answer, identity: str, seconds: float
 ) -> str:
     """Id of the stored gait: the best on the robot, run once more in the last simulator (its id)."""
