@@ -99,6 +99,22 @@ def test_the_gait_can_be_played_and_begun_with(opened: Session, brief: Robot, tm
     assert later.versions[0].parent == found.simulator
 
 
+def test_an_exported_calibration_brings_its_gait_and_can_lose_it(
+    opened: Session, brief: Robot, tmp_path: Path
+) -> None:
+    found = calibrated(opened, brief, Door(), trials=4)
+    calibration = opened.registry.latest("calibration").id
+    opened.export([calibration], tmp_path / "copy")
+    with dynreg.open(tmp_path / "copy", create=False) as copy:
+        assert copy.result(found.on_robot.document) == opened.result(found.on_robot.document)
+        assert copy.result(calibration) == found
+        gait = copy.export_gait(found.on_robot.document, tmp_path / "gait.py", "python")
+        assert {name: gene.value for name, gene in gait.genes.items()} == pytest.approx(found.on_robot.gait)
+        assert [i.id for i in copy.remove([found.on_robot.document]).items] == [found.on_robot.document]
+        assert copy.result(calibration) == found, "trials on a robot cannot be had again"
+        copy.export([calibration], tmp_path / "without")
+
+
 def test_the_same_bytes_on_any_threads(opened: Session, brief: Robot) -> None:
     first, second = (calibrated(opened, brief, Door(), threads=threads) for threads in (1, 2))
     assert told_by(first) == told_by(second)
