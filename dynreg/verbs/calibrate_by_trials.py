@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dynreg.adapt.tried import Rules
+from dynreg.errors import UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, task_of
 from dynreg.methods.calibrator import Evidence, Limits, Question
@@ -35,7 +36,10 @@ if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 TRIALS = 190  # as in paper B
-KEPT = "trials"  # the journal of them
+KEPT, NUMBER = (
+    "trials",
+    3,
+)  # the journal of them, and where a row there has a trial's number; see `Journalled`
 
 
 def calibrate_by_trials(
@@ -67,7 +71,7 @@ def calibrate_by_trials(
     gaits, rules = _gaits(registry, asked.robot, task, gait), rules or Rules()
     begin = begun_with(registry, settings.start, asked.robot)
     journals = _journals(asked, settings, task, begin and begin.id, gaits, rules, place_of(robot_door))
-    journals.require_new(KEPT)
+    _require_kept(journals)
     trying = Trying(door, gaits, rules if settings.goal is None else replace(rules, goal=settings.goal))
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
     with journals.held(KEPT):
@@ -97,6 +101,17 @@ def require_recordings(
             raise unfit(name, "", method, KEPT)
     if not isinstance(subject, list | tuple):
         require_recording(registry, subject, method)
+
+
+def _require_kept(journals: Journals) -> None:
+    """UsageError where trials of an interrupted run would be lost: they cannot be had again, as simulations can."""
+    left = None if journals.resume else journals.left(KEPT)
+    if left is not None:
+        raise UsageError(
+            f"the trials of an interrupted run with these settings ({left[NUMBER]:.0f}) would be lost",
+            expected="to go on with them, or another seed to begin anew",
+            do="give --resume, or another --seed",
+        )
 
 
 def _journals(

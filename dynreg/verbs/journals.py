@@ -11,7 +11,7 @@ from typing import Any
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.registry.files import LOCKS, try_lock
-from dynreg.search.journal import Journal
+from dynreg.search.journal import Journal, damage
 
 
 @dataclass(frozen=True)
@@ -39,19 +39,11 @@ class Journals:
                 )
             yield
 
-    def require_new(self, stage: str) -> None:
-        """UsageError where an interrupted run has left steps of a stage, which beginning anew would take away.
-
-        It is for what cannot be had again by computing, such as trials on a robot.
-        """
+    def left(self, stage: str) -> list[float] | None:
+        """What the last step of a stage found, in the journal that an interrupted run has left; None where none is."""
         path = self._path(stage)
-        steps = path.read_bytes().count(b"\n") - 1 if path.is_file() and not self.resume else 0
-        if steps > 0:
-            raise UsageError(
-                f"the {stage} of an interrupted run with these settings ({steps}) would be lost",
-                expected="to go on with them, or another seed to begin anew",
-                do="give --resume, or another --seed",
-            )
+        lines = path.read_bytes().split(b"\n")[1:-1] if path.is_file() else []
+        return json.loads(lines[-1])["grades"][0] if lines and not damage(path) else None
 
     def end(self) -> None:
         """Take the journals away: the calibration has ended."""

@@ -69,7 +69,7 @@ def door_of(
 
     if isinstance(door, str | Path):
         given = None if log_map is None else read_map(log_map)
-        return TrialFolder(folder_of(door), registry, robot, given, say).told
+        return TrialFolder(folder_of(door), registry, robot, given, say)
     if not isinstance(door, RealRobot) and not callable(door):
         raise UsageError(
             f"method {method!r} without a robot to try"
