@@ -83,7 +83,7 @@ def calibrate_by_trials(
         ids = register(registry, found, configs, begin and begin.id, origin)
         stored = best_gait(asked, settings, task, found, ids[-1][0], time.perf_counter() - began)
         cost = cost_of(found, door, time.perf_counter() - began, time.process_time() - worked)
-        made = document(asked, settings, task, found, ids, cost, stored)
+        made = document(asked, settings, task, found, ids, cost, stored, rules.difference)
         registry.put_result(made.schema_name(), None, made.to_dict())
         journals.end()
     return made

@@ -40,8 +40,9 @@ def document(
     ids: Sequence[tuple[str, str | None]],
     cost: CalibrationCost,
     gait: str,
+    difference: str,
 ) -> Calibration:
-    """The document. ids : see `calibration.register`. gait : id of the stored gait."""
+    """The document. ids : see `calibration.register`. gait : id of the stored gait. difference : of the rules."""
     return Calibration(
         robot=asked.robot.name,
         recording=None,
@@ -56,12 +57,12 @@ def document(
         history=(),
         ended=found.ended,
         seed=settings.seed,
-        on_robot=_on_robot(asked.robot, task, found, gait),
+        on_robot=_on_robot(asked.robot, task, found, gait, difference),
         cost=cost,
     )
 
 
-def _on_robot(robot: Robot, task: Task, found: Answer, gait: str) -> OnRobot:
+def _on_robot(robot: Robot, task: Task, found: Answer, gait: str, difference: str) -> OnRobot:
     stood = [i for i, one in enumerate(found.tried) if not one.fell]
     return OnRobot(
         task=task.name,
@@ -80,4 +81,5 @@ def _on_robot(robot: Robot, task: Task, found: Answer, gait: str) -> OnRobot:
         best=1 + max(stood, key=lambda i: found.tried[i].score),
         gait=gait_space(robot, task.motion).as_dict(found.gait),
         document=gait,
+        difference=difference,
     )

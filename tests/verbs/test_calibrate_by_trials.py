@@ -205,7 +205,8 @@ def test_the_budget_ends_it_without_an_error(opened: Session, brief: Robot, budg
 
 
 def test_a_task_that_is_met_ends_it(opened: Session, brief: Robot) -> None:
-    met = calibrated(opened, brief, Door(), goal=1e-6)
+    met = calibrated(opened, brief, Door(), goal=1e-6, rules=Rules(**{**vars(TINY), "difference": "rank"}))
+    assert met.on_robot.difference == "rank"
     assert met.ended == "goal" and met.cost.trials == 4, "the two gaits that had to stand"
 
 
