@@ -1,15 +1,15 @@
 """The gait that trials on the robot left, as a document that `dynreg export` writes for it."""
 
+import time
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from dynreg.gait.seek import SearchSettings, Sought, expected
-from dynreg.gait.tasks import Task, fitness
+from dynreg.gait.accept import USUAL
+from dynreg.gait.seek import expected, walked
+from dynreg.gait.tasks import Task
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.methods.answer import Answer
-from dynreg.search.drive import Found
-from dynreg.verbs.gait_document import document
+from dynreg.results.gait import Gait
+from dynreg.verbs.gait_document import described
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.simulators import simulator
 from dynreg.verbs.verb import Built
@@ -19,35 +19,31 @@ if TYPE_CHECKING:
 
 
 def best_gait(
-    asked: Built, settings: "CalibrateSettings", task: Task, found: Answer, identity: str, seconds: float
-) -> str:
-    """Id of the stored gait: the best on the robot, run once more in the last simulator (its id)."""
+    asked: Built, settings: "CalibrateSettings", task: Task, found: Answer, identity: str
+) -> tuple[str, Gait]:
+    """The best gait on the robot, run once more in the last simulator (its id): its id and document, stored."""
+    began = time.perf_counter()
     robot, registry = asked.robot, asked.registry
     chosen = Chosen("calibrated", ("simulator",), (simulator(registry, identity, robot),))
     simulators = simulators_of(robot, [one.config for one in chosen.simulators])
     told = {"rate": robot.rate, "seed": settings.seed, "threads": settings.threads}
     trials = Trials(robot, task, simulators, **told)
-    walk = trials.walk(found.gait[None], feet=True)
-    sought = Sought(
-        found=Found(
-            trials.space.to_unit(found.gait),
-            fitness(task.grade(walk)[:, 0]),
-            max(one.score for one in found.tried if not one.fell),
-            (),
-            len(found.tried),
-            0,
-            found.ended,
-        ),
-        finals=None,
-        packaged=None,
-        genes=found.gait,
-        fitness=fitness(task.grade(walk)[:, 0]),
-        fell=walk.fell[:, 0] < walk.base.shape[2],
-        helpless=np.zeros(len(simulators), dtype=bool),
-        walk=walk,
+    walk, unseen = walked(trials, found.gait), expected(trials, found.gait)
+    made = described(
+        robot,
+        chosen,
+        trials,
+        walk,
+        unseen,
+        time.perf_counter() - began,
+        accept=USUAL,
+        recording=None,
+        recording_name="",
+        method=settings.method,
+        seed=settings.seed,
+        ended=found.ended,
+        history=(),
+        evaluations=len(found.tried),
+        resumed=0,
     )
-    unseen = expected(trials, found.gait)
-    search = SearchSettings(seed=settings.seed)
-    made = document(robot, (None, ""), chosen, trials, search, sought, unseen, seconds)
-    made = made.model_copy(update={"method": settings.method})
-    return registry.put_result(made.schema_name(), None, made.to_dict())
+    return registry.put_result(made.schema_name(), None, made.to_dict()), made

@@ -81,8 +81,8 @@ def calibrate_by_trials(
         configs = [SimConfig.of(asked.robot, v.values, v.effects) for v in found.versions]
         origin = {"made_by": f"calibrate {settings.method}", "task": task.name}
         ids = register(registry, found, configs, begin and begin.id, origin)
-        stored = best_gait(asked, settings, task, found, ids[-1][0], time.perf_counter() - began)
-        cost = cost_of(found, door, time.perf_counter() - began, time.process_time() - worked)
+        stored, gait_made = best_gait(asked, settings, task, found, ids[-1][0])
+        cost = cost_of(found, door, gait_made, time.perf_counter() - began, time.process_time() - worked)
         made = document(asked, settings, task, found, ids, cost, stored, rules.difference)
         registry.put_result(made.schema_name(), None, made.to_dict())
         journals.end()

@@ -8,6 +8,7 @@ from dynreg.gait.tasks import Task
 from dynreg.methods.answer import Answer
 from dynreg.methods.scored import ScoredRobot
 from dynreg.results.calibration import Calibration, CalibrationCost, OnRobot, TriedGait
+from dynreg.results.gait import Gait
 from dynreg.sim.robot import Robot
 from dynreg.verbs.calibration import parameters, versions
 from dynreg.verbs.verb import Built
@@ -16,14 +17,17 @@ if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 
-def cost_of(found: Answer, door: ScoredRobot, seconds: float, core_seconds: float) -> CalibrationCost:
-    """What it cost, on the robot too. seconds, core_seconds : of this run."""
+def cost_of(
+    found: Answer, door: ScoredRobot, gait: Gait, seconds: float, core_seconds: float
+) -> CalibrationCost:
+    """What it cost, on the robot too, and the runs of the stored gait. seconds, core_seconds : of this run."""
+    runs = gait.cost.rollouts
     return CalibrationCost(
         evaluations=0,
-        rollouts=found.rollouts,
+        rollouts=found.rollouts + runs,
         resumed=found.resumed,
         seconds=seconds,
-        simulated_seconds=found.simulated,
+        simulated_seconds=found.simulated + runs * gait.seconds,
         core_seconds=core_seconds,
         trials=door.spent.trials,
         trial_seconds=door.spent.seconds,

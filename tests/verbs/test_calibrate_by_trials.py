@@ -115,6 +115,19 @@ def test_an_exported_calibration_brings_its_gait_and_can_lose_it(
         copy.export([calibration], tmp_path / "without")
 
 
+def test_the_stored_gait_costs_what_it_took_and_its_runs_are_counted(opened: Session, brief: Robot) -> None:
+    def door(actions: np.ndarray, rate: float, name: str) -> float:
+        time.sleep(1.0)
+        return 0.1
+
+    found = calibrated(opened, brief, door, trials=1)
+    gait = opened.result(found.on_robot.document)
+    sought = found.cost.rollouts - gait.cost.rollouts
+    assert 0 < sought <= TINY.first * TINY.gaits and gait.cost.rollouts > 1
+    assert found.cost.simulated_seconds == pytest.approx(found.cost.rollouts * task_of(brief).seconds)
+    assert gait.cost.seconds <= found.cost.seconds - 1.0, "not what the robot took"
+
+
 def test_the_same_bytes_on_any_threads(opened: Session, brief: Robot) -> None:
     first, second = (calibrated(opened, brief, Door(), threads=threads) for threads in (1, 2))
     assert told_by(first) == told_by(second)
