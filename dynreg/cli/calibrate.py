@@ -10,7 +10,7 @@ from dynreg.cli.completion import recording_names
 from dynreg.cli.options import MapOfLog, Page, RobotOfLog
 from dynreg.cli.output import say
 from dynreg.cli.told import naming
-from dynreg.verbs.calibrate import CalibrateSettings
+from dynreg.verbs.calibrate import TRYING, CalibrateSettings
 
 FLAGS = {"robot_door": "--trial", "gait": "--gait", "robot": "--robot", "log_map": "--map"}
 
@@ -21,7 +21,7 @@ def calibrate(
         list[str],
         typer.Argument(
             metavar="RECORDING...",
-            help="Names, hashes, @last (the last recording), or paths of logs. For `btr` a robot in their place.",
+            help=f"Names, hashes, @last (the last recording), or paths of logs. For {TRYING} a robot in their place.",
             autocompletion=recording_names,
         ),
     ],
@@ -31,14 +31,14 @@ def calibrate(
     trial: Annotated[
         Path | None,
         typer.Option(
-            help="With `btr`: folder. Commands of trials are written there, and their logs or scores waited for."
+            help=f"Folder of {TRYING}: commands of trials are written there, and their logs or scores waited for."
         ),
     ] = None,
     gait: Annotated[
         str | None,
         typer.Option(
             metavar="ID",
-            help="With `btr`: stored gait to begin with.  [default: those of the robot's folder]",
+            help=f"With {TRYING}: stored gait to begin with.  [default: those of the robot's folder]",
         ),
     ] = None,
     report: Page = None,

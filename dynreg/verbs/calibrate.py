@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from dynreg.verbs.simulators import Simulator
     from dynreg.verbs.subjects import Recorded
 
+TRIALS = 190  # on a robot, as in paper B
+TRYING = " or ".join(f"`{kind.name}`" for kind in METHODS.values() if kind.tries)
+
 # Settings that mean nothing to some methods.
 OPTIONAL = (
     *("plan", "population", "start", "budget", "resume", "hold_out"),
@@ -60,15 +63,15 @@ class CalibrateSettings(Settings):
         complete="stored_names",
     )
     task: str | None = option(
-        None, "Task of the gaits of `btr`: one of the robot's [[tasks]].", usual="its first"
+        None, f"Task of the gaits of {TRYING}: one of the robot's [[tasks]].", usual="its first"
     )
     trials: int | None = option(
-        None, "Most trials of `btr` on the robot.", usual="190, as in paper B", least=1
+        None, f"Most trials of {TRYING} on the robot.", usual=f"{TRIALS}, as in paper B", least=1
     )
     seconds: float | None = option(None, "Most seconds of its trials in all.", usual="no limit", above=0.0)
-    falls: int | None = option(None, "End `btr` after this many falls.", usual="never", least=1)
+    falls: int | None = option(None, f"End {TRYING} after this many falls.", usual="never", least=1)
     goal: float | None = option(
-        None, "End `btr` once a gait scores so much on the robot, in the task's unit.", usual="never"
+        None, f"End {TRYING} once a gait scores so much on the robot, in the task's unit.", usual="never"
     )
     resume: bool = option(False, "Continue an interrupted calibration.")
     threads: int = threads()

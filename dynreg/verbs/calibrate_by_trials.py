@@ -22,7 +22,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, RealRobot
 from dynreg.sim.robot import Robot
 from dynreg.verbs.best_gait import best_gait
-from dynreg.verbs.calibrate import unfit
+from dynreg.verbs.calibrate import TRIALS, unfit
 from dynreg.verbs.calibration import register
 from dynreg.verbs.calibration_start import begun_with, values_of
 from dynreg.verbs.gaits import gait_of, genes_of
@@ -35,7 +35,6 @@ from dynreg.verbs.verb import Built
 if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
-TRIALS = 190  # as in paper B
 KEPT, NUMBER = (
     "trials",
     3,
