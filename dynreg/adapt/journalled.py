@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.errors import CorruptError
 from dynreg.search.journal import Journal
 
 
@@ -40,7 +41,13 @@ def trial_name(number: int) -> str:
 
 
 def outcome_of(row: np.ndarray) -> Outcome:
-    """The inverse of `Outcome.row`."""
+    """The inverse of `Outcome.row`; CorruptError for a row of another form."""
+    if row.shape != (1, 6):
+        raise CorruptError(
+            f"the journal of the trials has {row.shape[-1]} numbers of a trial",
+            expected="6, as this version of dynreg writes them",
+            do="begin anew with another seed",
+        )
     score, none, seconds, number, ever, lost = row[0].tolist()
     return Outcome(None if none else score, seconds, int(number), int(ever), bool(lost))
 

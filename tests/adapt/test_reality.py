@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from dynreg.adapt.differences import differences, rank_correlation
-from dynreg.adapt.journalled import Journalled, Outcome
+from dynreg.adapt.journalled import Journalled, Outcome, outcome_of
 from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import BACK, REFINE, TRANSFER, Reached, Rules
 from dynreg.adapt.world import World
-from dynreg.errors import BudgetError, UsageError
+from dynreg.errors import BudgetError, CorruptError, UsageError
 from dynreg.rng import stream
 from dynreg.search.journal import Journal
 
@@ -258,6 +258,17 @@ def test_every_trial_that_was_lost_is_counted_in_every_later_run(tmp_path: Path)
     found = kept(tmp_path, last, resume=True)
     assert [one.lost for one in last.counted] == [False, False, True, False, False, True, False, False, True]
     assert [n for one in found.tried for n in one.trials] == [1, 2, 4, 5, 7, 8, 10]
+
+
+@pytest.mark.parametrize("score", [None, 0.0, -0.25])
+@pytest.mark.parametrize("lost", [True, False])
+def test_an_outcome_comes_back_as_it_was_kept_and_another_row_is_refused(
+    score: float | None, lost: bool
+) -> None:
+    outcome = Outcome(None if lost else score, 1.5, 3, 7, lost)
+    assert outcome_of(outcome.row) == outcome
+    with pytest.raises(CorruptError, match="another seed"):
+        outcome_of(outcome.row[:, :4])
 
 
 def test_grades_of_other_gaits_are_forgotten_where_a_larger_budget_tries_more_of_them(
