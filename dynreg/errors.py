@@ -61,7 +61,14 @@ class PictureError(DynregError):
 
 
 class BudgetError(DynregError):
-    """A robot that may not be tried any further."""
+    """A robot that may not be tried any further.
+
+    what : which budget is spent: "trials", "seconds" or "falls"; "budget" where nothing tells.
+    """
+
+    def __init__(self, problem: str, *, expected: str, do: str, what: str = "budget"):
+        super().__init__(problem, expected=expected, do=do)
+        self.what = what
 
 
 class RegistryError(DynregError):

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate
 from dynreg.verbs.compare import CompareSettings, compare
@@ -20,7 +19,7 @@ from dynreg.verbs.populate import PopulateSettings, populate
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.settings import taking
 from dynreg.verbs.trial import TrialSettings, trial
-from dynreg.verbs.verb import Built, Verb, about_recording, about_robot
+from dynreg.verbs.verb import Verb, about_recording, about_robot, of_verb
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +63,7 @@ if TYPE_CHECKING:
 
 DEFAULT = "dynreg-registry"
 
-_calibrated = about_recording(calibrate, CalibrateSettings, several=True)
+_CALIBRATE = Verb(calibrate, CalibrateSettings, "recording", several=True)
 
 
 def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
@@ -155,7 +154,7 @@ class Session:
 
     query = about_recording(query, QuerySettings, ingest=True)
 
-    @taking(CalibrateSettings)
+    @of_verb(_CALIBRATE)
     def calibrate(
         self,
         recording: "str | Path | Robot | RecordingSummary | Sequence[str | Path | RecordingSummary]",
@@ -178,34 +177,14 @@ class Session:
         (see `TrialFolder.told`). gait is what it begins with: a stored gait or {gene: value}; by default the gaits of
         the robot's folder. rules are sizes other than the published ones. say tells what to do in the folder.
         """
-        from dynreg.errors import UsageError
-        from dynreg.gait.tasks import task_of
-        from dynreg.verbs.calibrate_by_trials import calibrate_by_trials
-        from dynreg.verbs.tryable import Tryable, real_of, require_recording, robot_to_try
+        from dynreg.verbs.calibrate_by_trials import calibrate_by_trials, require_recordings
 
-        settings = CalibrateSettings(**told)
-        trying = {"robot_door": robot_door, "gait": gait, "rules": rules}
-        if not METHODS[settings.method].tries:
-            for name, value in trying.items():
-                if value is not None:
-                    raise UsageError(
-                        f"{name} with method {settings.method!r}, to which it means nothing",
-                        expected="it with btr",
-                        do="leave it out, or choose btr",
-                    )
-            if not isinstance(recording, list | tuple):
-                require_recording(self.registry, recording, settings.method)
-            return _calibrated(
-                self, recording, robot=robot, log_map=log_map, progress=progress, **vars(settings)
-            )
-        self.registry.check_writable()
-        own = robot_to_try(self.registry, recording, settings.method)
-        task_of(own, settings.task)  # a mistake here makes no folder
-        real = real_of(robot_door, self.registry, own, log_map, say, settings.method)
-        asked = Built(self.registry, own)
-        return calibrate_by_trials(asked, settings, Tryable(real, gait, rules), progress)
-
-    calibrate.verb = _calibrated.verb
+        settings, tries = CalibrateSettings(**told), {"robot_door": robot_door, "gait": gait, "rules": rules}
+        if settings.tries:
+            tries |= {"robot": robot, "log_map": log_map, "say": say}
+            return calibrate_by_trials(self.registry, recording, settings, progress, **tries)
+        require_recordings(self.registry, recording, settings.method, tries)
+        return _CALIBRATE.ask(self.registry, recording, settings, robot, log_map, progress)
 
     diagnose = about_recording(diagnose, DiagnoseSettings, several=True, faster=faster)
 

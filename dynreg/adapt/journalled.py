@@ -1,10 +1,11 @@
-"""Trials on a robot whose outcomes are kept, so that none is played twice."""
+"""Trials on a robot whose beginnings and outcomes are kept, so that none is played twice and each is counted."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from dynreg.errors import CorruptError
 from dynreg.search.journal import Journal
 
 
@@ -12,32 +13,83 @@ from dynreg.search.journal import Journal
 class Outcome:
     """What a trial came to.
 
-    score : in the task's unit; None for a fall. seconds : how long it lasted. number : of all trials of the robot.
+    score : in the task's unit; None for a fall. seconds : how long it lasted [s]. number : of the run's trials, from 1.
+    ever : of all trials of the robot, those before this run too. lost : nothing tells how it ended; it has no score.
     """
 
     score: float | None
     seconds: float
     number: int
+    ever: int
+    lost: bool = False
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot is known to have fallen."""
+        return self.score is None and not self.lost
+
+    @property
+    def row(self) -> np.ndarray:
+        """(1, 6) numbers that a journal keeps."""
+        told = (self.score or 0.0, self.score is None, self.seconds, self.number, self.ever, self.lost)
+        return np.array([told], dtype=float)
+
+
+def trial_name(number: int) -> str:
+    """What the robot's door, and all who tell of it, call a trial of a run."""
+    return f"trial_{number}"
+
+
+def outcome_of(row: np.ndarray) -> Outcome:
+    """The inverse of `Outcome.row`; CorruptError for a row of another form."""
+    if row.shape != (1, 6):
+        raise CorruptError(
+            f"the journal of the trials has {row.shape[-1]} numbers of a trial",
+            expected="6, as this version of dynreg writes them",
+            do="begin anew with another seed",
+        )
+    score, none, seconds, number, ever, lost = row[0].tolist()
+    return Outcome(None if none else score, seconds, int(number), int(ever), bool(lost))
 
 
 @dataclass(frozen=True)
 class Journalled:
-    """Trials by `trial`; what the journal holds is not played again, but told to `again`."""
+    """Trials by `trial`; what the journal holds is not played again, but told to `again`.
 
+    begin : what the next trial costs if it is lost; BudgetError where it may not be played. It is kept before the robot
+    moves: a trial that an error or a power cut ended has cost something, too. keeps : whether a trial that is asked for
+    again gives what it left, and moves nothing, as in a folder; such a one is never lost.
+    """
+
+    begin: Callable[[], Outcome]
     trial: Callable[[np.ndarray], Outcome]
     again: Callable[[Outcome], None]
     journal: Journal | None = None
+    keeps: bool = False
 
-    def __call__(self, gait: np.ndarray) -> float | None:
-        """The score of a gait (G,), None for a fall; raises as `trial`."""
-        known = self.journal.next(gait[None]) if self.journal else None
-        if known is not None:
-            (score, fell, seconds, number) = known[0]
-            outcome = Outcome(None if fell else float(score), float(seconds), int(number))
-            self.again(outcome)
-            return outcome.score
+    def __call__(self, gait: np.ndarray) -> Outcome:
+        """What a gait (G,) came to; raises as `begin` and `trial`."""
+        begun: Outcome | None = None  # of which no outcome has come yet
+        while (known := self._held(gait)) is not None:
+            if begun is not None and known.number != begun.number:
+                self.again(begun)
+            if not known.lost:
+                self.again(known)
+                return known
+            begun = known
+        if begun is not None and not self.keeps:
+            self.again(begun)
+            begun = None
+        if begun is None:
+            self._keep(gait, self.begin())
         outcome = self.trial(gait)
-        if self.journal:
-            row = [outcome.score or 0.0, float(outcome.score is None), outcome.seconds, float(outcome.number)]
-            self.journal.add(gait[None], np.array([row]))
-        return outcome.score
+        self._keep(gait, outcome)
+        return outcome
+
+    def _held(self, gait: np.ndarray) -> Outcome | None:
+        row = None if self.journal is None else self.journal.next(gait[None])
+        return None if row is None else outcome_of(row)
+
+    def _keep(self, gait: np.ndarray, outcome: Outcome) -> None:
+        if self.journal is not None:
+            self.journal.add(gait[None], outcome.row)

@@ -6,40 +6,26 @@ algorithm over simulators makes the scores there like those on the robot (3); th
 a policy gradient (4). No state of the robot is ever read. Gaits and simulators are points in unit cubes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dynreg.adapt.differences import differences
+from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
-from dynreg.adapt.tried import BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried
+from dynreg.adapt.tried import ADAPTED, BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
+from dynreg.adapt.world import World
 from dynreg.errors import BudgetError
-from dynreg.search.bits import roulette
+from dynreg.search.bits import BYTE, grid, roulette
 from dynreg.search.drive import Limits, Search, drive
 from dynreg.search.journal import Journal
 from dynreg.search.seen import Seen
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
+NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
-
-
-@dataclass(frozen=True, eq=False)
-class World:
-    """What can be asked, and how it is kept.
-
-    play : fitness (s, n) of gaits (n, G) in simulators (s, P), 0 for a fall. trial : score of a gait (G,) on the robot,
-    None for a fall; BudgetError where no more is allowed. rng, journal : of a step, by its name. periodic : (G,) genes
-    that run round.
-    """
-
-    play: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    trial: Callable[[np.ndarray], float | None]
-    rng: Callable[[str], np.random.Generator]
-    journal: Callable[[str], Journal | None] = lambda _: None
-    periodic: np.ndarray | None = None
-    progress: Callable[[str, int, int], None] = lambda *_: None
 
 
 def back_to_reality(
@@ -58,7 +44,7 @@ def back_to_reality(
                 ended = "goal"
                 break
     except BudgetError as spent:
-        ended = spent.problem
+        ended = spent.what
     return Reached(tuple(run.versions), tuple(run.tried), run.best, ended, run.resumed)
 
 
@@ -72,19 +58,20 @@ class _Run:
     free: np.ndarray
     versions: list[Adapted]
     tried: list[Tried] = field(default_factory=list)
-    trials: int = 0
     halved: int = 0
     resumed: int = 0
 
     @property
     def best(self) -> Tried | None:
-        """The gait with the highest score on the robot; the first of equals."""
-        return max((one for one in self.tried if not one.fell), key=lambda one: one.score, default=None)
+        """See `best_of`."""
+        return best_of(self.tried, self.rules.repeats)
 
     @property
     def met(self) -> bool:
-        """Whether the goal is."""
-        return self.rules.goal is not None and self.best is not None and self.best.score >= self.rules.goal
+        """Whether the goal is met."""
+        best, goal = self.best, self.rules.goal
+        enough = best is not None and len(best.trials) >= self.rules.repeats
+        return goal is not None and enough and best.score >= goal
 
     def iterate(self, number: int) -> bool:
         """One iteration; whether the goal is met. Raises BudgetError where the robot may not be tried any more."""
@@ -105,6 +92,13 @@ class _Run:
             raise over
         return self.refined(number)
 
+    def journal(self, step: str, *by: np.ndarray) -> Journal | None:
+        """The journal of a step; a run with another budget may have come to it with other simulators, gaits, scores."""
+        made = self.world.journal(step)
+        if made is not None:
+            made.shaped(*by)
+        return made
+
     def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
         """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
 
@@ -121,7 +115,7 @@ class _Run:
             lambda some: self.world.play(some, simulator[None]).T,
             lambda grades: (grades[:, 0], -grades[:, 0]),
             Limits(generations * rules.gaits),
-            journal=self.world.journal(f"gaits {number}"),
+            journal=self.journal(f"gaits {number}", simulator, known),
             progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
         )
         self.resumed += found.resumed
@@ -140,32 +134,40 @@ class _Run:
         return np.array([one.gait for one in stood[:most]]) if stood else self.known[:most]
 
     def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
-        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope; none is tried twice."""
-        stand, lost, seen = self.rules.stand, self.rules.lost, set()
+        """Step 2: gaits are tried until enough stood, or so many fell that there is no hope, or the goal is met.
+
+        None is tried twice: gaits that are nearer than the codes of step 1 are taken for one, such as a gait and its
+        code.
+        """
+        if not candidates:
+            return
+        stand, lost, here = self.rules.stand, self.rules.lost, []
         stood = fell = 0
-        for gait, simulated in candidates:
+        played = self.world.played(np.array([gait for gait, _ in candidates]))
+        for (gait, simulated), as_played in zip(candidates, played, strict=True):
             if stood == stand or fell >= stand * lost / (1.0 - lost):
                 return
-            if gait.tobytes() in seen:
+            if here and self.world.apart(as_played, np.array(here)).min() < NEAR:
                 continue
-            seen.add(gait.tobytes())
+            here.append(as_played)
             one = self.try_out(gait, number, TRANSFER, self.rules.repeats, simulated)
             stood, fell = stood + (not one.fell), fell + one.fell
             self.world.progress(f"robot {number}", stood, stand)
+            if self.met:
+                return
 
     def try_out(
         self, gait: np.ndarray, number: int, step: str, repeats: int, simulated: float | None = None
     ) -> Tried:
         """Trials of a gait on the robot, up to a fall; what the budget leaves of them counts."""
-        scores: list[float | None] = []
+        made: list[Outcome] = []
         try:
-            while len(scores) < repeats and None not in scores:
-                scores.append(self.world.trial(gait))
+            while len(made) < repeats and not any(one.fell for one in made):
+                made.append(self.world.trial(gait))
         finally:
-            if scores:
-                numbers = tuple(range(self.trials + 1, self.trials + 1 + len(scores)))
-                self.trials += len(scores)
-                self.tried.append(Tried(gait, number, step, numbers, tuple(scores), simulated))
+            if made:
+                trials, scores = zip(*((one.number, one.score) for one in made), strict=True)
+                self.tried.append(Tried(gait, number, step, trials, scores, simulated))
         return self.tried[-1]
 
     def adapt(self, number: int, stood: Sequence[Tried]) -> None:
@@ -179,24 +181,22 @@ class _Run:
             return differences(rules.difference, self.world.play(gaits, simulators), real)
 
         first, name = float(difference(parent.simulator[None])[0]), f"simulators {number}"
+        # a difference that may be negative has no share that is near enough
+        target = rules.enough * first if first > 0.0 else -np.inf
         rng, kind = self.world.rng(name), SEARCHES["roulette"]
         found = searched(
             difference,
             parent.simulator,
             self.free,
-            lambda point: _Until(
-                kind.begin(Start(len(point), rng, rules.simulators, point)), rules.enough * first
-            ),
+            lambda point: _Until(kind.begin(Start(len(point), rng, rules.simulators, point)), target),
             Limits(1 + rules.turns * rules.simulators),
             most=0.0,
-            journal=self.world.journal(name),
+            journal=self.journal(name, parent.simulator, gaits, real),
             progress=lambda done, total: self.world.progress(name, done, total),
         )
         self.resumed += found.resumed
         numbers = tuple(n for one in stood for n in one.trials)
-        made = Adapted(
-            found.unit, number, "adapted", len(self.versions) - 1, numbers, found.first, found.last
-        )
+        made = Adapted(found.unit, number, ADAPTED, len(self.versions) - 1, numbers, found.first, found.last)
         self.versions.append(made)
 
     def disengage(self, number: int) -> None:
@@ -208,21 +208,37 @@ class _Run:
             self.versions.append(Adapted(before.simulator, number, BACK, before.parent))
 
     def refined(self, number: int) -> bool:
-        """Step 4: small steps of the best gait on the robot; whether the goal is met."""
+        """Step 4: small steps of the best gait on the robot; whether the goal is met.
+
+        Each gait is tried once. The best of them is tried again, for itself, at the end and where it meets the goal.
+        """
         if self.best is None:
             return False
-        rules = self.rules
+        rules, single = self.rules, []
         rng = self.world.rng(f"refine {number}")
         start = Start(len(self.best.gait), rng, rules.variations, self.best.gait, self.world.periodic)
         search = SEARCHES["policy"].begin(start)
         for turn in range(rules.steps):
-            asked = search.ask()
-            scores = [self.try_out(gait, number, REFINE, 1).score for gait in asked]
-            search.tell(-np.array(scores))
+            made = [self.try_out(gait, number, REFINE, 1) for gait in search.ask()]
+            search.tell(-np.array([one.score for one in made]))
             self.world.progress(f"refine {number}", turn + 1, rules.steps)
+            single += made
+            if rules.goal is not None:
+                self.confirm(number, single, rules.goal)
             if self.met:
                 return True
-        return False
+        self.confirm(number, single, float(np.nextafter(self.best.score, np.inf)))
+        return self.met
+
+    def confirm(self, number: int, single: list[Tried], least: float) -> None:
+        """Try the best of gaits that were tried once again, where it scored at least so much, and take it from them."""
+        if self.rules.repeats == 1:
+            return
+        hopes = [one for one in single if not one.fell and one.score >= least]
+        if hopes:
+            one = max(hopes, key=lambda one: one.score)
+            single.remove(one)
+            self.try_out(one.gait, number, REFINE, self.rules.repeats)
 
 
 class _Until:

@@ -1,6 +1,9 @@
 """The nouns of Back to Reality: the sizes of its steps, gaits on the robot, and simulators on the way."""
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -8,7 +11,9 @@ from dynreg.adapt.differences import DIFFERENCES
 from dynreg.errors import UsageError
 
 TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
-START, BACK = "start", "rolled back"  # versions that no adaptation made
+START, BACK, ADAPTED = "start", "rolled back", "adapted"  # what made a version
+ONES = ("iterations", "first", "later", "gaits", "stand", "repeats", "turns", "simulators")
+LEAST = MappingProxyType(dict.fromkeys(ONES, 1) | {"variations": 2, "steps": 0})
 
 
 @dataclass(frozen=True)
@@ -16,11 +21,12 @@ class Rules:
     """The sizes of every step, as published but for `lost`, which is ours.
 
     iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
-    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them. turns :
-    generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
-    difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
-    estimates. lost : share of gaits that fall on the robot, from which on simulator and robot are disengaged. goal :
-    score with which the task is met; None for never. Raises UsageError for sizes that make no sense.
+    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the best
+    of step 4, which counts by these alone. turns : generations of step 3, of so many `simulators`; it ends early where
+    the difference is `enough` of its first value. difference : one of `differences.DIFFERENCES`. variations, steps :
+    trials of one estimate of the gradient, and estimates. lost : where this share of gaits falls, the simulator before
+    is used again. goal : score with which the task is met; None for never. Raises UsageError for sizes that make no
+    sense.
     """
 
     iterations: int = 2
@@ -39,19 +45,16 @@ class Rules:
     goal: float | None = None
 
     def __post_init__(self) -> None:
-        least = dict.fromkeys(("iterations", "first", "later", "gaits", "stand", "repeats", "turns"), 1)
-        least |= {"simulators": 1, "steps": 0, "variations": 2}
-        wrong = [f"{name} = {getattr(self, name)}" for name in least if getattr(self, name) < least[name]]
-        shares = ("enough", "lost")
-        wrong += [f"{name} = {getattr(self, name)}" for name in shares if not 0 < getattr(self, name) < 1]
+        for name, least in LEAST.items():
+            if not getattr(self, name) >= least:
+                _refuse(f"{name} = {getattr(self, name)}", f"{least} or more")
+        for name in ("enough", "lost"):
+            if not 0 < getattr(self, name) < 1:
+                _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
         if self.difference not in DIFFERENCES:
-            wrong.append(f"difference = {self.difference!r}")
-        if wrong:
-            raise UsageError(
-                wrong[0],
-                expected=f"sizes of 1 or more, shares between 0 and 1, a difference of {list(DIFFERENCES)}",
-                do="correct it",
-            )
+            _refuse(f"difference = {self.difference!r}", f"one of {list(DIFFERENCES)}")
+        if self.goal is not None and not math.isfinite(self.goal):
+            _refuse(f"goal = {self.goal}", "a score, or None for no goal")
 
     def within(self, rollouts: int | None) -> "Rules":
         """Steps 1 and 3 with the same share of their generations, so that no more than `rollouts` are run.
@@ -74,8 +77,14 @@ class Rules:
     @property
     def rollouts(self) -> int:
         """Runs of single gaits in single simulators, where every generation of every step is run."""
-        gaits = self.first + (self.iterations - 1) * self.later
-        return gaits * self.gaits + self.iterations * self.turns * self.simulators * self.stand
+        gaits = self.gaits * (self.first + (self.iterations - 1) * self.later)
+        # a search begins with the simulator before, which is graded before it, too
+        simulators = self.iterations * (2 + self.turns * self.simulators)
+        return gaits + simulators * self.stand
+
+
+def _refuse(problem: str, expected: str) -> None:
+    raise UsageError(problem, expected=expected, do="correct it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +113,18 @@ class Tried:
         return 0.0 if self.fell else float(np.mean(self.scores))
 
 
+def best_of(tried: Iterable[Tried], repeats: int) -> Tried | None:
+    """The gait with the highest score of those that stood in `repeats` trials; the first of equals.
+
+    Only where there is none, one with fewer trials: of many gaits with one trial each, the best was lucky.
+    """
+    stood = [one for one in tried if not one.fell]
+    return max(stood, key=lambda one: (len(one.trials) >= repeats, one.score), default=None)
+
+
 @dataclass(frozen=True, eq=False)
 class Adapted:
-    """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or "adapted".
+    """A simulator (P,) on the way. iteration : 0 of the first. made : `START`, `BACK` or `ADAPTED`.
 
     parent : number of the version that it came from. trials : those that shaped it. before, after : the difference at
     its parent and at it; None where nothing was adapted.
@@ -123,9 +141,10 @@ class Adapted:
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """What it came to: versions, of which the last is the answer, all gaits on the robot, and why it ended.
+    """What it came to: versions, of which the last is the answer, and all gaits on the robot.
 
-    best : the gait with the highest mean score on the robot; None where all fell. resumed : simulations of steps 1 and
+    ended : "goal", "iterations", or which budget of the robot is spent: see `BudgetError`.
+    best : see `best_of`; None where all fell. resumed : simulations of steps 1 and
     3 that an interrupted run had left.
     """
 

@@ -9,9 +9,10 @@ from dynreg.cli.call import Call, can_write
 from dynreg.cli.completion import recording_names
 from dynreg.cli.options import MapOfLog, Page, RobotOfLog
 from dynreg.cli.output import say
-from dynreg.errors import UsageError
-from dynreg.methods.table import METHODS
-from dynreg.verbs.calibrate import CalibrateSettings
+from dynreg.cli.told import naming
+from dynreg.verbs.calibrate import TRYING, CalibrateSettings
+
+FLAGS = {"robot_door": "--trial", "gait": "--gait", "robot": "--robot", "log_map": "--map"}
 
 
 def calibrate(
@@ -20,7 +21,7 @@ def calibrate(
         list[str],
         typer.Argument(
             metavar="RECORDING...",
-            help="Names, hashes, @last (the last recording), or paths of logs. For `btr` a robot in their place.",
+            help=f"Names, hashes, @last (the last recording), or paths of logs. For {TRYING} a robot in their place.",
             autocompletion=recording_names,
         ),
     ],
@@ -30,41 +31,34 @@ def calibrate(
     trial: Annotated[
         Path | None,
         typer.Option(
-            help="With `btr`: commands of its trials are written to this folder, and logs or scores waited for there."
+            help=f"Folder of {TRYING}: commands of trials are written there, and their logs or scores waited for."
         ),
     ] = None,
     gait: Annotated[
         str | None,
         typer.Option(
             metavar="ID",
-            help="With `btr`: stored gait to begin with.  [default: those of the robot's folder]",
+            help=f"With {TRYING}: stored gait to begin with.  [default: those of the robot's folder]",
         ),
     ] = None,
     report: Page = None,
 ) -> None:
     """Adapt a simulator."""
     can_write(report)
-    tries = METHODS[settings.method].tries
     given = recording if len(recording) > 1 else recording[0]
-    if tries and robot is not None:
-        raise UsageError(
-            f"--robot {robot} with method {settings.method!r}",
-            expected=f"the robot alone: dynreg calibrate {robot} --method {settings.method}",
-            do="leave --robot out",
-        )
-    if not tries and not call.registry.is_dir():
+    if not settings.tries and not call.registry.is_dir():
         _require_recording(given, settings.method)
-    opened = call.open(create=True) if tries else call.open_for(robot, *recording)
-    told = {"robot": robot, "log_map": log_map, "robot_door": trial, "gait": gait, "say": say}
-    told = {name: value for name, value in told.items() if value is not None and (tries or name != "say")}
-    with opened as session, call.progress() as progress:
-        result = session.calibrate(given, **vars(settings), **told, progress=progress)
+    opened = call.open(create=True) if settings.tries else call.open_for(robot, *recording)
+    told = {"robot": robot, "log_map": log_map, "robot_door": trial, "gait": gait}
+    told = {name: value for name, value in told.items() if value is not None}
+    with naming(FLAGS), opened as session, call.progress() as progress:
+        result = session.calibrate(given, **vars(settings), **told, say=say, progress=progress)
     call.emit_and_write(result, report)
 
 
 def _require_recording(given: str | list[str], method: str) -> None:
     """UsageError for a robot in place of a recording, where there is no registry yet that could hold one."""
-    from dynreg.verbs.tryable import require_recording
+    from dynreg.verbs.robot_door import require_recording
 
     if isinstance(given, str):
         require_recording(None, given, method)

@@ -1,7 +1,8 @@
 """A verb's settings as options of its command: flags, help, defaults and what a shell offers, from one definition."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, Field
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args, get_origin
 
@@ -56,8 +57,15 @@ def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
             said[one.name] = _value(value, one, how)
             if said[one.name] == () and how.some:
                 raise how.empty(f"{flags[one.name]} {value!r}", one.name)
-    try:
+    with naming(flags):
         return kind(**said)
+
+
+@contextmanager
+def naming(flags: Mapping[str, str]) -> Iterator[None]:
+    """An error about a setting of the block names its flag. flags : {setting: flag}."""
+    try:
+        yield
     except UsageError as error:
         if error.setting not in flags:
             raise

@@ -98,8 +98,18 @@ class Finals:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
-    """What a search found: genes (G,), the fitness (k,) and falls (k,) in the simulators, and how they walked.
+class Walked:
+    """What a gait (G,) did in k simulators: fitness (k,), falls (k,), and how it walked."""
+
+    genes: np.ndarray
+    fitness: np.ndarray
+    fell: np.ndarray
+    walk: Walk
+
+
+@dataclass(frozen=True, eq=False)
+class Sought(Walked):
+    """The gait that a search found, and what it did.
 
     found : the search alone. finals : None where no gait was tried again. packaged : number of the robot's own gait
     that the answer is, unchanged; None of a new one.
@@ -109,11 +119,14 @@ class Sought:
     found: Found
     finals: Finals | None
     packaged: int | None
-    genes: np.ndarray
-    fitness: np.ndarray
-    fell: np.ndarray
     helpless: np.ndarray
-    walk: Walk
+
+
+def walked(trials: Trials, genes: np.ndarray) -> Walked:
+    """A gait (G,), run once in every simulator."""
+    walk = trials.walk(genes[None], feet=True)
+    fell = walk.fell[:, 0] < walk.base.shape[2]
+    return Walked(genes, fitness(trials.task.grade(walk)[:, 0]), fell, walk)
 
 
 def seek(
@@ -162,18 +175,13 @@ def seek(
     if finals:
         best, again = best_again(trials, settings, search.best(finals[0][0]), finals)
     genes = gaits(best[None])
-    walk = trials.walk(genes, feet=True)
-    fell = walk.fell[:, 0] < walk.base.shape[2]
     own = np.flatnonzero(np.isclose(gaits(space.starts), genes).all(axis=1))
     return Sought(
+        **vars(walked(trials, genes[0])),
         found=found,
         finals=again,
         packaged=int(own[0]) if len(own) else None,
-        genes=genes[0],
-        fitness=fitness(trials.task.grade(walk)[:, 0]),
-        fell=fell,
         helpless=helpless,
-        walk=walk,
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.gait.seek import Sought
+from dynreg.gait.seek import Walked
 from dynreg.gait.tasks import YAW, X, Y
 
 POINTS = 100  # of a way that is kept
@@ -26,19 +26,19 @@ class Way:
     contacts: dict[str, list[tuple[float, float]]]
 
 
-def ways(sought: Sought, rate: float) -> tuple[Way, ...]:
-    """Of the gait that was found, in every simulator, with so many commands a second."""
-    return tuple(_way(sought, i, rate) for i in range(len(sought.fitness)))
+def ways(walked: Walked, rate: float) -> tuple[Way, ...]:
+    """Of a gait in every simulator, with so many commands a second."""
+    return tuple(_way(walked, i, rate) for i in range(len(walked.fitness)))
 
 
-def _way(sought: Sought, i: int, rate: float) -> Way:
-    base = sought.walk.base[i, 0]
-    last = min(int(sought.walk.fell[i, 0]), len(base)) - 1
+def _way(walked: Walked, i: int, rate: float) -> Way:
+    base = walked.walk.base[i, 0]
+    last = min(int(walked.walk.fell[i, 0]), len(base)) - 1
     at = np.unique(np.linspace(0, max(last, 0), POINTS).astype(int))
-    contacts = sought.walk.contact.items()
+    contacts = walked.walk.contact.items()
     return Way(
-        fitness=float(sought.fitness[i]),
-        fell=bool(sought.fell[i]),
+        fitness=float(walked.fitness[i]),
+        fell=bool(walked.fell[i]),
         time=(at / rate).tolist(),
         x=base[at, X].tolist(),
         y=base[at, Y].tolist(),

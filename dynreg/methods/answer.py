@@ -41,7 +41,7 @@ class Answer:
     evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
     of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
     none. saw : names of what is held out that the method saw all the same. tried : of a method that tries gaits on the
-    robot, all of them. gait : (G,) genes of the best of them.
+    robot, all of them. best : the one of them that it answers with; see `adapt.tried.best_of`. gait : (G,) its genes.
     """
 
     versions: tuple[Version, ...]
@@ -54,6 +54,7 @@ class Answer:
     causes: tuple[str, ...] | None = None
     saw: tuple[str, ...] = ()
     tried: tuple[Tried, ...] = ()
+    best: Tried | None = None
     gait: np.ndarray | None = None
 
     @property

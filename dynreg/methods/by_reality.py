@@ -1,13 +1,11 @@
 """A gait and a simulator in turn, by scores of trials on the robot alone: paper B's way."""
 
-from collections.abc import Callable
-from functools import cached_property
-
 import numpy as np
 
-from dynreg.adapt.journalled import Journalled, Outcome
-from dynreg.adapt.reality import World, back_to_reality
-from dynreg.adapt.tried import Adapted, Rules
+from dynreg.adapt.journalled import Journalled, Outcome, trial_name
+from dynreg.adapt.reality import back_to_reality
+from dynreg.adapt.tried import ADAPTED, START, Adapted, Rules
+from dynreg.adapt.world import World
 from dynreg.errors import NoMatchError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, fitness
@@ -61,7 +59,7 @@ class ByReality:
     """Back to Reality. It asks the robot for scores, and reads no state and no log of it; see `adapt.reality`.
 
     Versions: the simulator that it begins with, and one for each adaptation. `iteration 2` is that of the second, and
-    `iteration 2, rolled back` one that was taken again when the gaits of its follower fell. before, after : mean
+    `iteration 2, rolled back` the simulator before, used again because the newer one's gaits fell. before, after : mean
     difference of simulated and real scores, in the task's unit.
     """
 
@@ -71,7 +69,8 @@ class ByReality:
         trying = evidence.trying
         door, robot = trying.robot, trying.robot.robot
         played = Played(robot, door.task, limits.seed, limits.threads)
-        door.afford(len(played.times) / robot.rate)  # before time is spent on a gait
+        whole = len(played.times) / robot.rate
+        door.begin(whole)  # BudgetError before time is spent on a gait
         rules = (trying.rules or Rules()).within(limits.simulations)
         start = robot.space.nominal if question.start is None else question.start
         free = np.flatnonzero(np.isnan(nominal_known(robot)))
@@ -81,11 +80,11 @@ class ByReality:
 
         world = World(
             played,
-            # the journal of a search is begun before that of the trials: it tells whether there is any to resume
-            _Late(lambda: Journalled(trial, door.again, limits.journal("trials"))),
+            Journalled(lambda: door.begin(whole), trial, door.again, limits.journal("trials"), door.keeps),
             lambda step: stream(limits.seed, "btr", robot.name, step),
             limits.journal,
             played.space.periodic,
+            lambda gaits: played.space.to_unit(played.genes(gaits)),
             limits.progress or (lambda *_: None),
         )
         gaits = played.space.to_unit(trying.gaits)
@@ -96,37 +95,24 @@ class ByReality:
             tuple(_version(robot, one) for one in found.versions),
             found.ended,
             played.rollouts,
-            played.rollouts * float(len(played.times) / robot.rate),
+            played.rollouts * whole,
             resumed=found.resumed,
             tried=found.tried,
+            best=found.best,
             gait=played.genes(found.best.gait[None])[0],
         )
-
-
-class _Late:
-    """Trials that are made when the first is asked for."""
-
-    def __init__(self, make: Callable[[], Journalled]):
-        self._make = make
-
-    @cached_property
-    def _made(self) -> Journalled:
-        return self._make()
-
-    def __call__(self, gait: np.ndarray) -> float | None:
-        return self._made(gait)
 
 
 def _version(robot: Robot, one: Adapted) -> Version:
     stage = f"iteration {one.iteration}" if one.iteration else one.made
     return Version(
-        stage if one.made in ("start", "adapted") else f"{stage}, {one.made}",
+        stage if one.made in (START, ADAPTED) else f"{stage}, {one.made}",
         robot.space.from_unit(one.simulator),
         one.parent,
         (),
         one.before,
         one.after,
-        trials=tuple(f"trial_{n}" for n in one.trials),
+        trials=tuple(map(trial_name, one.trials)),
     )
 
 

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
-from dynreg.adapt.journalled import Outcome
+from dynreg.adapt.journalled import Outcome, trial_name
 from dynreg.adapt.tried import Rules
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, UsageError
@@ -15,7 +17,8 @@ from dynreg.gait.tasks import Task, fitness
 from dynreg.sim.real import Door, RealRobot, RealTrial
 from dynreg.sim.robot import Robot
 
-Played = Callable[[np.ndarray, float, str], Recording | float | None]
+Played = Callable[[np.ndarray, float, str], Recording | float | str | None]
+FELL = "fell"  # what a function may return for a fall, beside None
 
 
 @dataclass
@@ -23,7 +26,8 @@ class ScoredRobot(Door):
     """A robot to be tried for a task, for a price.
 
     real : a `RealRobot`, whose own budget holds, too; or a function that is called with commands (T, A), how many a
-    second and the trial's name. It plays them, and returns the log, the score in the task's unit, or None for a fall.
+    second and the trial's name. It plays them, and returns the log, the score in the task's unit, or for a fall None or
+    `FELL`. Where it has `keeps` = True, it plays no trial of a name twice, and gives what the first one left.
     Raises UsageError where no log can tell what the task scores.
     """
 
@@ -43,39 +47,62 @@ class ScoredRobot(Door):
     def name(self) -> str:
         return self.robot.name
 
+    @property
+    def keeps(self) -> bool:
+        """Whether a trial whose outcome was lost can be asked for again, and moves nothing."""
+        return bool(getattr(self.real, "keeps", False))
+
+    @property
+    def _doors(self) -> tuple[Door, ...]:
+        """All that count: the last counts what was tried before this run, too."""
+        return (self, self.real) if isinstance(self.real, RealRobot) else (self,)
+
+    def begin(self, seconds: float) -> Outcome:
+        """What the next trial counts for if nothing tells how it ends; BudgetError where a budget does not allow it."""
+        for door in self._doors:
+            door.afford(seconds)
+        number, ever = (door.spent.trials + 1 for door in (self, self._doors[-1]))
+        return Outcome(None, seconds, number, ever, lost=True)
+
     def try_out(self, actions: np.ndarray, rate: float) -> Outcome:
         """Play commands (T, A), `rate` a second; a trial that ends with an error counts, too.
 
-        Raises BudgetError before anything moves where a budget is spent, LogError for a log that tells no score.
+        Raises BudgetError before anything moves where a budget is spent, LogError for an answer that tells no score.
         """
-        whole, own = len(actions) / rate, isinstance(self.real, RealRobot)
-        for door in (self, self.real) if own else (self,):
-            door.afford(whole)
+        begun = self.begin(len(actions) / rate)
+        play = self.real.run if isinstance(self.real, RealRobot) else self.real
         try:
-            found = (self.real.run if own else self.real)(actions, rate, f"trial_{self.spent.trials + 1}")
+            found = play(actions, rate, trial_name(begun.number))
             trial = trial_of(self.robot, found, actions, rate) if isinstance(found, Recording) else found
             score = _score(self.task, trial)
         except BaseException:
-            self.spend(whole)
+            self.spend(begun.seconds)
             raise
-        seconds = trial.lasted(len(actions)) / rate if isinstance(trial, RealTrial) else whole
+        seconds = trial.lasted(len(actions)) / rate if isinstance(trial, RealTrial) else begun.seconds
         self.spend(seconds, falls=int(score is None))
-        return Outcome(score, seconds, self.real.spent.trials if own else self.spent.trials)
+        return replace(begun, score=score, seconds=seconds, lost=False)
 
     def again(self, outcome: Outcome) -> None:
         """Count a trial of an interrupted run, on a robot that does not know of it, too."""
-        falls = int(outcome.score is None)
-        self.spend(outcome.seconds, falls=falls)
-        if isinstance(self.real, RealRobot) and self.real.spent.trials < outcome.number:
-            self.real.spend(outcome.seconds, falls=falls)
+        self.spend(outcome.seconds, falls=int(outcome.fell))
+        if isinstance(self.real, RealRobot) and self.real.spent.trials < outcome.ever:
+            self.real.spend(outcome.seconds, falls=int(outcome.fell))
 
 
-def _score(task: Task, trial: RealTrial | float | None) -> float | None:
+def _score(task: Task, trial: Any) -> float | None:
     """In the task's unit, None for a fall; LogError where it is not told."""
     if isinstance(trial, RealTrial):
         score = None if trial.fell else float(fitness(task.grade(trial.walk))[0, 0])
+    elif trial is None or (isinstance(trial, str) and trial.strip().lower() == FELL):
+        score = None
+    elif isinstance(trial, Real) and not isinstance(trial, bool | np.bool_):
+        score = float(trial)
     else:
-        score = None if trial is None else float(trial)
+        raise LogError(
+            f"a trial of task {task.name!r} came to {trial!r:.60}",
+            expected=f"a log, a number, or None or {FELL!r} for a fall",
+            do="return one of these from the function that plays commands",
+        )
     if score is not None and not math.isfinite(score):
         raise LogError(
             f"a trial of task {task.name!r} has the score {score}",

@@ -19,14 +19,15 @@ from dynreg.registry.registry import Registry
 _KINDS = ("population", "entry", "recording", "measured", "robot", "simulator", "result")
 INDEXES = ("graph", "embedding")
 _NAMING = ("answer", "simulator", "calibrated_simulator", "extended_simulator")  # keys of results
+_RESULTS = ("document",)  # likewise: a calibration's own gait
 
 
 def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> tuple[str, ...]:
     """Copy what `refs` name, with all it needs, to a new registry at `destination`; returns the ids.
 
     A population brings its robot, its arrays and all its entries; an entry brings the population's arrays and itself
-    alone, a measured one its recording; a simulator brings its robot; a result brings its recording and the simulators
-    and entries that it names as its answer and at its stages. Ids stay as they are.
+    alone, a measured one its recording; a simulator brings its robot; a result brings its recording, the simulators
+    and entries that it names as its answer and at its stages, and a gait of its own. Ids stay as they are.
 
     Raises
     ------
@@ -136,9 +137,11 @@ def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:
     result = registry.result(result_id)
     if result.recording_id:
         copy_thing(registry, copy, "recording", result.recording_id)
-    for simulator in sorted(simulators_in(result.document)):
+    needed = [(named, ("simulator", "entry")) for named in sorted(simulators_in(result.document))]
+    needed += [(named, ("result",)) for named in sorted(_named(result.document, _RESULTS))]
+    for named, kinds in needed:
         try:
-            kind, identity = registry.resolve(simulator, ("simulator", "entry"))
+            kind, identity = registry.resolve(named, kinds)
         except NoMatchError:
             continue  # lost before, or computed again as another: the result can be read without it
         copy_thing(registry, copy, kind, identity)
@@ -147,12 +150,17 @@ def _copy_result(registry: Registry, copy: Registry, result_id: str) -> None:
 
 def simulators_in(document: Any) -> set[str]:
     """The ids that a result's document gives as an `answer` or a simulator, at any depth."""
+    return _named(document, _NAMING)
+
+
+def _named(document: Any, keys: Sequence[str]) -> set[str]:
+    """The words that a document gives under these keys, at any depth."""
     if isinstance(document, list):
-        return set().union(*map(simulators_in, document))
+        return set().union(*(_named(one, keys) for one in document))
     if not isinstance(document, dict):
         return set()
-    mine = {value for value in map(document.get, _NAMING) if isinstance(value, str)}
-    return mine.union(*map(simulators_in, document.values()))
+    mine = {value for value in map(document.get, keys) if isinstance(value, str)}
+    return mine.union(*(_named(one, keys) for one in document.values()))
 
 
 _COPY = {

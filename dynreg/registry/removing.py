@@ -203,6 +203,7 @@ def _needing(registry: Registry, known: _Known, instead: Mapping[str, RobotInfo]
         document = _told(lambda ref: registry.result(ref).document, identity)
         note(("robot", str(document.get("robot_hash", ""))), ("result", identity))
         note(("population", str(document.get("population", ""))), ("result", identity))
+        # A calibration stays without its stored gait: it has the genes, and trials on a robot cannot be had again.
         for named in sorted(simulators_in(document) & simulators):
             note(("simulator", named), ("result", identity))
     return needing

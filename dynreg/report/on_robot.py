@@ -22,7 +22,16 @@ def verdict(result: Calibration) -> str:
     if not adapted:
         return f"{text} The simulator was not adapted."
     changes = " and ".join(f"{number(v.before)} to {number(v.after)}" for v in adapted)
-    return f"{text} The difference of simulated and real scores fell from {changes}."
+    what, unit = difference(told)
+    return f"{text} {what[0].upper()}{what[1:]} went from {changes}{unit and f' {unit}'}."
+
+
+def difference(told: OnRobot) -> tuple[str, str]:
+    """What is said of the difference that an adaptation makes small, and its unit, "" for none."""
+    if told.difference == "rank":
+        return "1 - the rank correlation of simulated and real scores", ""
+    kind = "mean signed difference" if told.difference == "signed" else "difference"
+    return f"the {kind} of simulated and real scores", told.unit
 
 
 def spent(result: Calibration) -> str:
@@ -49,7 +58,7 @@ def next_steps(result: Calibration) -> tuple[str, ...]:
 
 
 def rows(told: OnRobot) -> list[tuple[Any, ...]]:
-    """A row for each gait that came from the simulator or is the best: `GAITS`; those of small steps are counted."""
+    """A row for each gait that came from the simulator or is the best: `GAITS`; other small steps are left out."""
     out: list[tuple[Any, ...]] = []
     for number_, one in enumerate(told.tried, 1):
         if one.step == "refine" and number_ != told.best:
@@ -82,7 +91,7 @@ def charts(result: Calibration) -> list[Chart]:
     for number_, one in enumerate((v for v in result.versions if v.before is not None), 1):
         at += [number_ - 1, number_, number_]
         delta += [one.before, one.after, None]
-    apart = chart(
-        f"difference of simulated and real scores [{told.unit}]", "adaptations", at, {"answer": delta}
-    )
+    what, unit = difference(told)
+    title = f"{what.removeprefix('the ')}{unit and f' [{unit}]'}"
+    apart = chart(title, "adaptations", at, {"answer": delta})
     return [one for one in (scores, apart) if one is not None]

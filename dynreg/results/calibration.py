@@ -85,6 +85,8 @@ class OnRobot(Result):
 
     task, unit : what the scores are of. seconds : of one trial. tried : all gaits, in turn. best : number, from 1, of
     that with the highest mean score. gait : its genes. document : id of the stored gait, which `dynreg export` writes.
+    difference : of simulated and real scores, as versions tell it before and after: "absolute" the mean absolute one,
+    "signed" the mean one, both in `unit`, or "rank" 1 - their rank correlation, which has no unit.
     """
 
     task: str
@@ -94,6 +96,7 @@ class OnRobot(Result):
     best: int
     gait: dict[str, float]
     document: str | None = None
+    difference: Literal["absolute", "signed", "rank"] = "absolute"
 
     def scores(self) -> list[float | None]:
         """The score of every trial in turn; None for a fall."""

@@ -14,6 +14,7 @@ from dynreg.search.start import Start
 from dynreg.search.turns import Turns, ranked
 
 BITS = 10  # of a number, usually
+BYTE = 8  # of a number, in paper B
 USUAL = Tournament()
 LIST = 6  # values of a locus at most
 CROSSOVER = 0.7  # of the plain one's children have two parents
@@ -24,6 +25,11 @@ def numbers(bits: np.ndarray, digits: int = BITS) -> np.ndarray:
     """(..., P) in the unit cube of bits (..., digits P), the highest first."""
     weights = 2.0 ** np.arange(digits - 1, -1, -1)
     return bits.reshape(*bits.shape[:-1], -1, digits) @ weights / (2.0**digits - 1.0)
+
+
+def grid(digits: int = BITS) -> float:
+    """How far apart the numbers are that so many bits can tell."""
+    return 1.0 / (2.0**digits - 1.0)
 
 
 def coded(points: np.ndarray, digits: int = BITS) -> np.ndarray:
@@ -209,7 +215,7 @@ def roulette(
         selection=Roulette(),
         elite=0,
         mutation=0.005,
-        digits=8,
+        digits=BYTE,
         seeds=seeds,
     )
 

@@ -80,7 +80,7 @@ class Door(ABC):
         """What messages call the robot."""
 
     def afford(self, seconds: float, trials: int = 1, falls: int = 1) -> None:
-        """BudgetError where the budget does not allow so much more: by default a trial, which may fall."""
+        """BudgetError, which says what is spent, without room for so much more: by default a trial, which may fall."""
         left = (
             ("trials", self.budget.trials, self.spent.trials, trials),
             ("seconds", self.budget.seconds, self.spent.seconds, seconds),
@@ -92,6 +92,7 @@ class Door(ABC):
                     f"the budget of {most:g} {what} on robot {self.name!r} is spent ({spent:g} used)",
                     expected=f"room for {price:g} more",
                     do="work with the logs that there are, or grant a larger budget",
+                    what=what,
                 )
 
     def spend(self, seconds: float, trials: int = 1, falls: int = 0) -> None:

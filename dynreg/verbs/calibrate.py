@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from dynreg.verbs.simulators import Simulator
     from dynreg.verbs.subjects import Recorded
 
+TRIALS = 190  # on a robot, as in paper B
+TRYING = " or ".join(f"`{kind.name}`" for kind in METHODS.values() if kind.tries)
+
 # Settings that mean nothing to some methods.
 OPTIONAL = (
     *("plan", "population", "start", "budget", "resume", "hold_out"),
@@ -60,15 +63,15 @@ class CalibrateSettings(Settings):
         complete="stored_names",
     )
     task: str | None = option(
-        None, "Task of the gaits of `btr`: one of the robot's [[tasks]].", usual="its first"
+        None, f"Task of the gaits of {TRYING}: one of the robot's [[tasks]].", usual="its first"
     )
     trials: int | None = option(
-        None, "Most trials of `btr` on the robot.", usual="190, as in paper B", least=1
+        None, f"Most trials of {TRYING} on the robot.", usual=f"{TRIALS}, as in paper B", least=1
     )
     seconds: float | None = option(None, "Most seconds of its trials in all.", usual="no limit", above=0.0)
-    falls: int | None = option(None, "End `btr` after this many falls.", usual="never", least=1)
+    falls: int | None = option(None, f"End {TRYING} after this many falls.", usual="never", least=1)
     goal: float | None = option(
-        None, "End `btr` once a gait scores so much on the robot, in the task's unit.", usual="never"
+        None, f"End {TRYING} once a gait scores so much on the robot, in the task's unit.", usual="never"
     )
     resume: bool = option(False, "Continue an interrupted calibration.")
     threads: int = threads()
@@ -80,14 +83,7 @@ class CalibrateSettings(Settings):
             given = getattr(self, name)
             if given == getattr(CalibrateSettings, name) or kind.takes(name):
                 continue
-            able = [other.name for other in METHODS.values() if other.takes(name)]
-            shown = "" if given is True else f" {str(given)!r}"
-            raise UsageError(
-                f"{name}{shown} with method {self.method!r}, to which it means nothing",
-                expected=f"it with {', '.join(able)}",
-                do="leave it out, or choose one of these methods",
-                setting=name,
-            )
+            raise unfit(name, "" if given is True else f" {str(given)!r}", self.method, name)
         if "plan" in kind.needs and self.plan is None:
             raise UsageError(
                 f"method {self.method!r} without a plan",
@@ -95,6 +91,26 @@ class CalibrateSettings(Settings):
                 do="name it with --plan; see `dynreg calibrate --help`",
                 setting="plan",
             )
+
+    @property
+    def tries(self) -> bool:
+        """Whether the method tries the robot itself, and reads no recording."""
+        return METHODS[self.method].tries
+
+
+def unfit(name: str, shown: str, method: str, setting: str) -> UsageError:
+    """The error for an argument that means nothing to a method, but to those that take a setting."""
+    return UsageError(
+        f"{name}{shown} with method {method!r}, to which it means nothing",
+        expected=f"it with {', '.join(able(setting))}",
+        do="leave it out, or choose another method",
+        setting=name,
+    )
+
+
+def able(setting: str) -> tuple[str, ...]:
+    """Names of the methods to which a setting means something."""
+    return tuple(kind.name for kind in METHODS.values() if kind.takes(setting))
 
 
 def calibrate(
@@ -116,14 +132,14 @@ def calibrate(
     from dynreg.methods.judged import replay_errors
     from dynreg.results.calibration import CalibrationCost
     from dynreg.sim.config import SimConfig
-    from dynreg.verbs.calibration import document, register
+    from dynreg.verbs.calibration import document, origin_of, register
     from dynreg.verbs.calibration_start import begun_with, shaped_by, tell_seen
 
     began, worked = time.perf_counter(), time.process_time()
     _require_wheels(asked.robot, settings)
     population = _population(asked, settings)
     robot = asked.robot if population is None else population.shared.robot
-    begin = begun_with(asked, settings.start, robot)
+    begin = begun_with(asked.registry, settings.start, robot, asked.recording.id)
     question, evidence, limits, journals = _posed(asked, settings, robot, begin, population, progress)
     cut = question.data
     if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
@@ -133,7 +149,7 @@ def calibrate(
         tell_seen(f"{settings.method} cuts the recording in its own way, and saw", found.saw)
     configs = [SimConfig.of(robot, v.values, v.effects) for v in found.versions]
     errors = replay_errors(cut, [SimConfig.of(robot, cut.start), configs[-1]], settings.threads)
-    ids = register(asked, settings.method, found, configs, begin and begin.id)
+    ids = register(asked.registry, found, configs, begin and begin.id, origin_of(asked, settings.method))
     journals.end()
     cost = CalibrationCost(
         evaluations=found.evaluations,
@@ -215,7 +231,7 @@ def _posed(
     from dynreg.adapt.plan import read_plan
     from dynreg.methods.calibrator import Evidence, Limits, Question
     from dynreg.replay.data import data
-    from dynreg.verbs.calibration_start import shared_values
+    from dynreg.verbs.calibration_start import values_of
     from dynreg.verbs.journals import Journals
 
     plan = None if settings.plan is None else read_plan(_plan_file(settings.plan))
@@ -228,9 +244,8 @@ def _posed(
         "budget": settings.budget,
     }
     journals = Journals(asked.registry, question, how, settings.resume)
-    space = robot.space
-    start = begin and space.from_dict(space.as_dict(space.nominal) | shared_values(begin, robot))
-    posed = Question(data(robot, asked.recording, settings.hold_out), start, settings.hold_out)
+    cut = data(robot, asked.recording, settings.hold_out)
+    posed = Question(cut, values_of(begin, robot), settings.hold_out)
     evidence = Evidence(population, plan, asked.registry)
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
     return posed, evidence, limits, journals

@@ -1,91 +1,144 @@
 """Calibrate by trials: a simulator and a gait that are made better by what gaits score on the robot."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dynreg.adapt.tried import Rules
+from dynreg.errors import UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, task_of
 from dynreg.methods.calibrator import Evidence, Limits, Question
-from dynreg.methods.scored import ScoredRobot, Trying
+from dynreg.methods.scored import Played, ScoredRobot, Trying
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.registry import Registry
 from dynreg.results.calibration import Calibration
-from dynreg.sim.real import Budget
+from dynreg.sim.config import SimConfig
+from dynreg.sim.real import Budget, RealRobot
 from dynreg.sim.robot import Robot
-from dynreg.verbs.calibration_by_trials import cost_of, document, register
-from dynreg.verbs.calibration_start import require_plain, shared_values
-from dynreg.verbs.gait_by_trials import gait_by_trials
+from dynreg.verbs.best_gait import best_gait
+from dynreg.verbs.calibrate import TRIALS, unfit
+from dynreg.verbs.calibration import register
+from dynreg.verbs.calibration_start import begun_with, values_of
 from dynreg.verbs.gaits import gait_of, genes_of
 from dynreg.verbs.journals import Journals
-from dynreg.verbs.simulators import NOMINAL, Simulator, simulator
-from dynreg.verbs.tryable import Tryable
+from dynreg.verbs.robot_door import door_of, place_of, require_recording, robot_to_try
+from dynreg.verbs.subjects import put_robot
+from dynreg.verbs.trials_document import cost_of, document
 from dynreg.verbs.verb import Built
 
 if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
-TRIALS = 190  # as in paper B
+KEPT, NUMBER = (
+    "trials",
+    3,
+)  # the journal of them, and where a row there has a trial's number; see `Journalled`
 
 
 def calibrate_by_trials(
-    asked: Built, settings: "CalibrateSettings", tryable: Tryable, progress: Progress | None = None
+    registry: Registry,
+    subject: str | Path | Robot,
+    settings: "CalibrateSettings",
+    progress: Progress | None = None,
+    *,
+    robot_door: str | Path | RealRobot | Played | None,
+    gait: str | Path | Mapping[str, float] | None = None,
+    rules: Rules | None = None,
+    robot: Any = None,
+    log_map: str | Path | None = None,
+    say: Callable[[str], None] = print,
 ) -> Calibration:
-    """Adapt a simulator and a gait to a robot by the scores of trials on it.
+    """Adapt a simulator and a gait to a robot by the scores of trials on it; the answer is stored.
 
-    Raises BudgetError where not even one trial may be made, NoMatchError where no gait stood.
+    subject : the robot, its folder or its name. robot_door : the robot as it is tried, or a folder for its trials; see
+    `Session.calibrate` for it, and for gait, rules and say. robot, log_map : refused where they mean nothing.
+    Raises BudgetError where not even one trial may be made, NoMatchError where no gait stood, UsageError for arguments
+    that do not fit, and where an interrupted run has left trials and is not resumed.
     """
     began, worked = time.perf_counter(), time.process_time()
-    robot, registry = asked.robot, asked.registry
-    task = task_of(robot, settings.task)
-    begin = _begun_with(asked, settings.start)
-    start = None
-    if begin is not None:
-        start = robot.space.from_dict(robot.space.as_dict(robot.space.nominal) | shared_values(begin, robot))
-    rules, gaits = tryable.rules or Rules(), _gaits(registry, robot, task, tryable.gait)
-    door = ScoredRobot(robot, task, tryable.real, budget=_budget(settings))
-    journals = Journals(
-        registry,
-        {"calibrate": settings.method, "robot": robot.hash, "task": task.name},
-        {
-            "seed": settings.seed,
-            "start": begin and begin.id,
-            "budget": settings.budget,
-            "gait": gaits.tolist(),
-            "rules": asdict(rules),
-        },
-        settings.resume,
-    )
-    # a run that is continued may have another goal and another budget of trials
+    registry.check_writable()
+    asked = Built(registry, robot_to_try(registry, subject, settings.method, robot))
+    task = task_of(asked.robot, settings.task)  # a mistake here makes no folder
+    played = door_of(robot_door, registry, asked.robot, log_map, say, settings.method)
+    door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
+    gaits, rules = _gaits(registry, asked.robot, task, gait), rules or Rules()
+    begin = begun_with(registry, settings.start, asked.robot)
+    journals = _journals(asked, settings, task, begin and begin.id, gaits, rules, place_of(robot_door))
+    _require_kept(journals)
     trying = Trying(door, gaits, rules if settings.goal is None else replace(rules, goal=settings.goal))
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
-    found = METHODS[settings.method].made().fit(Question(None, start), Evidence(trying=trying), limits)
-    ids = register(asked, settings.method, task, found, begin and begin.id)
-    gait = gait_by_trials(asked, settings, task, found, ids[-1][0], time.perf_counter() - began)
-    cost = cost_of(found, door, time.perf_counter() - began, time.process_time() - worked)
-    made = document(asked, settings, task, found, ids, cost, gait)
-    registry.put_result(made.schema_name(), None, made.to_dict())
-    journals.end()
+    with journals.held(KEPT):
+        question = Question(None, values_of(begin, asked.robot))
+        found = METHODS[settings.method].made().fit(question, Evidence(trying=trying), limits)
+        put_robot(registry, asked.robot)
+        configs = [SimConfig.of(asked.robot, v.values, v.effects) for v in found.versions]
+        origin = {"made_by": f"calibrate {settings.method}", "task": task.name}
+        ids = register(registry, found, configs, begin and begin.id, origin)
+        stored, gait_made = best_gait(asked, settings, task, found, ids[-1][0])
+        cost = cost_of(found, door, gait_made, time.perf_counter() - began, time.process_time() - worked)
+        made = document(asked, settings, task, found, ids, cost, stored, rules.difference)
+        registry.put_result(made.schema_name(), None, made.to_dict())
+        journals.end()
     return made
+
+
+def require_recordings(
+    registry: Registry, subject: Any, method: str, tries: Mapping[str, Any | None]
+) -> None:
+    """UsageError where a method that reads recordings is given a robot, or what is only for trials on one.
+
+    tries : {name: argument}.
+    """
+    for name, value in tries.items():
+        if value is not None:
+            raise unfit(name, "", method, KEPT)
+    if not isinstance(subject, list | tuple):
+        require_recording(registry, subject, method)
+
+
+def _require_kept(journals: Journals) -> None:
+    """UsageError where trials of an interrupted run would be lost: they cannot be had again, as simulations can."""
+    left = None if journals.resume else journals.left(KEPT)
+    if left is not None:
+        raise UsageError(
+            f"the trials of an interrupted run with these settings ({left[NUMBER]:.0f}) would be lost",
+            expected="to go on with them, or another seed to begin anew",
+            do="give --resume, or another --seed",
+        )
+
+
+def _journals(
+    asked: Built,
+    settings: "CalibrateSettings",
+    task: Task,
+    begin: str | None,
+    gaits: np.ndarray,
+    rules: Rules,
+    place: str,
+) -> Journals:
+    """The journals of this question. place : which robot is tried."""
+    question = {"calibrate": settings.method, "robot": asked.robot.hash, "task": task.name}
+    how = {
+        "seed": settings.seed,
+        "start": begin,
+        "budget": settings.budget,
+        "gait": gaits.tolist(),
+        # a run that is continued may have another goal, as it may have another budget of trials
+        "rules": {name: value for name, value in asdict(rules).items() if name != "goal"},
+        "trial": place,
+    }
+    return Journals(asked.registry, question, how, settings.resume)
 
 
 def _budget(settings: "CalibrateSettings") -> Budget:
     trials = TRIALS if settings.trials is None else settings.trials
     return Budget(trials, settings.seconds, settings.falls)
-
-
-def _begun_with(asked: Built, start: str) -> Simulator | None:
-    if start == NOMINAL:
-        return None
-    found = simulator(asked.registry, start, asked.robot)
-    require_plain(found, asked.robot)
-    return found
 
 
 def _gaits(

@@ -1,12 +1,13 @@
 """The document of a calibration: its numbers with their names and units, and the simulators on the way, registered."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dynreg.methods.answer import Answer, Version
+from dynreg.methods.answer import Answer
 from dynreg.methods.calibrator import Question
+from dynreg.registry import Registry
 from dynreg.results.calibration import (
     Calibration,
     CalibrationCost,
@@ -23,26 +24,32 @@ if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 
+def origin_of(asked: Recorded, method: str) -> dict[str, Any]:
+    """What the lineages of all simulators of a calibration to recordings say."""
+    origin: dict[str, Any] = {"made_by": f"calibrate {method}", "recording": asked.recording.id}
+    return origin | ({"recordings": [one.recording.id for one in asked.each]} if asked.each else {})
+
+
 def register(
-    asked: Recorded, method: str, found: Answer, configs: Sequence[SimConfig], begin: str | None
+    registry: Registry,
+    found: Answer,
+    configs: Sequence[SimConfig],
+    begin: str | None,
+    origin: Mapping[str, Any],
 ) -> tuple[tuple[str, str | None], ...]:
     """(id, parent's id) of each version's simulator, registered with what it came from; None is the nominal one.
 
-    begin : id of the simulator that the question begins with.
+    begin : id of the simulator that the question begins with. origin : what every lineage says, beside the stage, the
+    parent and the episodes or the trials that shaped it.
     """
     out: list[tuple[str, str | None]] = []
     for version, config in zip(found.versions, configs, strict=True):
         parent = version.entry or begin if version.parent is None else out[version.parent][0]
-        lineage = {
-            "made_by": f"calibrate {method}",
-            "stage": version.stage,
-            "recording": asked.recording.id,
-            "episodes": list(version.episodes),
-        }
+        lineage = {**origin, "stage": version.stage}
+        lineage |= {"episodes": list(version.episodes)} if "recording" in origin else {}
+        lineage |= {"trials": list(version.trials)} if version.trials else {}
         lineage |= {} if parent is None else {"parent": parent}
-        if asked.each:
-            lineage["recordings"] = [one.recording.id for one in asked.each]
-        out.append((asked.registry.put_simulator(config.as_dict() | {"lineage": lineage}), parent))
+        out.append((registry.put_simulator(config.as_dict() | {"lineage": lineage}), parent))
     return tuple(out)
 
 
@@ -65,7 +72,7 @@ def document(
         recording=asked.recording.id,
         method=settings.method,
         simulator=ids[-1][0],
-        versions=tuple(_version(asked, one, *told) for one, told in zip(found.versions, ids, strict=True)),
+        versions=versions(found, ids, asked),
         parameters=parameters(cut.robot, found),
         causes=found.causes,
         train_error=answer[0],
@@ -85,18 +92,25 @@ def document(
     )
 
 
-def _version(asked: Recorded, version: Version, simulator: str, parent: str | None) -> CalibrationVersion:
-    of = {one.name: one.recording.id for one in asked.each}
-    recordings = dict.fromkeys(of.get(e.split("/")[0], asked.recording.id) for e in version.episodes)
-    return CalibrationVersion(
-        simulator=simulator,
-        stage=version.stage,
-        parent=parent,
-        recordings=tuple(recordings),
-        episodes=version.episodes,
-        before=version.before,
-        after=version.after,
-        figures=dict(version.figures),
+def versions(
+    found: Answer, ids: Sequence[tuple[str, str | None]], asked: Recorded | None = None
+) -> tuple[CalibrationVersion, ...]:
+    """The versions of an answer. ids : see `register`. asked : None where no recording shaped any."""
+    of = {} if asked is None else {one.name: one.recording.id for one in asked.each}
+    whole = None if asked is None else asked.recording.id
+    return tuple(
+        CalibrationVersion(
+            simulator=simulator,
+            stage=version.stage,
+            parent=parent,
+            recordings=tuple(dict.fromkeys(of.get(e.split("/")[0], whole) for e in version.episodes)),
+            episodes=version.episodes,
+            before=version.before,
+            after=version.after,
+            figures=dict(version.figures),
+            trials=version.trials,
+        )
+        for version, (simulator, parent) in zip(found.versions, ids, strict=True)
     )
 
 

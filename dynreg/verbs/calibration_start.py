@@ -4,26 +4,25 @@ import re
 import warnings
 from collections.abc import Sequence
 
+import numpy as np
+
 from dynreg.errors import Assumed, UsageError
+from dynreg.registry import Registry
 from dynreg.sim.robot import Robot
 from dynreg.verbs.simulators import NOMINAL, Simulator, simulator
 from dynreg.verbs.subjects import Recorded
 
 
-def begun_with(asked: Recorded, start: str, robot: Robot) -> Simulator | None:
-    """The simulator to begin from, None for the nominal one.
+def begun_with(
+    registry: Registry, start: str, robot: Robot, recording: str | None = None
+) -> Simulator | None:
+    """The simulator to begin from, None for the nominal one. recording : id of that which is asked about, if any.
 
     Raises UsageError for one that has effects, which a search would leave out, or none of the robot's parameters.
     """
     if start == NOMINAL:
         return None
-    found = simulator(asked.registry, start, robot, asked.recording.id)
-    require_plain(found, robot)
-    return found
-
-
-def require_plain(found: Simulator, robot: Robot) -> None:
-    """UsageError for one that has effects, which a search would leave out, or none of the robot's parameters."""
+    found = simulator(registry, start, robot, recording)
     if found.config.effects:
         raise UsageError(
             f"simulator {found.name!r} has effects ({', '.join(found.config.effects)})",
@@ -36,6 +35,15 @@ def require_plain(found: Simulator, robot: Robot) -> None:
             expected=f"some of {', '.join(robot.space.names)}",
             do="begin with another",
         )
+    return found
+
+
+def values_of(begin: Simulator | None, robot: Robot) -> np.ndarray | None:
+    """(P,) parameters to begin from, in their units: those of a simulator, and nominal ones that it lacks."""
+    if begin is None:
+        return None
+    space = robot.space
+    return space.from_dict(space.as_dict(space.nominal) | shared_values(begin, robot))
 
 
 def shared_values(begin: Simulator, robot: Robot) -> dict[str, float]:

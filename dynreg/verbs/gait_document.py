@@ -10,7 +10,7 @@ import numpy as np
 
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import SearchSettings, Sought
+from dynreg.gait.seek import SearchSettings, Sought, Walked
 from dynreg.gait.table import JointTable
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
@@ -49,19 +49,58 @@ def document(
     unseen: np.ndarray,
     seconds: float,
 ) -> Gait:
-    """The document of the gait.
+    """The document of a gait that a search found.
 
-    recording : id and name of that for which it was sought. unseen : (n,) its grades in runs that no choice has seen.
-    seconds : wall time.
+    recording : id and name of that for which it was sought. unseen, seconds : see `described`.
     """
-    task, space, found = trials.task, trials.space, sought.found
-    finals, values = sought.finals, {how: float(of(sought.fitness[None])[0]) for how, of in ACCEPT.items()}
-    stood = not sought.fell.any() and not (finals and finals.falls)
+    found, finals = sought.found, sought.finals
+    return described(
+        robot,
+        chosen,
+        trials,
+        sought,
+        unseen,
+        seconds,
+        accept=search.accept,
+        falls=finals.falls if finals else 0,
+        recording=recording[0],
+        recording_name=recording[1],
+        finals=finals,
+        packaged=None if sought.packaged is None else sought.packaged + 1,
+        method=search.method,
+        seed=search.seed,
+        ended=found.ended,
+        history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
+        evaluations=found.evaluations,
+        resumed=found.resumed,
+        notes=_notes(sought, search.accept),
+    )
+
+
+def described(
+    robot: Robot,
+    chosen: Chosen,
+    trials: Trials,
+    walked: Walked,
+    unseen: np.ndarray,
+    seconds: float,
+    *,
+    accept: str,
+    falls: int = 0,
+    **how: Any,
+) -> Gait:
+    """The document of a gait: what it is, and what it does in simulators.
+
+    unseen : (n,) its grades in runs that no choice has seen. seconds : wall time. accept : statistic over the
+    simulators that is its value. falls : in other runs that chose it. how : the other fields, which say how the gait
+    was found.
+    """
+    task, space = trials.task, trials.space
+    values = {name: float(of(walked.fitness[None])[0]) for name, of in ACCEPT.items()}
+    stood = not walked.fell.any() and not falls
     return Gait(
         robot=robot.name,
         robot_hash=robot.hash,
-        recording=recording[0],
-        recording_name=recording[1],
         on=chosen.on,
         k=len(trials.simulators),
         source=chosen.source,
@@ -74,26 +113,18 @@ def document(
         kind=space.kind,
         genes={
             g.name: GaitGene(value=float(v), low=g.low, high=g.high, unit=g.unit)
-            for g, v in zip(space.genes, sought.genes, strict=True)
+            for g, v in zip(space.genes, walked.genes, strict=True)
         },
         joints=joints(space),
-        table=_table(space.table(sought.genes)),
-        accept=search.accept,
-        value=values[search.accept],
+        table=_table(space.table(walked.genes)),
+        accept=accept,
+        value=values[accept],
         fitness=Fitness(**values),
-        finals=finals,
         expected=_expected(unseen),
-        packaged=None if sought.packaged is None else sought.packaged + 1,
         succeeded=bool(stood and values["min"] >= task.success),
-        trials=_trials(chosen, trials, sought),
-        method=search.method,
-        seed=search.seed,
-        ended=found.ended,
-        history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
-        evaluations=found.evaluations,
-        resumed=found.resumed,
-        notes=_notes(sought, search.accept),
+        trials=_trials(chosen, trials, walked),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
+        **how,
     )
 
 
@@ -101,10 +132,10 @@ def _table(table: JointTable) -> GaitTable:
     return GaitTable(period=table.period, times=table.times.tolist(), targets=table.targets.tolist())
 
 
-def _trials(chosen: Chosen, trials: Trials, sought: Sought) -> tuple[GaitTrial, ...]:
+def _trials(chosen: Chosen, trials: Trials, walked: Walked) -> tuple[GaitTrial, ...]:
     as_dict = trials.robot.space.as_dict
     each = zip(
-        chosen.simulators, chosen.kinds, trials.simulators.values, ways(sought, trials.rate), strict=True
+        chosen.simulators, chosen.kinds, trials.simulators.values, ways(walked, trials.rate), strict=True
     )
     return tuple(
         GaitTrial(simulator=one.id, kind=kind, parameters=as_dict(values), **asdict(way))

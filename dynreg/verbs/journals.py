@@ -2,14 +2,16 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
-from dynreg.search.journal import Journal
+from dynreg.registry.files import LOCKS, try_lock
+from dynreg.search.journal import Journal, damage
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,24 @@ class Journals:
     resume: bool
     paths: list[Path] = field(default_factory=list)
 
+    @contextmanager
+    def held(self, stage: str) -> Iterator[None]:
+        """Keep this stage from other runs of the same calibration for the block; UsageError where one is on it."""
+        with try_lock(self.registry.path / LOCKS / f"{self._path(stage).stem}.lock") as mine:
+            if not mine:
+                raise UsageError(
+                    "another run of the same calibration has not ended",
+                    expected="one at a time, for each would spoil what the other keeps",
+                    do="wait for it, stop it, or give another --seed",
+                )
+            yield
+
+    def left(self, stage: str) -> list[float] | None:
+        """What the last step of a stage found, in the journal that an interrupted run has left; None where none is."""
+        path = self._path(stage)
+        lines = path.read_bytes().split(b"\n")[1:-1] if path.is_file() else []
+        return json.loads(lines[-1])["grades"][0] if lines and not damage(path) else None
+
     def end(self) -> None:
         """Take the journals away: the calibration has ended."""
         for path in self.paths:
@@ -35,10 +55,8 @@ class Journals:
 
         Only the first stage tells: an interrupted run may not have come to the later ones.
         """
-        question = {**self.question, "stage": stage}
-        begins, ends = (_hash(part) for part in (question, self.how))
-        path = self.registry.journal_path(f"{begins}-{ends}")
-        first = not self.paths
+        path, first = self._path(stage), not self.paths
+        begins = path.name.partition("-")[0]
         if first and self.resume and not path.exists() and any(path.parent.glob(f"{begins}-*.jsonl")):
             raise UsageError(
                 f"nothing to resume with seed {self.how['seed']} and these settings: what was interrupted had others",
@@ -46,7 +64,11 @@ class Journals:
                 do="give those, or begin anew without --resume",
             )
         self.paths.append(path)
-        return Journal(path, {**question, **self.how}, resume=self.resume)
+        return Journal(path, {**self.question, "stage": stage, **self.how}, resume=self.resume)
+
+    def _path(self, stage: str) -> Path:
+        begins, ends = _hash({**self.question, "stage": stage}), _hash(self.how)
+        return self.registry.journal_path(f"{begins}-{ends}")
 
 
 def _hash(told: Mapping[str, Any]) -> str:

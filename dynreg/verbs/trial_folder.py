@@ -1,12 +1,13 @@
 """A folder in which dynreg and the program that moves a robot meet: commands go out, logs come in."""
 
+import codecs
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ EVERY = 0.5  # s between two looks at a folder
 QUIET = 3.0  # s for which a log must stay as it is before it is read: by contract
 PATIENCE = 10.0  # s after which a log that is not whole is told
 MCAP_END = b"\x89MCAP0\r\n"  # the last bytes of a whole one
+UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 FELL = "fell"  # in the file of a score
 ALIKE = 3e-4  # rad, between commands of one gait: older versions wrote sines, which now have corners
 
@@ -44,6 +46,8 @@ class TrialFolder:
     `gait_N.json` is the gait's document. With it, a second start goes on where the first ended: a trial whose log is
     there is not played again. say : tells the user what to do.
     """
+
+    keeps: ClassVar[bool] = True  # see `ScoredRobot`: a trial of a name is not played again
 
     path: Path
     registry: "Registry"
@@ -68,6 +72,10 @@ class TrialFolder:
         if self._log(name) is None:
             self.say(_PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name))
         return read_log(self._arrived(name), self.robot, self.log_map)
+
+    def __call__(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
+        """`told`."""
+        return self.told(actions, rate, name)
 
     def told(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
         """What a trial came to: its log, or what a person measured, in `NAME_score.txt`.
@@ -120,12 +128,16 @@ class TrialFolder:
 
 
 def read_score(path: Path) -> float | None:
-    """The score in a file of one line, None where it says `fell`; LogError for any other line."""
-    text = path.read_text(encoding="utf-8", errors="replace").strip()
+    """The score in a file of one line, None where it says `fell`; LogError for any other line.
+
+    The file is UTF-8, or UTF-16 with the mark that Windows programs write at its beginning.
+    """
+    data = path.read_bytes()
+    text = data.decode("utf-16" if data[:2] in UTF16 else "utf-8-sig", errors="replace").strip()
     if text.lower() == FELL:
         return None
     try:
-        score = float(text)
+        score = math.nan if "_" in text else float(text)  # Python reads 0_82 as 82
     except ValueError:
         score = math.nan
     if not math.isfinite(score):

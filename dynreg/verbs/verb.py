@@ -56,6 +56,26 @@ class Verb:
     several: bool = False
     faster: Callable[[Any], str] | None = None
 
+    def ask(
+        self,
+        registry: "Registry",
+        recording: "str | Path | RecordingSummary | Sequence[str | Path | RecordingSummary]",
+        settings: Settings,
+        robot: "str | Path | Robot | None",
+        log_map: str | Path | None,
+        progress: Progress | None,
+    ) -> Any:
+        """What a verb about a recording answers, stored."""
+        from dynreg.verbs.several import joined
+        from dynreg.verbs.subjects import recorded
+
+        references = [*recording] if self.several and isinstance(recording, list | tuple) else [recording]
+        each = [recorded(registry, one, robot, log_map, ingest=self.ingest) for one in references]
+        asked = joined(each) if len(each) > 1 else each[0]
+        found = self.run(asked, settings, progress)
+        asked.keep(found)
+        return found
+
     @property
     def help(self) -> str:
         """What it does and an example, for the command line: the docstring, without what Python raises."""
@@ -77,6 +97,7 @@ def about_recording(
     faster: Callable[[Any], str] | None = None,
 ) -> Callable[..., Answer]:
     """The method of a session for a verb that is asked about a recording; see `Verb`."""
+    verb = Verb(run, settings, "recording", ingest, several, faster)
 
     def method(
         self,
@@ -87,18 +108,9 @@ def about_recording(
         progress: Progress | None = None,
         **told: Any,
     ) -> Answer:
-        from dynreg.verbs.several import joined
-        from dynreg.verbs.subjects import recorded
+        return verb.ask(self.registry, recording, settings(**told), robot, log_map, progress)
 
-        chosen = settings(**told)
-        references = [*recording] if several and isinstance(recording, list | tuple) else [recording]
-        each = [recorded(self.registry, one, robot, log_map, ingest=ingest) for one in references]
-        asked = joined(each) if len(each) > 1 else each[0]
-        found = run(asked, chosen, progress)
-        asked.keep(found)
-        return found
-
-    return _row(method, Verb(run, settings, "recording", ingest, several, faster))
+    return _row(method, verb)
 
 
 def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callable[..., Answer]:
@@ -115,11 +127,20 @@ def about_robot(run: Callable[..., Answer], settings: type[Settings]) -> Callabl
     return _row(method, Verb(run, settings, "robot"))
 
 
+def of_verb(verb: Verb) -> Callable[[Callable[..., Answer]], Callable[..., Answer]]:
+    """Decorator of a method that is written out: it has the arguments of its verb, and the row itself as `verb`."""
+
+    def wrap(method: Callable[..., Answer]) -> Callable[..., Answer]:
+        method.verb = verb
+        return taking(verb.settings)(method)
+
+    return wrap
+
+
 def _row(method: Callable[..., Answer], verb: Verb) -> Callable[..., Answer]:
-    """The method with the name, the help and the arguments of its verb, and the row itself as `verb`."""
+    """The method with the name and the help of its verb, too."""
     method.__name__ = verb.run.__name__
     method.__qualname__ = f"Session.{verb.run.__name__}"
     method.__doc__ = verb.doc
     method.__annotations__["return"] = inspect.signature(verb.run).return_annotation
-    method.verb = verb
-    return taking(verb.settings)(method)
+    return of_verb(verb)(method)

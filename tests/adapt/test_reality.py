@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from dynreg.adapt.differences import differences, rank_correlation
-from dynreg.adapt.journalled import Journalled, Outcome
-from dynreg.adapt.reality import World, back_to_reality
+from dynreg.adapt.journalled import Journalled, Outcome, outcome_of
+from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import BACK, REFINE, TRANSFER, Reached, Rules
-from dynreg.errors import BudgetError, UsageError
+from dynreg.adapt.world import World
+from dynreg.errors import BudgetError, CorruptError, UsageError
 from dynreg.rng import stream
 from dynreg.search.journal import Journal
 
@@ -34,24 +35,35 @@ class Robot:
     def __init__(
         self, most: int = 1000, breaks: int | None = None, slips: float = np.inf, tall: float = TALL
     ):
-        self.most, self.breaks, self.slips, self.tall, self.played = most, breaks, slips, tall, []
+        self.most, self.breaks, self.slips, self.tall = most, breaks, slips, tall
+        self.played, self.counted = [], []
 
-    def __call__(self, gait: np.ndarray) -> float | None:
+    def begin(self) -> Outcome:
         if len(self.played) == self.most:
-            raise BudgetError("the budget is spent", expected="more", do="grant it")
+            raise BudgetError("the budget is spent", expected="more", do="grant it", what="trials")
+        number = len(self.played) + len(self.counted) + 1
+        return Outcome(None, 2.0, number, number, lost=True)
+
+    def __call__(self, gait: np.ndarray) -> Outcome:
+        begun = self.begin()
         if len(self.played) == self.breaks:
             raise KeyboardInterrupt
         self.played.append(gait)
         off = np.abs(gait[:3] - HIDDEN).mean()
-        return (
-            None if gait[3] > self.tall or off > self.slips else float(scores(gait[None], HIDDEN[None])[0, 0])
-        )
+        fell = gait[3] > self.tall or off > self.slips
+        score = None if fell else float(scores(gait[None], HIDDEN[None])[0, 0])
+        return replace(begun, score=score, lost=False)
 
 
 def run(
-    robot, rules: Rules = SMALL, seed: int = 4, journal=lambda _: None, gaits: np.ndarray = GAIT[None]
+    robot,
+    rules: Rules = SMALL,
+    seed: int = 4,
+    journal=lambda _: None,
+    gaits: np.ndarray = GAIT[None],
+    play=scores,
 ) -> Reached:
-    world = World(scores, robot, lambda step: stream(seed, "toy", step), journal)
+    world = World(play, robot, lambda step: stream(seed, "toy", step), journal)
     return back_to_reality(world, rules, gaits, BEGIN, FREE)
 
 
@@ -104,9 +116,10 @@ def test_gaits_that_fall_are_discarded_and_counted_and_shape_nothing() -> None:
 @pytest.mark.parametrize("most", [1, 5, 17, 33, 60])
 def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int) -> None:
     whole, part = run(Robot()), run(Robot(most))
-    assert part.ended == "the budget is spent"
+    assert part.ended == "trials"
     assert sum(len(one.trials) for one in part.tried) == most
-    assert part.best.score == max(one.score for one in part.tried)
+    counted = [one.score for one in part.tried if len(one.trials) == SMALL.repeats]
+    assert part.best.score == max(counted or [one.score for one in part.tried])
     played = [s for one in whole.tried for s in one.scores][:most]
     assert [s for one in part.tried for s in one.scores] == played, "a budget changes nothing before its end"
     assert (len(part.versions) > 1) == (most >= 5), "what was tried is used, even where no trial is left"
@@ -115,7 +128,61 @@ def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int) -> Non
 def test_the_goal_ends_it() -> None:
     found = run(Robot(), replace(SMALL, goal=0.85))
     assert found.ended == "goal" and found.best.score >= 0.85
-    assert sum(one.score >= 0.85 for one in found.tried if one.step == REFINE) <= SMALL.variations
+    small = [one for one in found.tried if one.step == REFINE]
+    assert small[-1] is found.best and len(found.best.trials) == SMALL.repeats
+    assert sum(one.score >= 0.85 for one in small) <= SMALL.variations + 1
+
+
+@pytest.mark.parametrize("goal", [None, 2.0])
+def test_one_lucky_trial_is_neither_the_best_nor_the_goal(goal: float | None) -> None:
+    class Lucky(Robot):
+        """Scores 5 in its 35th trial: one of step 4."""
+
+        def __call__(self, gait: np.ndarray) -> Outcome:
+            made = super().__call__(gait)
+            return replace(made, score=5.0) if made.number == 35 else made
+
+    found = run(Lucky(), replace(SMALL, iterations=1, goal=goal))
+    (lucky,) = (one for one in found.tried if one.score == 5.0)
+    again = [one for one in found.tried if one.gait.tobytes() == lucky.gait.tobytes() and one is not lucky]
+    assert lucky.step == REFINE and [len(one.trials) for one in again] == [SMALL.repeats]
+    assert found.best.score < 1.0 and found.ended == "iterations"
+
+
+def test_the_best_small_step_counts_by_trials_of_its_own() -> None:
+    found = run(Robot(), replace(SMALL, iterations=1))
+    single = [one for one in found.tried if one.step == REFINE and len(one.trials) == 1]
+    assert found.best is found.tried[-1] and len(found.best.trials) == SMALL.repeats
+    assert found.best.gait.tobytes() == max(single, key=lambda one: one.score).gait.tobytes()
+
+
+def test_the_goal_ends_the_trials_of_gaits_from_the_simulator_too() -> None:
+    usual = run(Robot())
+    there = [one for one in usual.tried if one.step == TRANSFER and one.iteration == 1]
+    first = next(i for i, one in enumerate(there) if one.score >= 0.5)
+    assert first < len(there) - 1
+    found = run(Robot(), replace(SMALL, goal=0.5))
+    assert found.ended == "goal" and len(found.tried) == first + 1 and found.best is found.tried[-1]
+    assert len(found.versions) == 1
+
+
+def test_a_gait_and_its_code_are_tried_as_one() -> None:
+    found = run(Robot(tall=1.0), replace(SMALL, iterations=1, first=1, steps=0, lost=0.9))
+    tried = np.array([one.gait for one in found.tried])
+    apart = np.abs(tried[:, None] - tried).max(axis=2) + np.eye(len(tried))
+    assert (tried[0] == GAIT).all() and len(tried) == SMALL.stand and apart.min() > 0.99 / 255
+
+
+def test_gaits_that_the_robot_plays_alike_are_tried_as_one() -> None:
+    robot = Robot(tall=1.0)
+    still = lambda gaits: np.where([True, True, True, False], 0.5, gaits)  # noqa: E731
+    told = {"periodic": np.array([False, False, False, True]), "played": still}
+    world = World(scores, robot, lambda step: stream(4, "toy", step), **told)
+    back_to_reality(world, replace(SMALL, iterations=1, first=1, steps=0), GAIT[None], BEGIN, FREE)
+    last = np.array(robot.played)[:: SMALL.repeats, 3]
+    apart = np.abs(last[:, None] - last) + np.eye(len(last))
+    assert np.minimum(apart, 1.0 - apart + np.eye(len(last))).min() > 0.99 / 255
+    assert world.apart(np.array([0.1, 0.8, 0.3, 0.999]), GAIT[None] * [1, 1, 1, 0])[0] == pytest.approx(0.001)
 
 
 def spoilt(robot: Robot) -> Reached:
@@ -154,31 +221,72 @@ def test_disengagement_halves_the_generations_of_step_1() -> None:
     assert sizes == [[16, 8, 8], [16, 4, 2]]
 
 
-def kept(path: Path, robot: Robot, again: list[Outcome], resume: bool) -> Reached:
+def kept(path: Path, robot: Robot, resume: bool, keeps: bool = False, **told) -> Reached:
     journal = lambda name: Journal(path / f"{name}.jsonl", {"toy": name}, resume=resume)  # noqa: E731
-
-    def trial(gait: np.ndarray) -> Outcome:
-        return Outcome(robot(gait), 2.0, len(robot.played))
-
-    return run(Journalled(trial, again.append, journal("trials")), journal=journal)
+    trial = Journalled(robot.begin, robot, robot.counted.append, journal("trials"), keeps)
+    return run(trial, journal=journal, **told)
 
 
+def simulated(found: Reached) -> list[tuple]:
+    return [(v.simulator.tobytes(), v.before, v.after) for v in found.versions]
+
+
+@pytest.mark.parametrize("keeps", [True, False])
 @pytest.mark.parametrize("breaks", [1, 14, 32, 40])
-def test_what_was_interrupted_goes_on_to_the_same_end_without_playing_a_trial_twice(
-    tmp_path: Path, breaks: int
+def test_what_was_interrupted_goes_on_to_the_same_end_and_counts_every_trial_once(
+    tmp_path: Path, breaks: int, keeps: bool
 ) -> None:
-    whole, first, second, again = run(Robot()), Robot(breaks=breaks), Robot(), []
+    whole, first, second = run(Robot()), Robot(breaks=breaks), Robot()
     with pytest.raises(KeyboardInterrupt):
-        kept(tmp_path, first, [], resume=False)
-    found = kept(tmp_path, second, again, resume=True)
-    told = lambda r: [(t.gait.tobytes(), t.trials, t.scores, t.simulated) for t in r.tried]  # noqa: E731
-    assert told(found) == told(whole)
-    ends = lambda r: [(v.simulator.tobytes(), v.before, v.after) for v in r.versions]  # noqa: E731
-    assert ends(found) == ends(whole)
-    assert len(again) == breaks and len(first.played) + len(second.played) == sum(
-        len(t.trials) for t in whole.tried
-    )
-    assert sum(one.seconds for one in again) == 2.0 * breaks
+        kept(tmp_path, first, resume=False, keeps=keeps)
+    found = kept(tmp_path, second, resume=True, keeps=keeps)
+    told = lambda r: [(t.gait.tobytes(), t.scores, t.simulated) for t in r.tried]  # noqa: E731
+    assert told(found) == told(whole) and simulated(found) == simulated(whole)
+    assert len(first.played) + len(second.played) == sum(len(t.trials) for t in whole.tried)
+    numbers = [n for one in found.tried for n in one.trials]
+    assert numbers == [n for n in range(1, numbers[-1] + 1) if keeps or n != breaks + 1]
+    assert [one.number for one in second.counted] == [*range(1, breaks + (1 if keeps else 2))]
+    assert sum(one.seconds for one in second.counted) == 2.0 * len(second.counted)
+    assert [one.lost for one in second.counted] == [False] * breaks + [True] * (not keeps)
+
+
+def test_every_trial_that_was_lost_is_counted_in_every_later_run(tmp_path: Path) -> None:
+    for resume in (False, True, True):
+        with pytest.raises(KeyboardInterrupt):
+            kept(tmp_path, Robot(breaks=2), resume=resume)
+    last = Robot(most=1)
+    found = kept(tmp_path, last, resume=True)
+    assert [one.lost for one in last.counted] == [False, False, True, False, False, True, False, False, True]
+    assert [n for one in found.tried for n in one.trials] == [1, 2, 4, 5, 7, 8, 10]
+
+
+@pytest.mark.parametrize("score", [None, 0.0, -0.25])
+@pytest.mark.parametrize("lost", [True, False])
+def test_an_outcome_comes_back_as_it_was_kept_and_another_row_is_refused(
+    score: float | None, lost: bool
+) -> None:
+    outcome = Outcome(None if lost else score, 1.5, 3, 7, lost)
+    assert outcome_of(outcome.row) == outcome
+    with pytest.raises(CorruptError, match="another seed"):
+        outcome_of(outcome.row[:, :4])
+
+
+def test_grades_of_other_gaits_are_forgotten_where_a_larger_budget_tries_more_of_them(
+    tmp_path: Path,
+) -> None:
+    asked, rules = [], replace(SMALL, enough=0.01)
+
+    def breaks(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        asked.append(len(simulators))
+        if len([many for many in asked if many > 1]) == 3:
+            raise KeyboardInterrupt
+        return scores(gaits, simulators)
+
+    with pytest.raises(KeyboardInterrupt):
+        kept(tmp_path, Robot(8, tall=1.0), resume=False, rules=rules, play=breaks)
+    found = kept(tmp_path, Robot(22, tall=1.0), resume=True, rules=rules)
+    whole = run(Robot(30, tall=1.0), rules)
+    assert simulated(found) == simulated(whole) and len(found.versions) > 1
 
 
 def test_a_door_that_falls_every_time_leaves_no_gait() -> None:
@@ -200,18 +308,57 @@ def test_differences_are_what_the_paper_says() -> None:
 
 def test_a_budget_of_simulations_is_shared_by_the_steps() -> None:
     usual = Rules()
-    assert usual.rollouts == 15 * 700 + 2 * 45 * 20 * 10
+    assert usual.rollouts == 15 * 700 + 2 * (2 + 45 * 20) * 10
     assert usual.within(None) == usual.within(10**6) == usual
     half = usual.within(usual.rollouts // 2)
     assert half.rollouts <= usual.rollouts // 2 and abs(half.first - 300) < 9 and abs(half.turns - 22) < 3
-    with pytest.raises(UsageError, match="at least 430"):
+    with pytest.raises(UsageError, match="at least 470"):
         usual.within(100)
 
 
-@pytest.mark.parametrize("wrong", [{"stand": 0}, {"lost": 1.0}, {"difference": "none"}, {"variations": 1}])
-def test_sizes_that_make_no_sense_are_refused(wrong: dict) -> None:
-    with pytest.raises(UsageError, match=str(next(iter(wrong)))):
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> None:
+    usual, played = replace(SMALL, enough=0.001, lost=0.9), []
+
+    def counting(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        played.append(len(gaits) * len(simulators))
+        return scores(gaits, simulators)
+
+    most = int(share * usual.rollouts)
+    rules = usual.within(most)
+    run(Robot(tall=1.0), rules, play=counting)
+    assert sum(played) == rules.rollouts <= most
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"stand": 0}, "stand = 0; expected 1 or more"),
+        ({"steps": -1}, "steps = -1; expected 0 or more"),
+        ({"variations": 1}, "variations = 1; expected 2 or more"),
+        ({"lost": 1.0}, "lost = 1.0; expected a share"),
+        ({"enough": float("nan")}, "enough = nan; expected a share"),
+        ({"difference": "none"}, "difference = 'none'; expected one of"),
+        ({"goal": float("nan")}, "goal = nan; expected a score"),
+        ({"goal": float("inf")}, "goal = inf; expected a score"),
+    ],
+)
+def test_sizes_that_make_no_sense_are_refused(wrong: dict, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
         Rules(**wrong)
+
+
+def test_a_difference_that_is_negative_at_first_does_not_end_the_search_for_a_simulator() -> None:
+    """The robot is better than every simulator."""
+    asked = []
+
+    def low(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        asked.append(len(simulators))
+        return scores(gaits, simulators) / 10.0
+
+    rules = replace(SMALL, iterations=1, steps=0, difference="signed")
+    found = run(Robot(), rules, play=low)
+    assert found.versions[1].before < 0.0 and sum(many > 1 for many in asked) == rules.turns
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_another() -> None:

@@ -163,6 +163,7 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
         **dict.fromkeys(("task", "trials", "seconds", "falls", "goal")),
         "robot": "leg",
         "log_map": Path("m.toml"),
+        "say": named["say"],
         "progress": named["progress"],
     }
 
@@ -174,9 +175,28 @@ def test_calibrate_takes_a_robot_and_a_folder_for_its_trials(dynreg, session) ->
     assert (verb, given) == ("calibrate", ("leg",)) and session.created
     told = {"task": "forward", "trials": 30, "seconds": 300.5, "falls": 3, "goal": 0.8, "method": "btr"}
     assert named == named | told | {"robot_door": Path("tries"), "gait": "1f2e"}
-    refused = dynreg(*"calibrate bench --method btr --robot leg".split())
-    assert refused.status == 2 and "dynreg calibrate leg --method btr" in refused.err
     assert dynreg(*"calibrate leg --method cma --falls 3".split()).status == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("calibrate log --method cma --trial t", "--trial with method 'cma', to which it means nothing"),
+        ("calibrate log --method cma --gait 1f2e", "--gait with method 'cma', to which it means nothing"),
+        ("calibrate log --method btr --trial t --robot leg", "--robot 'leg' with method 'btr'"),
+        ("calibrate leg --method cma", "method 'cma' needs a recording, and 'leg' is a robot"),
+    ],
+)
+def test_what_does_not_fit_the_method_is_named_as_on_the_command_line(
+    dynreg, tmp_path: Path, monkeypatch, line: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    import dynreg as python
+
+    python.open("dynreg-registry").close()
+    ended = dynreg(*line.split())
+    assert ended.status == 2 and said in ended.err and "robot_door" not in ended.err
+    assert not (tmp_path / "t").exists()
 
 
 def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:

@@ -50,6 +50,20 @@ def test_a_journal_gives_back_what_was_found_and_drops_a_torn_line(tmp_path: Pat
     assert Journal(path, {"seed": 1}, resume=False).next(asked) is None  # begun anew
 
 
+def test_a_journal_that_was_shaped_by_something_else_is_begun_anew(tmp_path: Path) -> None:
+    path, asked, other = tmp_path / "j.jsonl", np.array([[0.5, 0.5, 0.5]]), np.array([2.0])
+    kept = Journal(path, {"seed": 1}, resume=False)
+    kept.shaped(np.ones(2), other)
+    kept.add(asked, hump(asked))
+    same = Journal(path, {"seed": 1}, resume=True)
+    same.shaped(np.ones(2), other)
+    assert np.array_equal(same.next(asked), hump(asked)) and same.next(asked) is None
+    another = Journal(path, {"seed": 1}, resume=True)
+    another.shaped(np.ones(2), other + 1.0)
+    assert another.next(asked) is None
+    assert len(path.read_text().splitlines()) == 2, "what it is of, and what shaped it"
+
+
 @pytest.mark.parametrize("name", SEARCHES)
 def test_an_interrupted_search_goes_on_to_the_same_bytes(name: str, tmp_path: Path) -> None:
     kind, judge = SEARCHES[name], lambda grades: (grades[:, 0], 0.5 - grades[:, 0])

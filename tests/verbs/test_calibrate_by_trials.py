@@ -45,9 +45,9 @@ class Door:
         return None if self.falls else float(np.ptp(actions, axis=0).mean())
 
 
-def calibrated(opened: Session, robot: Robot, door, **told) -> Calibration:
+def calibrated(opened: Session, own: Robot | str, door, **told) -> Calibration:
     given = {"rules": TINY, "seed": 3, "threads": 1, "say": lambda _: None, **told}
-    return opened.calibrate(robot, method="btr", robot_door=door, **given)
+    return opened.calibrate(own, method="btr", robot_door=door, **given)
 
 
 def told_by(found: Calibration) -> dict:
@@ -77,9 +77,10 @@ def test_a_simulated_robot_is_calibrated_by_its_scores_alone(
     kept = opened.registry.simulator(adapted.simulator)
     assert kept["lineage"]["trials"] == [*adapted.trials] and kept["lineage"]["made_by"] == "calibrate btr"
     assert found.simulator == adapted.simulator and kept["robot"] == brief.hash
-    assert opened.result("@last") in (found, opened.result(found.on_robot.document))
+    assert opened.result("@last") == found
     listed = next(i for i in opened.list("result").items if i.name == "calibration").detail
-    assert listed["trials"] == found.cost.trials and listed["score"] > 0.0
+    best = found.on_robot.tried[found.on_robot.best - 1]
+    assert (listed["trials"], listed["score"]) == (found.cost.trials, pytest.approx(best.score, abs=1e-4))
     assert Calibration.model_validate(found.to_dict()) == found
     text = page(found)
     assert "trials on the robot" in text and "difference of simulated and real scores" in text
@@ -99,6 +100,35 @@ def test_the_gait_can_be_played_and_begun_with(opened: Session, brief: Robot, tm
     assert later.versions[0].parent == found.simulator
 
 
+def test_an_exported_calibration_brings_its_gait_and_can_lose_it(
+    opened: Session, brief: Robot, tmp_path: Path
+) -> None:
+    found = calibrated(opened, brief, Door(), trials=4)
+    calibration = opened.registry.latest("calibration").id
+    opened.export([calibration], tmp_path / "copy")
+    with dynreg.open(tmp_path / "copy", create=False) as copy:
+        assert copy.result(found.on_robot.document) == opened.result(found.on_robot.document)
+        assert copy.result(calibration) == found
+        gait = copy.export_gait(found.on_robot.document, tmp_path / "gait.py", "python")
+        assert {name: gene.value for name, gene in gait.genes.items()} == pytest.approx(found.on_robot.gait)
+        assert [i.id for i in copy.remove([found.on_robot.document]).items] == [found.on_robot.document]
+        assert copy.result(calibration) == found, "trials on a robot cannot be had again"
+        copy.export([calibration], tmp_path / "without")
+
+
+def test_the_stored_gait_costs_what_it_took_and_its_runs_are_counted(opened: Session, brief: Robot) -> None:
+    def door(actions: np.ndarray, rate: float, name: str) -> float:
+        time.sleep(1.0)
+        return 0.1
+
+    found = calibrated(opened, brief, door, trials=1)
+    gait = opened.result(found.on_robot.document)
+    sought = found.cost.rollouts - gait.cost.rollouts
+    assert 0 < sought <= TINY.first * TINY.gaits and gait.cost.rollouts > 1
+    assert found.cost.simulated_seconds == pytest.approx(found.cost.rollouts * task_of(brief).seconds)
+    assert gait.cost.seconds <= found.cost.seconds - 1.0, "not what the robot took"
+
+
 def test_the_same_bytes_on_any_threads(opened: Session, brief: Robot) -> None:
     first, second = (calibrated(opened, brief, Door(), threads=threads) for threads in (1, 2))
     assert told_by(first) == told_by(second)
@@ -114,8 +144,64 @@ def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
     with pytest.raises(UsageError, match="nothing to resume with seed 9"):
         calibrated(opened, brief, Door(), seed=9, resume=True)
     found = calibrated(opened, brief, second, resume=True)
-    assert told_by(found) == told_by(whole)
-    assert [*first.names, *second.names] == [f"trial_{i + 1}" for i in range(whole.cost.trials)]
+    assert found.on_robot.scores() == whole.on_robot.scores()
+    assert found.parameters == whole.parameters and found.on_robot.gait == whole.on_robot.gait
+    names = [f"trial_{i}" for i in range(1, whole.cost.trials + 2) if i != breaks + 1]
+    assert [*first.names, *second.names] == names, "the robot may have moved in the one that was interrupted"
+    assert found.cost.trials == whole.cost.trials + 1
+
+
+def test_trials_of_an_interrupted_run_are_not_lost_where_resume_is_forgotten(
+    opened: Session, brief: Robot
+) -> None:
+    first, door = Door(3), Door()
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, first)
+    with pytest.raises(
+        UsageError, match=r"the trials of .* \([34]\) would be lost.*--resume, or another --seed"
+    ):
+        calibrated(opened, brief, door)
+    calibrated(opened, brief, Door(), seed=4, trials=2)
+    assert not door.names, "nothing moved"
+    calibrated(opened, brief, door, resume=True, trials=5)
+    assert door.names[-1] == "trial_5"
+    calibrated(opened, brief, door, trials=2)
+
+
+def test_trials_of_one_folder_are_not_taken_for_those_of_another(
+    opened: Session, brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stops(line: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, tmp_path / "one", say=stops)
+    (tmp_path / "one" / "trial_1_score.txt").write_text("0.2")
+    with pytest.raises(UsageError, match="nothing to resume .* expected the same .*trial"):
+        calibrated(opened, brief, tmp_path / "two", resume=True, trials=1)
+    monkeypatch.chdir(tmp_path)
+    found = calibrated(opened, brief, "one", resume=True, trials=1)
+    assert found.on_robot.scores() == [0.2]
+
+
+def test_a_calibration_that_runs_is_not_begun_beside_itself(opened: Session, brief: Robot) -> None:
+    def door(actions: np.ndarray, rate: float, name: str) -> float:
+        with pytest.raises(UsageError, match="another run of the same calibration"):
+            calibrated(opened, brief, Door(), resume=True, trials=1)
+        return 0.1
+
+    assert calibrated(opened, brief, door, trials=1).cost.trials == 1
+
+
+def test_a_run_may_go_on_with_another_goal(opened: Session, brief: Robot) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, Door(2), rules=Rules(**{**vars(TINY), "goal": 99.0}))
+    door = Door()
+    found = calibrated(
+        opened, brief, door, rules=Rules(**{**vars(TINY), "goal": 98.0}), resume=True, trials=5
+    )
+    assert door.names[-1] == "trial_5" and found.cost.trials == 5
 
 
 def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tmp_path: Path) -> None:
@@ -124,20 +210,21 @@ def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tm
     door = Door()
     with dynreg.open(tmp_path / "new", create=False) as again:
         found = calibrated(again, brief, door, resume=True, trials=4)
-    assert door.names == ["trial_3", "trial_4"] and found.cost.trials == 4
+    assert door.names == ["trial_4"] and found.cost.trials == 4, "the third was begun"
 
 
 @pytest.mark.parametrize("budget", [{"trials": 3}, {"seconds": 5.0}])
 def test_the_budget_ends_it_without_an_error(opened: Session, brief: Robot, budget: dict) -> None:
     door, seconds = Door(), task_of(brief).seconds
     found = calibrated(opened, brief, door, **budget)
-    assert found.ended.startswith(f"the budget of {[*budget.values()][0]:g}") and found.cost.falls == 0
+    assert found.ended == next(iter(budget)) and found.cost.falls == 0
     assert len(door.names) == found.cost.trials == min(3 if "trials" in budget else 5.0 // seconds, 12)
 
 
 def test_a_task_that_is_met_ends_it(opened: Session, brief: Robot) -> None:
-    met = calibrated(opened, brief, Door(), goal=1e-6)
-    assert met.ended == "goal" and met.cost.trials == 4, "the two gaits that had to stand"
+    met = calibrated(opened, brief, Door(), goal=1e-6, rules=Rules(**{**vars(TINY), "difference": "rank"}))
+    assert met.on_robot.difference == "rank"
+    assert met.ended == "goal" and met.cost.trials == 2, "those of the first gait"
 
 
 def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_log) -> None:
@@ -148,8 +235,8 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
     assert not door.names, "nothing moved"
     with pytest.raises(NoMatchError, match="every one of the gaits .* fell on robot 'quadruped'"):
         calibrated(opened, brief, Door(falls=True))
-    with pytest.raises(NoMatchError, match=r"tried \(2\) fell .* budget of 2 falls"):
-        calibrated(opened, brief, Door(falls=True), falls=2)
+    with pytest.raises(NoMatchError, match=r"tried \(2\) fell .*ended by: falls"):
+        calibrated(opened, brief, Door(falls=True), falls=2, seed=4)
     with pytest.raises(UsageError, match="'log'.*reads no recording|reads no recording such as 'log'"):
         calibrated(opened, "log", Door())
     with pytest.raises(UsageError, match="method 'btr' without a robot to try"):
@@ -159,6 +246,9 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
             UsageError, match=f"method '{method}' needs a recording, and 'quadruped' is a robot"
         ):
             opened.calibrate("quadruped", method=method)
+    for told in ({"robot": "diffdrive"}, {"log_map": "map.toml"}):
+        with pytest.raises(UsageError, match=f"{[*told][0]} '{[*told.values()][0]}' with"):
+            calibrated(opened, brief, door, **told)
     with pytest.raises(UsageError, match="hold_out '0.25' with method 'btr'"):
         calibrated(opened, brief, door, hold_out="0.25")
     with pytest.raises(UsageError, match="trials '9' with method 'cma'"):
@@ -166,7 +256,7 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
     with pytest.raises(UsageError, match="robot_door with method 'cma'"):
         opened.calibrate("log", robot_door=door)
     with pytest.raises(LogError, match="has the score nan"):
-        calibrated(opened, brief, lambda *_: float("nan"))
+        calibrated(opened, brief, lambda *_: float("nan"), seed=5)
 
 
 def test_a_tape_measure_and_a_folder_will_do(
@@ -203,11 +293,20 @@ def test_a_tape_measure_and_a_folder_will_do(
     assert quiet.told(told, brief.rate, "trial_1") == 0.11, "it is there already"
 
 
-@pytest.mark.parametrize("line", ["", "about a metre", "nan", "0.3 0.4"])
+@pytest.mark.parametrize("line", ["", "about a metre", "nan", "0.3 0.4", "0_82", "0,82"])
 def test_a_file_of_a_score_with_another_line_is_refused(tmp_path: Path, line: str) -> None:
     (tmp_path / "trial_1_score.txt").write_text(line, encoding="utf-8")
     with pytest.raises(LogError, match=r"trial_1_score.txt' says"):
         read_score(tmp_path / "trial_1_score.txt")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(("line", "score"), [("0.82\r\n", 0.82), ("Fell\r\n", None)])
+def test_a_score_is_read_as_usual_programs_write_it(
+    tmp_path: Path, encoding: str, line: str, score: float | None
+) -> None:
+    (tmp_path / "trial_1_score.txt").write_bytes(line.encode(encoding))
+    assert read_score(tmp_path / "trial_1_score.txt") == score
 
 
 def test_a_gait_of_another_robot_is_refused(opened: Session, brief: Robot) -> None:

@@ -1,0 +1,49 @@
+"""The gait that trials on the robot left, as a document that `dynreg export` writes for it."""
+
+import time
+from typing import TYPE_CHECKING
+
+from dynreg.gait.accept import USUAL
+from dynreg.gait.seek import expected, walked
+from dynreg.gait.tasks import Task
+from dynreg.gait.trials import Trials, simulators_of
+from dynreg.methods.answer import Answer
+from dynreg.results.gait import Gait
+from dynreg.verbs.gait_document import described
+from dynreg.verbs.gait_simulators import Chosen
+from dynreg.verbs.simulators import simulator
+from dynreg.verbs.verb import Built
+
+if TYPE_CHECKING:
+    from dynreg.verbs.calibrate import CalibrateSettings
+
+
+def best_gait(
+    asked: Built, settings: "CalibrateSettings", task: Task, found: Answer, identity: str
+) -> tuple[str, Gait]:
+    """The best gait on the robot, run once more in the last simulator (its id): its id and document, stored."""
+    began = time.perf_counter()
+    robot, registry = asked.robot, asked.registry
+    chosen = Chosen("calibrated", ("simulator",), (simulator(registry, identity, robot),))
+    simulators = simulators_of(robot, [one.config for one in chosen.simulators])
+    told = {"rate": robot.rate, "seed": settings.seed, "threads": settings.threads}
+    trials = Trials(robot, task, simulators, **told)
+    walk, unseen = walked(trials, found.gait), expected(trials, found.gait)
+    made = described(
+        robot,
+        chosen,
+        trials,
+        walk,
+        unseen,
+        time.perf_counter() - began,
+        accept=USUAL,
+        recording=None,
+        recording_name="",
+        method=settings.method,
+        seed=settings.seed,
+        ended=found.ended,
+        history=(),
+        evaluations=len(found.tried),
+        resumed=0,
+    )
+    return registry.put_result(made.schema_name(), None, made.to_dict()), made

@@ -1,0 +1,93 @@
+"""The robot that gaits are tried on: which one is asked about, and the door through which it is played."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from dynreg.errors import NoMatchError, RobotError, UsageError, command
+from dynreg.methods.scored import Played
+from dynreg.registry import Registry
+from dynreg.sim.real import RealRobot
+from dynreg.sim.robot import Robot, packaged_robots
+from dynreg.verbs.calibrate import able
+from dynreg.verbs.subjects import loaded_robot
+
+
+def robot_to_try(registry: Registry, subject: Any, method: str, robot: Any = None) -> Robot:
+    """The robot that a method tries; UsageError where a recording or a log is given instead, or another `robot`."""
+    if robot is not None:
+        name = robot.name if isinstance(robot, Robot) else str(robot)
+        raise UsageError(
+            f"robot {name!r} with method {method!r}, which is asked about a robot alone",
+            expected=f"the robot in the recording's place: {command('calibrate', name, '--method', method)}",
+            do="leave this argument out",
+            setting="robot",
+        )
+    try:
+        if isinstance(subject, str | Path | Robot):
+            return loaded_robot(subject, registry=registry)
+    except RobotError:
+        if not (_is_recording(registry, subject) or Path(subject).is_file()):
+            raise
+    raise UsageError(
+        f"method {method!r} tries a robot, and reads no recording such as {str(subject)!r}",
+        expected="a robot: a packaged name or a folder",
+        do="name the robot, or choose another method for the recording",
+    )
+
+
+def require_recording(registry: Registry | None, subject: Any, method: str) -> None:
+    """UsageError where a robot is given to a method that reads a recording; registry : None where there is none yet."""
+    own = isinstance(subject, str | Path) and (
+        str(subject) in packaged_robots() or (Path(subject) / "robot.toml").is_file()
+    )
+    if isinstance(subject, Robot) or (own and (registry is None or not _is_recording(registry, subject))):
+        name = subject.name if isinstance(subject, Robot) else str(subject)
+        raise UsageError(
+            f"method {method!r} needs a recording, and {name!r} is a robot",
+            expected="a registered recording, or a log with --robot",
+            do=f"name one, or try gaits on the robot with --method {' or '.join(able('trials'))}",
+        )
+
+
+def _is_recording(registry: Registry, ref: Any) -> bool:
+    try:
+        return registry.resolve(str(ref), ("recording",))[0] == "recording"
+    except NoMatchError:
+        return False
+
+
+def door_of(
+    door: Any, registry: Registry, robot: Robot, log_map: Any, say: Callable[[str], None], method: str
+) -> RealRobot | Played:
+    """The robot as it is tried: itself, a function, or a folder for its trials.
+
+    Raises UsageError for anything else, and for a map where no log is read from a file.
+    """
+    from dynreg.data.maps import read_map
+    from dynreg.verbs.trial_folder import TrialFolder, folder_of
+
+    if isinstance(door, str | Path):
+        given = None if log_map is None else read_map(log_map)
+        return TrialFolder(folder_of(door), registry, robot, given, say)
+    if not isinstance(door, RealRobot) and not callable(door):
+        raise UsageError(
+            f"method {method!r} without a robot to try"
+            if door is None
+            else f"a robot of type {type(door).__name__!r}",
+            expected="a folder for its trials; in Python also a RealRobot, or a function that plays commands",
+            do="name a folder with --trial, or give `robot_door` in Python",
+        )
+    if log_map is not None:
+        raise UsageError(
+            f"log_map {str(log_map)!r} with a robot that Python plays",
+            expected="it with a folder, whose logs it tells how to read",
+            do="leave it out, and have the function read the log with it",
+            setting="log_map",
+        )
+    return door
+
+
+def place_of(door: Any) -> str:
+    """Which robot is tried, as far as can be told: its folder, else "python"."""
+    return str(Path(door).resolve()) if isinstance(door, str | Path) else "python"

@@ -1,0 +1,74 @@
+"""A calibration by trials goes on after a trial went wrong: what the robot did counts, and is not done again."""
+
+from pathlib import Path
+
+import pytest
+
+import dynreg
+from dynreg.adapt.tried import Rules
+from dynreg.errors import LogError
+from dynreg.results import Calibration
+from dynreg.session import Session
+from dynreg.sim.robot import Robot
+
+TINY = Rules(
+    iterations=1, first=1, gaits=4, stand=2, repeats=2, turns=1, simulators=2, variations=2, steps=1, lost=0.9
+)
+
+
+def calibrated(opened: Session, robot: Robot, door, **told) -> Calibration:
+    given = {"rules": TINY, "seed": 3, "threads": 1, "say": lambda _: None, "trials": 4, **told}
+    return opened.calibrate(robot, method="btr", robot_door=door, **given)
+
+
+def test_a_trial_that_failed_is_paid_for_by_every_later_run(brief: Robot, tmp_path: Path) -> None:
+    names = []
+
+    def door(actions, rate: float, name: str) -> float:
+        names.append(name)
+        if len(names) == 3:
+            raise LogError("no log", expected="one", do="log it")
+        return 1.0
+
+    with dynreg.open(tmp_path / "registry") as opened:
+        with pytest.raises(LogError, match="no log"):
+            calibrated(opened, brief, door)
+        found = calibrated(opened, brief, door, resume=True)
+    assert names == ["trial_1", "trial_2", "trial_3", "trial_4"] and found.cost.trials == 4
+    assert found.cost.trial_seconds == pytest.approx(4.0)
+    assert [n for one in found.on_robot.tried for n in one.trials] == [1, 2, 4]
+
+
+def test_a_trial_in_a_folder_whose_score_is_mended_is_taken_back(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.0)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.01)
+    folder, said = tmp_path / "trials", []
+    folder.mkdir()
+    for number, score in enumerate(("0.1", "0.2", "about a metre", "0.4"), 1):
+        (folder / f"trial_{number}_score.txt").write_text(score, encoding="utf-8")
+    with dynreg.open(tmp_path / "registry") as opened:
+        with pytest.raises(LogError, match="about a metre"):
+            calibrated(opened, brief, folder, say=said.append)
+        (folder / "trial_3_score.txt").write_text("0.3", encoding="utf-8")
+        found = calibrated(opened, brief, folder, resume=True, say=said.append)
+    assert found.on_robot.scores() == [0.1, 0.2, 0.3, 0.4] and found.cost.trials == 4
+    assert sorted(path.name for path in folder.glob("trial_*.csv")) == [f"trial_{i}.csv" for i in range(1, 5)]
+
+
+def test_the_gait_that_is_told_and_stored_is_the_one_that_was_tried_again(
+    brief: Robot, tmp_path: Path
+) -> None:
+    names = []
+
+    def door(actions, rate: float, name: str) -> float:
+        """The fifth, which is the first small step, is lucky."""
+        names.append(name)
+        return 9.0 if len(names) == 5 else 1.0 / len(names)
+
+    with dynreg.open(tmp_path / "registry") as opened:
+        found = calibrated(opened, brief, door, trials=12)
+    told = found.on_robot
+    assert 9.0 in told.scores() and told.best == 1 and told.tried[0].score == pytest.approx(0.75)
+    assert told.gait != {} and found.cost.trials == len(names) == 4 + 2 + 2
