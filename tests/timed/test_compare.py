@@ -8,7 +8,7 @@ from dynreg.errors import SimulationError, UsageError
 from dynreg.results import Errors
 from dynreg.rng import stream
 from dynreg.timed.commands import AXES
-from dynreg.timed.compare import holm, compared, judged
+from dynreg.timed.compare import compared, holm, judged
 
 # Pretorius et al., Table III: mean and standard deviation of 230 absolute errors
 PUBLISHED = {
