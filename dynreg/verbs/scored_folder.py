@@ -97,7 +97,7 @@ class ScoredFolder(TrialFolder):
     def _question(self) -> dict[str, str | int]:
         return {
             "robot": self.robot.name,
-            "model": self.robot.hash,
+            "model": self.robot.hash[:12],
             "task": self.task.name,
             "method": self.method,
             "seed": self.seed,
