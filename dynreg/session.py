@@ -174,7 +174,7 @@ class Session:
 
         Of `btr`: robot_door is the robot itself. A `RealRobot`; a function that is called with commands (T, A), how
         many a second and the trial's name, plays them and returns the log, the score or None for a fall; or a folder
-        (see `TrialFolder.told`). gait is what it begins with: a stored gait or {gene: value}; by default the gaits of
+        (see `ScoredFolder`). gait is what it begins with: a stored gait or {gene: value}; by default the gaits of
         the robot's folder. rules are sizes other than the published ones. say tells what to do in the folder.
         """
         from dynreg.verbs.calibrate_by_trials import calibrate_by_trials, require_recordings

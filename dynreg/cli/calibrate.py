@@ -53,7 +53,9 @@ def calibrate(
     told = {name: value for name, value in told.items() if value is not None}
     with naming(FLAGS), opened as session, call.progress() as progress:
         result = session.calibrate(given, **vars(settings), **told, say=say, progress=progress)
-    call.emit_and_write(result, report)
+        # about no recording, so `dynreg show @last` does not lead to it
+        stored = session.registry.latest(result.schema_name()).id if settings.tries else None
+    call.emit_and_write(result, report, stored)
 
 
 def _require_recording(given: str | list[str], method: str) -> None:

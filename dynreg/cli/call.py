@@ -13,7 +13,7 @@ import typer
 
 from dynreg.cli.help import VerbHelp
 from dynreg.cli.told import parameters, told
-from dynreg.errors import RobotError, UsageError
+from dynreg.errors import RobotError, UsageError, command
 from dynreg.foreign import visible
 from dynreg.session import DEFAULT
 from dynreg.verbs.settings import Settings
@@ -148,15 +148,19 @@ class Call:
         if (problem := refusal(result)) is not None:
             raise problem
 
-    def emit_and_write(self, result: "Result", page: Path | None) -> None:
-        """Print a stored result, and write its page where one is asked for; else a hint says what comes next."""
+    def emit_and_write(self, result: "Result", page: Path | None, identity: str | None = None) -> None:
+        """Print a stored result, and write its page where one is asked for; else a hint says what comes next.
+
+        identity : of the result, where the hint is to name it.
+        """
         from dynreg.report.tables import hint
 
         if page is not None:
             from dynreg.report.html import write_report
 
             write_report(result, page)
-        self.emit(result, hint=None if page else hint(result))
+        following = command("report", identity[:12]) if identity else hint(result)
+        self.emit(result, hint=None if page else following)
 
 
 def verb(

@@ -94,7 +94,7 @@ class Forward(Task):
 
 
 class Slope(Forward):
-    """The same on ground that rises by `angle` [rad]."""
+    """Metres ahead less metres of lateral drift, on ground that rises by `angle` [rad]."""
 
     kind = "slope"
     defaults = MappingProxyType({"angle": 0.07})

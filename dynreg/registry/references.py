@@ -87,7 +87,7 @@ def _last(connection: Connection) -> str:
         raise NoMatchError(
             "there is no last recording",
             expected=f"an ingested one ({LAST} is the last recording; in `dynreg report` the last result)",
-            do="ingest a log first",
+            do="ingest a log first, or see the results with `dynreg list --kind result`",
         )
     return found
 

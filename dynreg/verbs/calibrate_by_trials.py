@@ -65,7 +65,7 @@ def calibrate_by_trials(
     registry.check_writable()
     asked = Built(registry, robot_to_try(registry, subject, settings.method, robot))
     task = task_of(asked.robot, settings.task)  # a mistake here makes no folder
-    played = door_of(robot_door, registry, asked.robot, log_map, say, settings.method)
+    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say)
     door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
     gaits, rules = _gaits(registry, asked.robot, task, gait), rules or Rules()
     begin = begun_with(registry, settings.start, asked.robot)

@@ -2,15 +2,19 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import NoMatchError, RobotError, UsageError, command
+from dynreg.gait.tasks import Task
 from dynreg.methods.scored import Played
 from dynreg.registry import Registry
 from dynreg.sim.real import RealRobot
 from dynreg.sim.robot import Robot, packaged_robots
-from dynreg.verbs.calibrate import able
+from dynreg.verbs.calibrate import TRIALS, able
 from dynreg.verbs.subjects import loaded_robot
+
+if TYPE_CHECKING:
+    from dynreg.verbs.calibrate import CalibrateSettings
 
 
 def robot_to_try(registry: Registry, subject: Any, method: str, robot: Any = None) -> Robot:
@@ -58,18 +62,29 @@ def _is_recording(registry: Registry, ref: Any) -> bool:
 
 
 def door_of(
-    door: Any, registry: Registry, robot: Robot, log_map: Any, say: Callable[[str], None], method: str
+    door: Any,
+    registry: Registry,
+    robot: Robot,
+    task: Task,
+    settings: "CalibrateSettings",
+    log_map: Any,
+    say: Callable[[str], None],
 ) -> RealRobot | Played:
     """The robot as it is tried: itself, a function, or a folder for its trials.
 
-    Raises UsageError for anything else, and for a map where no log is read from a file.
+    Raises UsageError for anything else, for a map where no log is read from a file, and as `ScoredFolder.begin`.
     """
     from dynreg.data.maps import read_map
-    from dynreg.verbs.trial_folder import TrialFolder, folder_of
+    from dynreg.verbs.scored_folder import ScoredFolder
+    from dynreg.verbs.trial_folder import folder_of
 
+    method = settings.method
     if isinstance(door, str | Path):
-        given = None if log_map is None else read_map(log_map)
-        return TrialFolder(folder_of(door), registry, robot, given, say)
+        given, path = None if log_map is None else read_map(log_map), folder_of(door)
+        told = {"method": method, "seed": settings.seed, "most": settings.trials or TRIALS}
+        folder = ScoredFolder(path, registry, robot, given, say, task=task, **told)
+        folder.begin(settings.resume)
+        return folder
     if not isinstance(door, RealRobot) and not callable(door):
         raise UsageError(
             f"method {method!r} without a robot to try"

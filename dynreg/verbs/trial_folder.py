@@ -1,7 +1,5 @@
 """A folder in which dynreg and the program that moves a robot meet: commands go out, logs come in."""
 
-import codecs
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from dynreg.data.readers import formats
-from dynreg.errors import LogError, UsageError
+from dynreg.errors import UsageError
 from dynreg.gait.play import table
 from dynreg.verbs.gaits import gait_of
 from dynreg.verbs.subjects import read_log
@@ -29,9 +27,8 @@ EVERY = 0.5  # s between two looks at a folder
 QUIET = 3.0  # s for which a log must stay as it is before it is read: by contract
 PATIENCE = 10.0  # s after which a log that is not whole is told
 MCAP_END = b"\x89MCAP0\r\n"  # the last bytes of a whole one
-UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-FELL = "fell"  # in the file of a score
 ALIKE = 3e-4  # rad, between commands of one gait: older versions wrote sines, which now have corners
+State = list[tuple[str, int, int]]  # names, sizes and times of files
 
 _PLAY = (
     "play {path} on the robot ({seconds:.3g} s), and move its log there as {name}_log.mcap (or .csv, .bag, ...). "
@@ -65,35 +62,20 @@ class TrialFolder:
     def played(self, actions: np.ndarray, rate: float, name: str) -> "Recording":
         """The log of a trial: commands (T, A) are written for the robot, and its log is waited for.
 
-        Raises UsageError where the folder has another trial of this name, LogError and MapError for a log that cannot
-        be read: a mended one serves at the next start.
+        Raises UsageError where the folder has another trial of this name, or a log of it before its commands; LogError
+        and MapError for a log that cannot be read: a mended one serves at the next start.
         """
         self._write(actions, rate, name)
         if self._log(name) is None:
             self.say(_PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name))
         return read_log(self._arrived(name), self.robot, self.log_map)
 
-    def __call__(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
-        """`told`."""
-        return self.told(actions, rate, name)
-
-    def told(self, actions: np.ndarray, rate: float, name: str) -> "Recording | float | None":
-        """What a trial came to: its log, or what a person measured, in `NAME_score.txt`.
-
-        That file has one line: the score in the task's unit, or `fell`. Raises as `played`, LogError for another line.
-        """
-        self._write(actions, rate, name)
-        score = self.path / f"{name}_score.txt"
-        if self._log(name) is None and not score.exists():
-            said = _PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name)
-            self.say(f"{said}. Or write the score into {score.name}: a number, or the word fell")
-        found = self._arrived(name, score)
-        return read_score(found) if found == score else read_log(found, self.robot, self.log_map)
-
     def _write(self, actions: np.ndarray, rate: float, name: str) -> None:
-        """Write the commands (T, A) of a trial; UsageError where the folder has others by this name."""
+        """Write the commands (T, A) of a trial; UsageError where the folder has others by this name, or an answer to
+        them already."""
         path = self.path / f"{name}.csv"
         if not path.exists():
+            self._require_played(name)
             write_new(path, table(self.robot.actions, np.arange(len(actions)) / rate, actions))
         elif not _holds(path, actions):
             raise UsageError(
@@ -102,20 +84,33 @@ class TrialFolder:
                 do="name a new folder, or remove this one",
             )
 
+    def _answer(self, name: str) -> Path | None:
+        """What answers a trial, whole or not."""
+        return self._log(name)
+
+    def _require_played(self, name: str) -> None:
+        """UsageError for an answer to commands that were never written: no robot has played them."""
+        if (found := self._answer(name)) is not None:
+            raise UsageError(
+                f"{str(found)!r} is there, and {name}.csv, to which it would be the answer, was never written",
+                expected="an answer after the robot has played the trial",
+                do="remove it, or name a new folder",
+            )
+
     def _log(self, name: str) -> Path | None:
         """The log of a trial, whole or not: a file of a format that can be read, or a folder."""
         known = {suffix for one in formats().values() for suffix in one.suffixes}
         there = sorted(self.path.glob(f"{name}_log*"))
         return next((path for path in there if path.suffix.lower() in known or path.is_dir()), None)
 
-    def _arrived(self, name: str, score: Path | None = None) -> Path:
-        """The log, or the file of a score, once it is whole: its format's end is there, and it has stayed as it is for
-        `QUIET` seconds."""
+    def _arrived(self, name: str, refused: State | None = None) -> Path:
+        """The answer to a trial once it is whole: its format's end is there, and it has stayed as it is for `QUIET`
+        seconds. One in the state `refused` is not taken: it is waited until it changes."""
         before, since, told = None, time.monotonic(), False
         while True:
-            log = score if score is not None and score.exists() else self._log(name)
-            now = None if log is None else _state(log)
-            if now is None or now != before:
+            log = self._answer(name)
+            now = None if log is None else state(log)
+            if now is None or now != before or now == refused:
                 before, since = now, time.monotonic()
             elif _ended(log) and time.monotonic() - since >= QUIET:
                 return log
@@ -127,29 +122,7 @@ class TrialFolder:
             time.sleep(EVERY)
 
 
-def read_score(path: Path) -> float | None:
-    """The score in a file of one line, None where it says `fell`; LogError for any other line.
-
-    The file is UTF-8, or UTF-16 with the mark that Windows programs write at its beginning.
-    """
-    data = path.read_bytes()
-    text = data.decode("utf-16" if data[:2] in UTF16 else "utf-8-sig", errors="replace").strip()
-    if text.lower() == FELL:
-        return None
-    try:
-        score = math.nan if "_" in text else float(text)  # Python reads 0_82 as 82
-    except ValueError:
-        score = math.nan
-    if not math.isfinite(score):
-        raise LogError(
-            f"{str(path)!r} says {text[:40]!r}",
-            expected=f"one line: the score in the task's unit, or the word {FELL}",
-            do="correct it, and start the same command again with --resume",
-        )
-    return score
-
-
-def _state(log: Path) -> list[tuple[str, int, int]] | None:
+def state(log: Path) -> State | None:
     """Names, sizes and times of the files of a log; None where one went away meanwhile."""
     try:
         files = sorted(log.rglob("*")) if log.is_dir() else [log]

@@ -8,6 +8,7 @@ import pytest
 import tiny_registry
 
 from dynreg.cli.schemas import model_of
+from dynreg.registry import ResultRecord
 
 VERBS = {
     "robots": ("robots",),
@@ -170,8 +171,11 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
 
 def test_calibrate_takes_a_robot_and_a_folder_for_its_trials(dynreg, session) -> None:
     line = "calibrate leg --method btr --task forward --trials 30 --seconds 300.5 --falls 3 --goal 0.8"
-    assert dynreg(*line.split(), "--trial", "tries", "--gait", "1f2e").status == 0
-    ((verb, given, named),) = session.asked
+    session.answers["latest"] = ResultRecord("c0ffee" * 8, "calibration", "", {})
+    ended = dynreg(*line.split(), "--trial", "tries", "--gait", "1f2e")
+    assert ended.status == 0 and ended.out.endswith("next: dynreg report c0ffeec0ffee\n")
+    (verb, given, named), latest = session.asked
+    assert latest == ("latest", ("calibration",), {})
     assert (verb, given) == ("calibrate", ("leg",)) and session.created
     told = {"task": "forward", "trials": 30, "seconds": 300.5, "falls": 3, "goal": 0.8, "method": "btr"}
     assert named == named | told | {"robot_door": Path("tries"), "gait": "1f2e"}
@@ -203,10 +207,12 @@ def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:
     from dynreg.errors import OldWord
     from dynreg.methods.table import METHODS
 
+    session.answers["latest"] = ResultRecord("c0ffee" * 8, "calibration", "", {})
     for method, kind in METHODS.items():
         plan = ("--plan", "plan.toml") if "plan" in kind.needs else ()
         assert dynreg("calibrate", "bench", "--method", method, *plan).status == 0
-        assert session.asked[-1][2]["method"] == method
+        asked = [named for verb, _, named in session.asked if verb == "calibrate"]
+        assert asked[-1]["method"] == method
     with pytest.warns(OldWord, match="'cmaes' is called 'cma' now"):
         assert dynreg("calibrate", "bench", "--method", "cmaes").status == 0
     assert session.asked[-1][2]["method"] == "cma"

@@ -19,7 +19,7 @@ from dynreg.results import Calibration
 from dynreg.session import Session
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import Robot
-from dynreg.verbs.trial_folder import TrialFolder, read_score
+from dynreg.verbs.scored_folder import ScoredFolder, read_score
 
 TINY = Rules(
     iterations=2, first=2, later=1, gaits=4, stand=2, repeats=2, turns=2, simulators=3, variations=2, steps=1
@@ -287,13 +287,15 @@ def test_a_tape_measure_and_a_folder_will_do(
     scores = found.on_robot.scores()
     assert scores[1] is None and [s for i, s in enumerate(scores) if i != 1] == [0.11, 0.13, 0.14, 0.15, 0.16]
     assert found.cost.falls == 1 and found.cost.discarded == 2
-    assert f"{folder / 'trial_1.csv'} on the robot (1 s)" in said[0] and len(said) == 6
-    quiet = TrialFolder(folder, opened.registry, brief, say=said.append)
+    asked = [line for line in said if " on the robot (1 s)" in line]
+    assert str(folder / "trial_1.csv") in asked[0] and len(asked) == 6
+    question = {"task": task_of(brief), "method": "btr", "seed": 3, "most": 6}
+    quiet = ScoredFolder(folder, opened.registry, brief, say=said.append, **question)
     told = np.loadtxt(folder / "trial_1.csv", delimiter=",", skiprows=1)[:, 1:]
     assert quiet.told(told, brief.rate, "trial_1") == 0.11, "it is there already"
 
 
-@pytest.mark.parametrize("line", ["", "about a metre", "nan", "0.3 0.4", "0_82", "0,82"])
+@pytest.mark.parametrize("line", ["", "about a metre", "nan", "0.3 0.4", "0_82", "0,82", "0.3\n0.4"])
 def test_a_file_of_a_score_with_another_line_is_refused(tmp_path: Path, line: str) -> None:
     (tmp_path / "trial_1_score.txt").write_text(line, encoding="utf-8")
     with pytest.raises(LogError, match=r"trial_1_score.txt' says"):

@@ -312,6 +312,14 @@ def test_a_log_is_read_when_it_is_whole(
     assert sum("trial_2_log.mcap is there, but its end is not written" in line for line in said) == 1
 
 
+def test_a_log_from_before_its_commands_is_refused(brief: Robot, tmp_path: Path) -> None:
+    (tmp_path / "trial_1_log.csv").write_text("time\n0\n1\n")
+    folder = TrialFolder(tmp_path, None, brief, say=lambda _: None)
+    with pytest.raises(UsageError, match=r"trial_1_log.csv' is there, and trial_1.csv.* remove it"):
+        folder.played(np.zeros((5, len(brief.actions))), brief.rate, "trial_1")
+    assert not (tmp_path / "trial_1.csv").exists()
+
+
 def test_a_folder_that_cannot_be_is_refused_before_a_search(opened: Session, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "file", tmp_path / "nowhere" / "trials", Path("/proc/self")):
