@@ -1,5 +1,6 @@
 """A calibration by trials goes on after a trial went wrong: what the robot did counts, and is not done again."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -44,15 +45,19 @@ def test_a_trial_in_a_folder_whose_score_is_mended_is_taken_back(
 ) -> None:
     monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.0)
     monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.01)
-    folder, said = tmp_path / "trials", []
-    folder.mkdir()
-    for number, score in enumerate(("0.1", "0.2", "about a metre", "0.4"), 1):
-        (folder / f"trial_{number}_score.txt").write_text(score, encoding="utf-8")
+    folder, scores = tmp_path / "trials", ["0.1", "0.2", "about a metre", "0.4"]
+
+    def person(line: str) -> None:
+        if asked := re.match(r"trial (\d+) of", line):
+            (folder / f"trial_{asked[1]}_score.txt").write_text(scores[int(asked[1]) - 1], encoding="utf-8")
+        elif "about a metre" in line:
+            raise KeyboardInterrupt
+
     with dynreg.open(tmp_path / "registry") as opened:
-        with pytest.raises(LogError, match="about a metre"):
-            calibrated(opened, brief, folder, say=said.append)
+        with pytest.raises(KeyboardInterrupt):
+            calibrated(opened, brief, folder, say=person)
         (folder / "trial_3_score.txt").write_text("0.3", encoding="utf-8")
-        found = calibrated(opened, brief, folder, resume=True, say=said.append)
+        found = calibrated(opened, brief, folder, resume=True, say=person)
     assert found.on_robot.scores() == [0.1, 0.2, 0.3, 0.4] and found.cost.trials == 4
     assert sorted(path.name for path in folder.glob("trial_*.csv")) == [f"trial_{i}.csv" for i in range(1, 5)]
 
