@@ -14,7 +14,7 @@ from dynreg.evidence.likelihood import information, objective
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point, bounds
-from dynreg.evidence.slopes import slopes
+from dynreg.evidence.slopes import near_another, slopes
 
 # bench_constants, 16 of 21 named with 2645 nats for what was hidden: half and twice of DAMPINGS, PULLS and REACH name
 # the same with 2754 and 2778, of SHARES with 2751 and 2690; FEWER of two with 2643, of all seven with 2776, 2 s later.
@@ -46,7 +46,12 @@ def fit(
     Returns the points and their objective (n,), lower is better [nats]. A row stops when an iteration (where
     derivatives are to one side: one to either) gains less than `tolerance`, or when after two of them it is more than
     `hopeless` [nats] behind the best.
+
+    Of a model with many parameters (`Model.dear`) derivatives are measured once and carried on from step to step. They
+    are measured anew where a step with them gains nothing; a row stops when fresh ones gain nothing.
     """
+    if leading is None and model.dear:
+        return (yield from _carried(model, points, sample, iterations, tolerance, hopeless))
     points, sides = list(points), model.accuracy.sides
     residuals = yield from model.residuals(points, sample)
     cost = objective(points, residuals, sample)
@@ -73,6 +78,65 @@ def fit(
         idle[going] = np.where(gained > tolerance, 0, idle[going] + 1)
         going = going[idle[going] < sides]
     return points, cost
+
+
+def _carried(
+    model: Model,
+    points: Sequence[Point],
+    sample: Sample,
+    iterations: int,
+    tolerance: float,
+    hopeless: float,
+) -> Search[Fitted]:
+    """`fit` with derivatives that are carried on from step to step, and shared between points that are near."""
+    points = list(points)
+    residuals = yield from model.residuals(points, sample)
+    cost = objective(points, residuals, sample)
+    known: dict[int, np.ndarray] = {}  # derivatives of a row
+    going = np.arange(len(points))
+    for iteration in range(iterations):
+        if iteration >= 2:
+            going = going[cost[going] <= cost.min() + hopeless]
+        if not len(going):
+            break
+        anew = [i for i in going if i not in known]
+        side = iteration % model.accuracy.sides
+        made = yield from _shared(model, [points[i] for i in anew], sample, side)
+        known |= dict(zip(anew, made, strict=True))
+        tries = [p for i in going for p in steps(model, points[i], residuals[i], known[i], sample)]
+        made = yield from model.residuals(tries, sample)
+        costs = objective(tries, made, sample).reshape(len(going), -1)
+        stopped = []
+        for row, i in enumerate(going):
+            best = int(costs[row].argmin())
+            gained, at = cost[i] - costs[row, best], row * costs.shape[1] + best
+            if gained > 0:
+                known[i] = carried(known[i], tries[at].z - points[i].z, made[at] - residuals[i])
+                points[i], residuals[i], cost[i] = tries[at], made[at], costs[row, best]
+            if not gained > tolerance:
+                del known[i]
+                if i in anew:
+                    stopped.append(i)
+        going = np.setdiff1d(going, stopped)
+    return points, cost
+
+
+def _shared(model: Model, points: list[Point], sample: Sample, side: int) -> Search[list[np.ndarray]]:
+    """Of each point the derivatives; points near another one take over those of its nominal coordinates."""
+    own: list[np.ndarray | None] = [None] * len(points)
+    for number, lead in enumerate(near_another(points)):
+        leading = None if lead == number else own[lead][: len(points[lead].nominal)]
+        (own[number],) = yield from slopes(model, [points[number]], sample, leading, side=side)
+    return own
+
+
+def carried(slope: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Derivatives (D, W, T, C) after a step (D,) that changed the residual by `change` (W, T, C).
+
+    The least change of derivatives that explains it (Broyden, Math. Comput. 19, 1965).
+    """
+    missed = change - np.tensordot(step, slope, axes=1)
+    return slope + np.multiply.outer(step / max(step @ step, 1e-12), missed)
 
 
 def best_of(points: Sequence[Point], cost: np.ndarray, count: int | None = None) -> list[Point]:

@@ -17,7 +17,7 @@ LONG = 40  # terms from which a list is long
 def plan_for(model: Model, terms: Sequence[Term]) -> Plan:
     """The plan of a search for one of these terms."""
     if len(terms) <= LONG:
-        return Short()
+        return Short(draws=0) if model.dear else Short()
     if model.robot.floating:
         return Feet()
     return Contact() if model.accuracy.fine else Long()
