@@ -38,6 +38,7 @@ def fit(
     tolerance: float = ENOUGH,
     leading: np.ndarray | None = None,
     hopeless: float = np.inf,
+    known: dict[Point, np.ndarray] | None = None,
 ) -> Search[Fitted]:
     """Improve every point on a sample.
 
@@ -49,9 +50,11 @@ def fit(
 
     Of a model with many parameters (`Model.dear`) derivatives are measured once and carried on from step to step. They
     are measured anew where a step with them gains nothing; a row stops when fresh ones gain nothing.
+    known : derivatives at points on these windows, which such a fit begins with and leaves for the next one.
     """
     if leading is None and model.dear:
-        return (yield from _carried(model, points, sample, iterations, tolerance, hopeless))
+        known = {} if known is None else known
+        return (yield from _carried(model, points, sample, known, iterations, tolerance, hopeless))
     points, sides = list(points), model.accuracy.sides
     residuals = yield from model.residuals(points, sample)
     cost = objective(points, residuals, sample)
@@ -84,6 +87,7 @@ def _carried(
     model: Model,
     points: Sequence[Point],
     sample: Sample,
+    known: dict[Point, np.ndarray],
     iterations: int,
     tolerance: float,
     hopeless: float,
@@ -92,31 +96,32 @@ def _carried(
     points = list(points)
     residuals = yield from model.residuals(points, sample)
     cost = objective(points, residuals, sample)
-    known: dict[int, np.ndarray] = {}  # derivatives of a row
     going = np.arange(len(points))
     for iteration in range(iterations):
         if iteration >= 2:
             going = going[cost[going] <= cost.min() + hopeless]
         if not len(going):
             break
-        anew = [i for i in going if i not in known]
+        anew = [i for i in going if points[i] not in known]
         side = iteration % model.accuracy.sides
         made = yield from _shared(model, [points[i] for i in anew], sample, side)
-        known |= dict(zip(anew, made, strict=True))
-        tries = [p for i in going for p in steps(model, points[i], residuals[i], known[i], sample)]
+        known |= {points[i]: slope for i, slope in zip(anew, made, strict=True)}
+        tries = [p for i in going for p in steps(model, points[i], residuals[i], known[points[i]], sample)]
         made = yield from model.residuals(tries, sample)
         costs = objective(tries, made, sample).reshape(len(going), -1)
         stopped = []
         for row, i in enumerate(going):
             best = int(costs[row].argmin())
-            gained, at = cost[i] - costs[row, best], row * costs.shape[1] + best
-            if gained > 0:
-                known[i] = carried(known[i], tries[at].z - points[i].z, made[at] - residuals[i])
+            before, at = cost[i], row * costs.shape[1] + best
+            if costs[row, best] < before:
+                slope = known.pop(points[i])
+                known[tries[at]] = carried(slope, tries[at].z - points[i].z, made[at] - residuals[i])
                 points[i], residuals[i], cost[i] = tries[at], made[at], costs[row, best]
-            if not gained > tolerance:
-                del known[i]
+            if not before - cost[i] > tolerance:
                 if i in anew:
                     stopped.append(i)
+                else:
+                    del known[points[i]]
         going = np.setdiff1d(going, stopped)
     return points, cost
 
