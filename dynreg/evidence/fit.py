@@ -25,6 +25,8 @@ SHARES = (2.0, 0.4, 0.15)  # of the boldest step, tried too: valleys are long, a
 FEWER = (0, 2, 3, 5)  # of all these steps, those tried where derivatives are only roughly known
 ITERATIONS = 4  # where a caller asks for no other number,
 ENOUGH = 0.3  # nats that an iteration must gain for another one
+# nats that an iteration with carried derivatives must gain: less is a foot that slips a moment earlier, as for `Feet`
+CHAOS = 5.0
 
 Fitted = tuple[list[Point], np.ndarray]
 
@@ -49,12 +51,13 @@ def fit(
     `hopeless` [nats] behind the best.
 
     Of a model with many parameters (`Model.dear`) derivatives are measured once and carried on from step to step. They
-    are measured anew where a step with them gains nothing; a row stops when fresh ones gain nothing.
+    are measured anew where a step with them gains less than `CHAOS`; a row stops where a step with fresh ones does.
     known : derivatives at points on these windows, which such a fit begins with and leaves for the next one.
     """
     if leading is None and model.dear:
         known = {} if known is None else known
-        return (yield from _carried(model, points, sample, known, iterations, tolerance, hopeless))
+        least = max(tolerance, CHAOS)
+        return (yield from _carried(model, points, sample, known, iterations, least, hopeless))
     points, sides = list(points), model.accuracy.sides
     residuals = yield from model.residuals(points, sample)
     cost = objective(points, residuals, sample)

@@ -14,7 +14,7 @@ from dynreg.evidence.point import Point, bounds
 # Derivatives over this width and over STEP differ by 0.02 of their size on a leg in the air and 0.07 on the servo bench
 # in MuJoCo; where feet stick and slip, on the leg on the ground, by 1.13 (robots of bench_naming_leg's development).
 WIDER, UNEVEN = 0.3, 0.3
-NEAR = 0.5  # standard deviations of the nameplate, within which points share derivatives: half a ROUGH difference
+NEAR = 1.0  # standard deviations of the nameplate, within which points share derivatives: a ROUGH difference
 # Of the width, that a bound must leave for a difference to that side: over less slips tell nothing.
 ROOM = 0.3
 

@@ -35,7 +35,13 @@ class Long(Smooth):
     ends: int = 2
 
     def refitted(
-        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
+        self,
+        model: Model,
+        base: Point,
+        terms: Sequence[Term],
+        sample: Sample,
+        hints: Sequence[Point],
+        known: dict[Point, np.ndarray],
     ) -> Search[tuple[Model, list[Point]]]:
         points, slope = yield from promising(model, base, terms, sample, hints=hints)
         done: Costed = []
