@@ -27,6 +27,8 @@ ITERATIONS = 4  # where a caller asks for no other number,
 ENOUGH = 0.3  # nats that an iteration must gain for another one
 # nats that an iteration with carried derivatives must gain: less is a foot that slips a moment earlier, as for `Feet`
 CHAOS = 5.0
+# of what the last step with fresh derivatives gained, below which they are measured anew (an AIBO: 1700, then 300, 100)
+SLOWER = 0.25
 
 Fitted = tuple[list[Point], np.ndarray]
 
@@ -51,7 +53,7 @@ def fit(
     `hopeless` [nats] behind the best.
 
     Of a model with many parameters (`Model.dear`) derivatives are measured once and carried on from step to step. They
-    are measured anew where a step with them gains less than `CHAOS`; a row stops where a step with fresh ones does.
+    are measured anew where a step with them gains less than `CHAOS`, or little; a row stops where a step with fresh ones gains less than `CHAOS`.
     known : derivatives at points on these windows, which such a fit begins with and leaves for the next one.
     """
     if leading is None and model.dear:
@@ -99,7 +101,7 @@ def _carried(
     points = list(points)
     residuals = yield from model.residuals(points, sample)
     cost = objective(points, residuals, sample)
-    going = np.arange(len(points))
+    going, lately = np.arange(len(points)), np.zeros(len(points))
     for iteration in range(iterations):
         if iteration >= 2:
             going = going[cost[going] <= cost.min() + hopeless]
@@ -120,11 +122,13 @@ def _carried(
                 slope = known.pop(points[i])
                 known[tries[at]] = carried(slope, tries[at].z - points[i].z, made[at] - residuals[i])
                 points[i], residuals[i], cost[i] = tries[at], made[at], costs[row, best]
-            if not before - cost[i] > tolerance:
-                if i in anew:
+            gained = before - cost[i]
+            if i in anew:
+                lately[i] = gained
+                if not gained > tolerance:
                     stopped.append(i)
-                else:
-                    del known[points[i]]
+            elif not gained > max(tolerance, SLOWER * lately[i]):
+                del known[points[i]]
         going = np.setdiff1d(going, stopped)
     return points, cost
 

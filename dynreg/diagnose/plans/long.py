@@ -35,13 +35,7 @@ class Long(Smooth):
     ends: int = 2
 
     def refitted(
-        self,
-        model: Model,
-        base: Point,
-        terms: Sequence[Term],
-        sample: Sample,
-        hints: Sequence[Point],
-        known: dict[Point, np.ndarray],
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
     ) -> Search[tuple[Model, list[Point]]]:
         points, slope = yield from promising(model, base, terms, sample, hints=hints)
         done: Costed = []

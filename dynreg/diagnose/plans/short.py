@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from dynreg.diagnose.plans.smooth import Smooth
 from dynreg.diagnose.score import Naming
 from dynreg.diagnose.screen import screen
@@ -14,7 +12,6 @@ from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
-from dynreg.evidence.slopes import slopes
 from dynreg.sim.effects import Term
 
 
@@ -34,13 +31,7 @@ class Short(Smooth):
         return self.finalists
 
     def refitted(
-        self,
-        model: Model,
-        base: Point,
-        terms: Sequence[Term],
-        sample: Sample,
-        hints: Sequence[Point],
-        known: dict[Point, np.ndarray],
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
     ) -> Search[tuple[Model, list[Point]]]:
         starts, slope = yield from screen(model, base, terms, sample, hints)
         begun, cost = yield from fit(model, starts, sample, iterations=1, leading=slope)
@@ -51,12 +42,8 @@ class Short(Smooth):
         likely = dict.fromkeys(point.hypothesis.key for point in hints)
         best = [first[key] for key in dict.fromkeys([*likely, *first])]
         best += [point for point in ordered if first[point.hypothesis.key] is not point]
-        best = best[: self.finalists]
-        if model.dear:
-            near = yield from slopes(model, best, sample, slope[: len(base.z)])
-            known |= {base: slope, **dict(zip(best, near, strict=True))}
-        last = {"iterations": self.iterations, "hopeless": self.hopeless, "known": known}
-        fitted, _ = yield from fit(model, best, sample, **last)
+        last = {"iterations": self.iterations, "hopeless": self.hopeless}
+        fitted, _ = yield from fit(model, best[: self.finalists], sample, **last)
         return model, fitted
 
     def remaining(self, terms: Sequence[Term], naming: Naming) -> Sequence[Term]:

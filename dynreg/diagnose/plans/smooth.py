@@ -4,8 +4,6 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dynreg.diagnose.plans.plan import Plan, State, stripped
 from dynreg.diagnose.score import INSTEAD, PER_PARAMETER, Naming, Scored, lowered, score
 from dynreg.evidence.data import Data, Sample
@@ -46,11 +44,9 @@ class Smooth(Plan):
         hints: Sequence[Point] = (),
     ) -> Search[tuple[Naming, Model]]:
         for _ in range(self.rounds):
-            known: dict[Point, np.ndarray] = {}
-            model, fitted = yield from self.refitted(model, base, terms, sample, hints, known)
-            rivals = stripped(base, fitted[: self.rivals])
-            known |= {r: known[p][: len(r.z)] for r, p in zip(rivals, fitted, strict=False) if p in known}
-            again, price = yield from fit(model, [base, *rivals], sample, iterations=self.again, known=known)
+            model, fitted = yield from self.refitted(model, base, terms, sample, hints)
+            others = [base, *stripped(base, fitted[: self.rivals])]
+            again, price = yield from fit(model, others, sample, iterations=self.again)
             base = best_of(again, price)[0]
             naming = yield from score(model, sample.data, base, fitted)
             if not naming.ranking or price[0] - price.min() <= self.better:
@@ -75,18 +71,9 @@ class Smooth(Plan):
 
     @abstractmethod
     def refitted(
-        self,
-        model: Model,
-        base: Point,
-        terms: Sequence[Term],
-        sample: Sample,
-        hints: Sequence[Point],
-        known: dict[Point, np.ndarray],
+        self, model: Model, base: Point, terms: Sequence[Term], sample: Sample, hints: Sequence[Point]
     ) -> Search[tuple[Model, list[Point]]]:
-        """`base` with one of the terms, fitted to the end, the best first; and the model, corrected there.
-
-        known : gets the derivatives that later fits may go on with, as in `fit`.
-        """
+        """`base` with one of the terms, fitted to the end, the best first; and the model, corrected there."""
 
     @abstractmethod
     def ended(self, model: Model, point: Point, sample: Sample, seed: int) -> Search[tuple[Model, Point]]:
