@@ -53,7 +53,8 @@ def fit(
     `hopeless` [nats] behind the best.
 
     Of a model with many parameters (`Model.dear`) derivatives are measured once and carried on from step to step. They
-    are measured anew where a step with them gains less than `CHAOS`, or little; a row stops where a step with fresh ones gains less than `CHAOS`.
+    are measured anew where a step with them gains little; a row stops where a step with fresh ones gains less than
+    `CHAOS`.
     known : derivatives at points on these windows, which such a fit begins with and leaves for the next one.
     """
     if leading is None and model.dear:
