@@ -49,9 +49,7 @@ def log_of(hidden: aibo.Hidden, robot: Robot) -> Recording:
 
 def row(session: Session, robot: Robot, number: int, seed: int) -> dict:
     """What a diagnosis says of one robot, what it takes, and what its simulators err by in backward walks."""
-    hidden = aibo.hidden(
-        stream_seed(seed, "second material", number) % 2**31, material=number % 2 == 0
-    )
+    hidden = aibo.hidden(stream_seed(seed, "second material", number) % 2**31, material=number % 2 == 0)
     log, name = log_of(hidden, robot), f"walks of {number}"
     session.ingest(log, robot, name=name)
     held = ",".join(e.name for e in log.episodes if e.name.startswith("B"))
@@ -114,7 +112,9 @@ def told(rows: list[dict]) -> dict:
         table[kind] = {"robots": len(own), "material": named, "any cause": caused}
         if own:
             low, high = binomtest(named, len(own)).proportion_ci(0.95)
-            print(f"{kind:8s} the material named in {named} of {len(own)} [{low:.2f}, {high:.2f}], a cause in {caused}")
+            print(
+                f"{kind:8s} the material named in {named} of {len(own)} [{low:.2f}, {high:.2f}], a cause in {caused}"
+            )
     with_it = [r for r in rows if r["material"]]
     for of in ("speed", "replay"):
         before = np.array([r["errors"]["calibrated"][of] for r in with_it])
@@ -127,7 +127,9 @@ def told(rows: list[dict]) -> dict:
                 "fall": float(1.0 - after.mean() / before.mean()),
                 "median fall": float(np.median(fall)),
             }
-            print(f"{of:8s} {before.mean():.4f} -> {after.mean():.4f}: {table[of]['fall']:.0%}, median {np.median(fall):.0%}")
+            print(
+                f"{of:8s} {before.mean():.4f} -> {after.mean():.4f}: {table[of]['fall']:.0%}, median {np.median(fall):.0%}"
+            )
     table["seconds"] = float(np.median([r["seconds"] for r in rows]))
     table["simulators"] = float(np.median([r["simulators"] for r in rows]))
     print(f"a diagnosis: {table['seconds']:.0f} s, {table['simulators']:.0f} simulators")
@@ -139,7 +141,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=20, help="half of them with the material")
     parser.add_argument("--tune", action="store_true")
-    parser.add_argument("--journal", type=Path, default=Path(__file__).parent / "registry" / "second_material.jsonl")
+    parser.add_argument(
+        "--journal", type=Path, default=Path(__file__).parent / "registry" / "second_material.jsonl"
+    )
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
     journal = Journal(given.journal, {"table": "second material", "seed": seed, "version": 1})
@@ -148,7 +152,9 @@ def main() -> None:
     for number in sorted({*range(given.robots)} - done):
         with TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
             made = journal.add(row(session, robot, number, seed))
-        print(json.dumps({k: made[k] for k in ("robot", "material", "causes", "errors", "seconds")}), flush=True)
+        print(
+            json.dumps({k: made[k] for k in ("robot", "material", "causes", "errors", "seconds")}), flush=True
+        )
     rows = [line for line in journal.lines() if line["robot"] < given.robots]
     table = told(rows)
     if not given.tune and given.robots == parser.get_default("robots"):

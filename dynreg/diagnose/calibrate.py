@@ -47,9 +47,7 @@ def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[
     for rounds, kept in ((CLOSER, FINALISTS), (ITERATIONS, 1)) if draws else ((ITERATIONS, 1),):
         points = best_of(points, cost, kept)
         sample = sample.reweighted((yield from model.residuals(points[:1], sample))[0])
-        points, cost = yield from fit(
-            model, points, sample, iterations=rounds, tolerance=ENOUGH, known=known
-        )
+        points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH, known=known)
     if model.accuracy.order == 1:
         model = yield from model.corrected(points, data)
         points, cost = yield from fit(
