@@ -127,9 +127,8 @@ def told(rows: list[dict]) -> dict:
                 "fall": float(1.0 - after.mean() / before.mean()),
                 "median fall": float(np.median(fall)),
             }
-            print(
-                f"{of:8s} {before.mean():.4f} -> {after.mean():.4f}: {table[of]['fall']:.0%}, median {np.median(fall):.0%}"
-            )
+            told_of = f"{before.mean():.4f} -> {after.mean():.4f}: {table[of]['fall']:.0%}"
+            print(f"{of:8s} {told_of}, median {np.median(fall):.0%}")
     table["seconds"] = float(np.median([r["seconds"] for r in rows]))
     table["simulators"] = float(np.median([r["simulators"] for r in rows]))
     print(f"a diagnosis: {table['seconds']:.0f} s, {table['simulators']:.0f} simulators")

@@ -22,11 +22,11 @@ from dynreg.sim.effects import Term
 class Many(Plan):
     """Terms are listed at the calibrated model, and fitted from there and from the nameplate, on all windows.
 
-    Many parameters make up for much. On an AIBO with slippery elbows (38 parameters, 8 walks of 2 s) their material leads
-    by 1400 nats after five steps from the nameplate, beside the model without it; from the calibrated model, on half of
-    the windows, by 32 after as many. At the nameplate itself one step leaves all terms about as bad.
-    finalists : terms that are fitted beside the calibrated model. iterations, rival : of these, and of the model without
-    the term from where the best ended.
+    Many parameters make up for much. On an AIBO with slippery elbows (38 parameters, 8 walks of 2 s) their material
+    leads by 1400 nats after five steps from the nameplate, beside the model without it; from the calibrated model, on
+    half of the windows, by 32 after as many. At the nameplate itself one step leaves all terms about as bad.
+    finalists : terms that are fitted beside the calibrated model. iterations, rival : of these, and of the model
+    without the term from where the best ended.
     """
 
     alike: ClassVar[bool] = False
