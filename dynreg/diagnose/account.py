@@ -62,8 +62,8 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     last = -1 if judged.causes else judged.CALIBRATED
     three = judged.states[[judged.START, judged.CALIBRATED, last]]
     sample = data.sample(chosen)
+    draws = yield from posterior(model, found.current, sample, seed=seed)
     (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)
-    draws = yield from posterior(model, found.current, sample, seed=seed, known=(residual, slope))
     curvature, _ = information(found.current, residual, slope, sample.reweighted(residual))
     # of the log posterior; effect sizes have no prior, so an effect without influence has no curvature
     covariance = np.linalg.pinv(curvature + 1e-9 * np.eye(len(curvature)))

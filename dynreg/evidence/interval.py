@@ -88,28 +88,17 @@ class Proposal:
         return np.atleast_1d(multivariate_t.logpdf(z, self.middle, self.spread, FREEDOM))
 
 
-def posterior(
-    model: Model,
-    point: Point,
-    sample: Sample,
-    *,
-    seed: int = 0,
-    known: tuple[np.ndarray, np.ndarray] | None = None,
-) -> Search[Posterior]:
+def posterior(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Search[Posterior]:
     """The posterior about its maximum `point`, by the windows of a sample.
 
     The prior of nominal coordinates is the nameplate; of shapes, a factor of three; of sizes, normal about zero with
     the strong size as its standard deviation. Robots without a vectorised engine, where draws are dear, get its normal
     approximation, cut off at the bounds.
-    known : residual (W, T, C) of the point, and its derivatives (D, W, T, C), by the model's own engine.
     """
     engine, limits = _vectorised(model), bounds(model.coordinates, point.hypothesis)
     if engine not in (None, model.running):  # the corrections are of the other engine's time step
-        model, known = replace(model, engine=engine, corrections=NONE), None
-    if known is None:
-        (residual,), (slope,) = yield from sensitivities(model, [point], sample)
-    else:
-        residual, slope = known
+        model = replace(model, engine=engine, corrections=NONE)
+    (residual,), (slope,) = yield from sensitivities(model, [point], sample)
     sample = sample.reweighted(residual)
     curvature, _ = information(point, residual, slope, sample)
     width = prior_widths(point)
