@@ -95,10 +95,10 @@ def on_the_ground(robot: Robot, seconds: float = WALK) -> dict[str, np.ndarray]:
     return {"walk": walks(robot, 1, 0, seconds)[0], **out}
 
 
-def walks(robot: Robot, count: int, seed: int, seconds: float = WALK) -> np.ndarray:
+def walks(robot: Robot, count: int, seed: int, seconds: float = WALK, back: float = BACK) -> np.ndarray:
     """(count, T, A) walks by the way of the feet: ahead and back, in curves, some on the elbows; bad ones stay.
 
-    Commands may be faster than the joints, as those of the paper were.
+    back : share of those that go backwards. Commands may be faster than the joints, as those of the paper were.
     """
     space, rng = gait_space(robot), stream(seed, "walks")
     unit = space.about_rest(count, rng)
@@ -108,7 +108,7 @@ def walks(robot: Robot, count: int, seed: int, seconds: float = WALK) -> np.ndar
         rows = low if which else np.ones(count, dtype=bool)
         unit[np.ix_(rows, at)] = rng.uniform(least, most, (rows.sum(), len(at)))
     genes = space.from_unit(unit)
-    genes[rng.uniform(size=count) < BACK, space.names.index("length")] *= -1.0
+    genes[rng.uniform(size=count) < back, space.names.index("length")] *= -1.0
     targets = space.targets(genes, np.arange(round(seconds * robot.rate)) / robot.rate)
     return np.clip(targets, *command_limits(robot).T)
 

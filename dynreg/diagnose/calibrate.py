@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dynreg.evidence.data import Data, Sample
 from dynreg.evidence.fit import best_of, fit
 from dynreg.evidence.lockstep import Search
@@ -40,13 +42,16 @@ def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[
     points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
     if model.accuracy.fine:  # with contacts the error of the time step would mislead the fit from its start
         model = yield from model.corrected(points[:1], data)
-    points, cost = yield from fit(model, points, sample, iterations=BEGUN)
+    known: dict[Point, np.ndarray] = {}
+    points, cost = yield from fit(model, points, sample, iterations=BEGUN, known=known)
     for rounds, kept in ((CLOSER, FINALISTS), (ITERATIONS, 1)) if draws else ((ITERATIONS, 1),):
         points = best_of(points, cost, kept)
         sample = sample.reweighted((yield from model.residuals(points[:1], sample))[0])
-        points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH)
+        points, cost = yield from fit(model, points, sample, iterations=rounds, tolerance=ENOUGH, known=known)
     if model.accuracy.order == 1:
         model = yield from model.corrected(points, data)
-        points, cost = yield from fit(model, points, sample, iterations=ITERATIONS, tolerance=ENOUGH)
+        points, cost = yield from fit(
+            model, points, sample, iterations=ITERATIONS, tolerance=ENOUGH, known=known
+        )
     (residual,) = yield from model.residuals(points, sample)
     return Calibrated(model, points[0], sample.reweighted(residual))

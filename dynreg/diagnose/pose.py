@@ -79,7 +79,7 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
     table = robot.file.replay.model_copy(update={"horizon": horizon})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
     lost = holes(robot, recording)
-    cut = cut.take(np.flatnonzero(~hit(cut, lost)))
+    cut = cut.take(np.flatnonzero(~hit(cut, lost) & _begun_known(robot, cut, options)))
     why = f": {sentence(recording, lost)}" if lost else ""
     if len(cut) < 2:
         raise LogError(
@@ -88,6 +88,16 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
             do="record more episodes, or cut shorter rollouts with --horizon",
         )
     return cut, why
+
+
+def _begun_known(robot: Robot, cut: Windows, options: DiagnosisOptions) -> np.ndarray:
+    """(W,) whether it is known how a window begins.
+
+    Where no log places a floating base it begins in its reset pose. So does the first rollout of an episode; one that
+    a short horizon cuts out of the middle of a walk does not.
+    """
+    free = robot.floating and robot.file.reset.base == "keyframe" and options.horizon is not None
+    return cut.rows[:, 0] < cut.run.steps if free else np.full(len(cut), True)
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:

@@ -103,10 +103,11 @@ def settle(model: Model, point: Point, sample: Sample, *, seed: int = 0) -> Sear
 
 def _finely(model: Model, point: Point, sample: Sample, iterations: int) -> Search[tuple[Model, Point]]:
     """The point refitted, then again with the model corrected for the time step at the new point."""
+    known: dict[Point, np.ndarray] = {}
     for _ in range(TURNS):
-        (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
+        (point,), _ = yield from fit(model, [point], sample, iterations=iterations, known=known)
         model = yield from model.corrected([point], sample.data)
-    (point,), _ = yield from fit(model, [point], sample, iterations=iterations)
+    (point,), _ = yield from fit(model, [point], sample, iterations=iterations, known=known)
     return model, point
 
 

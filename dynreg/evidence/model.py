@@ -20,6 +20,7 @@ from dynreg.sim.run import Run
 
 # Half and twice change nothing where nothing is chaotic: bench_constants names and tells the same to the digit.
 MOST = 0.5  # of the spread: a larger difference of the finer time step is chaos, no error of first order
+MANY = 30  # parameters: a robot on its feet with more (aibo) takes hours where one with 13 (quadruped) takes minutes
 NONE: Mapping[frozenset[str], np.ndarray] = MappingProxyType({})
 
 
@@ -54,6 +55,11 @@ class Model:
     def running(self) -> str:
         """The engine that rollouts run on."""
         return self.robot.running(self.engine)
+
+    @property
+    def dear(self) -> bool:
+        """Whether most of a search would go into derivatives: rough rollouts, and many parameters."""
+        return self.accuracy.sides > 1 and len(self.coordinates) > MANY
 
     @property
     def fine(self) -> "Model":

@@ -14,6 +14,7 @@ from dynreg.evidence.point import Point, bounds
 # Derivatives over this width and over STEP differ by 0.02 of their size on a leg in the air and 0.07 on the servo bench
 # in MuJoCo; where feet stick and slip, on the leg on the ground, by 1.13 (robots of bench_naming_leg's development).
 WIDER, UNEVEN = 0.3, 0.3
+NEAR = 1.0  # standard deviations of the nameplate, within which points share derivatives: a ROUGH difference
 # Of the width, that a bound must leave for a difference to that side: over less slips tell nothing.
 ROOM = 0.3
 
@@ -57,6 +58,15 @@ def slopes(
         slope = change / np.where(np.abs(width) > 1e-9, width, 1e-9)[:, None, None, None]
         out.append(slope if leading is None else np.concatenate([leading, slope]))
         at += len(own)
+    return out
+
+
+def near_another(points: Sequence[Point]) -> list[int]:
+    """Of each point the number of the first one before it whose nominal coordinates are near, or its own."""
+    out: list[int] = []
+    for number, point in enumerate(points):
+        leads = (i for i in dict.fromkeys(out) if np.abs(points[i].nominal - point.nominal).max() <= NEAR)
+        out.append(next(leads, number))
     return out
 
 

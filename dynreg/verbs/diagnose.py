@@ -25,6 +25,7 @@ JUDGED = "errors and intervals"  # the stage after the search for causes
 # The threshold takes most of the simulations; the others of these ask for fewer terms, or for fewer rollouts of each.
 _NO_RUNS, _FEW = "--threshold-runs 0", 8
 _FEW_WINDOWS = f"--windows {_FEW}"
+MANY = 30  # parameters of a free base; as `evidence.model.MANY`, which loads more than a command's words need
 MOST_DRIVEN = 3  # joints: with more of them, or a free base, a diagnosis that is not made faster takes hours
 
 
@@ -52,6 +53,11 @@ def first_command(recording: str, robot: "Robot") -> str:
     """The command of a first diagnosis of a recording: the quick one where another would take hours."""
     many = robot.floating or len(robot.driven) > MOST_DRIVEN
     quick = [*_FEW_WINDOWS.split(), *_NO_RUNS.split()] if many else []
+    if robot.floating and len(robot.space) > MANY:  # a list of each joint's own effects takes hours
+        from dynreg.sim.effects import applicable
+
+        whole = [name for name, effect in applicable(robot).items() if effect.scope != "joint"]
+        quick += ["--horizon", "2", "--effects", ",".join(whole)]
     return command("diagnose", recording, *quick)
 
 

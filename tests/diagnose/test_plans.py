@@ -1,10 +1,11 @@
 """Which plan a problem gets, by what its rollouts cost and how rough they are."""
 
+import numpy as np
 import pytest
 from by_hand import held_against_zero
 from legs import in_the_air, over_its_stop
 
-from dynreg.diagnose.plans import LONG, Contact, Feet, Long, Short, plan_for
+from dynreg.diagnose.plans import LONG, Contact, Feet, Long, Many, Short, plan_for
 from dynreg.diagnose.problem import planned
 from dynreg.evidence.accuracy import usual
 from dynreg.evidence.hypothesis import Coordinates, single_terms
@@ -42,6 +43,14 @@ def test_few_effects_make_a_short_list_of_any_robot():
     terms = single_terms(model.robot, ("payload", "gravity_tilt"))
     assert len(terms) < LONG < len(single_terms(model.robot))
     assert type(run(planned(model, data, terms)).plan) is Short
+
+
+@pytest.mark.parametrize(("name", "plan"), [("quadruped", Short), ("aibo", Many)])
+def test_few_effects_of_a_robot_on_its_feet_with_many_parameters_have_a_plan_of_their_own(name, plan):
+    robot = load_robot(name)
+    model = Model(robot, Coordinates(robot, np.full(len(robot.space), np.nan)), accuracy=usual(robot))
+    assert type(plan_for(model, single_terms(robot, ("second_friction_material",)))) is plan
+    assert type(plan_for(model, single_terms(robot))) is Feet
 
 
 def test_an_engine_without_contacts_is_asked_for_nothing():

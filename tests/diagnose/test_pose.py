@@ -131,3 +131,10 @@ def test_it_is_no_unknown_cause(recording: Recording):
     model = replace(model, accuracy=replace(model.accuracy, finer=1.0))  # as the log was made
     found = run(Evidence.of(State(model, data.sample(data.fit), model.start, model.start), log))
     assert found.noise.basis == "stated_noise" and found.noise.ratio < EXPLAINED
+
+
+def test_a_short_horizon_leaves_out_rollouts_whose_start_nobody_knows(recording: Recording):
+    short = replace(ASKED, horizon=1.5)
+    begun = lambda base: pose(quadruped(base), recording, short)[1].windows.rows[:, 0]  # noqa: E731
+    assert (begun("keyframe") == 0).all(), "in the middle of a motion it is not in its reset pose"
+    assert len(begun("measured")) == 2 * len(begun("keyframe")), "there the log has it"

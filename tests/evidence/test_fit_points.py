@@ -10,7 +10,7 @@ from legs import calibrated, over_its_stop
 from dynreg.diagnose.plans import Contact
 from dynreg.diagnose.plans.polish import polish
 from dynreg.evidence.accuracy import ROUGH, Accuracy, rough
-from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.fit import best_of, carried, fit
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.likelihood import objective
 from dynreg.evidence.lockstep import Ask, run
@@ -106,3 +106,50 @@ def test_polishing_comes_as_near_as_the_truth_and_never_does_worse():
     cost = objective(points, made, sample.reweighted(made[2]))
     assert cost[1] < cost[0]
     assert cost[1] - cost[2] < 0.3 * (cost[0] - cost[2])
+
+
+class Dear:
+    """A robot on its feet as one with many parameters: its residual bends with its only coordinate."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("dynreg.evidence.model.MANY", 0)
+        accuracy = Accuracy(4.0, fine=True, slopes=2.0, width=ROUGH, sides=2)
+        self.model, data = held_against_zero("zero_offset", accuracy=accuracy, tolerance=10.0)
+        self.sample, self.asked = data.sample(data.fit), []
+
+    def answer(self, one: Ask) -> np.ndarray:
+        self.asked.append(len(one.case.values))
+        z = self.model.coordinates.from_values(one.case.values)[:, 0][:, None, None]
+        return first_channel(one, 0.1 * (z - 1.0) + 0.02 * (z - 1.0) ** 2)
+
+    def fitted(self, known: dict | None = None):
+        return answered(fit(self.model, [plain(-0.5)], self.sample, iterations=9, known=known), self.answer)
+
+
+def test_derivatives_that_are_dear_are_carried_on_to_the_same_answer(monkeypatch: pytest.MonkeyPatch):
+    dear = Dear(monkeypatch)
+    (found,), cost = dear.fitted()
+    carried_on = len(dear.asked)
+    monkeypatch.setattr("dynreg.evidence.model.MANY", 9)
+    dear.asked.clear()
+    (usual,), usual_cost = dear.fitted()
+    assert found.z == pytest.approx(usual.z, abs=0.02) and cost == pytest.approx(usual_cost, abs=0.1)
+    assert carried_on < len(dear.asked), "it measures fewer derivatives"
+
+
+def test_a_second_fit_goes_on_with_the_derivatives_of_the_first(monkeypatch: pytest.MonkeyPatch):
+    dear, known = Dear(monkeypatch), {}
+    (found,), _ = dear.fitted(known)
+    assert [*known] == [found]
+    dear.asked.clear()
+    answered(fit(dear.model, [found], dear.sample, iterations=1, known=known), dear.answer)
+    assert len(dear.asked) == 2, "the point, and steps from it; no derivatives"
+
+
+def test_carried_derivatives_explain_the_step_and_change_nothing_across_it():
+    rng = np.random.default_rng(3)
+    slope, step, change = rng.normal(size=(4, 2, 5, 3)), rng.normal(size=4), rng.normal(size=(2, 5, 3))
+    found = carried(slope, step, change)
+    assert np.tensordot(step, found, axes=1) == pytest.approx(change)
+    across = np.linalg.svd(step[None])[2][1:]  # (3, 4)
+    assert np.tensordot(across, found, axes=1) == pytest.approx(np.tensordot(across, slope, axes=1))

@@ -3,9 +3,10 @@
 import pytest
 
 from dynreg.diagnose.identifiability import Unidentified
+from dynreg.evidence import model
 from dynreg.results.diagnosis import Pulled
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.diagnose import DiagnoseSettings, faster, first_command
+from dynreg.verbs.diagnose import MANY, DiagnoseSettings, faster, first_command
 from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words
 
 
@@ -21,6 +22,14 @@ from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words
 )
 def test_the_first_diagnosis_of_many_joints_or_a_free_base_is_the_quick_one(robot: str, asked: str) -> None:
     assert first_command("sway", load_robot(robot)) == asked
+
+
+def test_the_first_diagnosis_of_a_free_base_with_many_parameters_asks_for_no_effect_of_a_joint() -> None:
+    assert MANY == model.MANY
+    asked = first_command("walks", load_robot("aibo"))
+    assert asked.startswith("dynreg diagnose walks --windows 8 --threshold-runs 0 --horizon 2 --effects ")
+    effects = asked.split()[-1].split(",")
+    assert "second_friction_material" in effects and not {"backlash", "torque_limit"} & {*effects}
 
 
 @pytest.mark.parametrize(
