@@ -11,6 +11,7 @@ from dynreg.evidence.accuracy import PLAIN, Accuracy
 from dynreg.evidence.data import Data, Sample
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.evidence.lockstep import Ask, Search, ask, together
+from dynreg.evidence.many import MANY
 from dynreg.evidence.point import Point
 from dynreg.replay.residual import scaled
 from dynreg.sim.effects import Terms, stacked
@@ -20,7 +21,6 @@ from dynreg.sim.run import Run
 
 # Half and twice change nothing where nothing is chaotic: bench_constants names and tells the same to the digit.
 MOST = 0.5  # of the spread: a larger difference of the finer time step is chaos, no error of first order
-MANY = 30  # parameters: a robot on its feet with more (aibo) takes hours where one with 13 (quadruped) takes minutes
 NONE: Mapping[frozenset[str], np.ndarray] = MappingProxyType({})
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.errors import UsageError, command
+from dynreg.evidence.many import MANY
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, own, simulator
@@ -25,7 +26,6 @@ JUDGED = "errors and intervals"  # the stage after the search for causes
 # The threshold takes most of the simulations; the others of these ask for fewer terms, or for fewer rollouts of each.
 _NO_RUNS, _FEW = "--threshold-runs 0", 8
 _FEW_WINDOWS = f"--windows {_FEW}"
-MANY = 30  # parameters of a free base; as `evidence.model.MANY`, which loads more than a command's words need
 MOST_DRIVEN = 3  # joints: with more of them, or a free base, a diagnosis that is not made faster takes hours
 
 
