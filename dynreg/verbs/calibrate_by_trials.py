@@ -35,10 +35,8 @@ from dynreg.verbs.verb import Built
 if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
-KEPT, NUMBER = (
-    "trials",
-    3,
-)  # the journal of them, and where a row there has a trial's number; see `Journalled`
+KEPT = "trials"  # the journal of them,
+NUMBER = 3  # and where a row of it has a trial's number; see `Journalled`
 
 
 def calibrate_by_trials(
@@ -97,7 +95,7 @@ def require_recordings(
     """
     for name, value in tries.items():
         if value is not None:
-            raise unfit(name, "", method, KEPT)
+            raise unfit(name, "", method, "trials")
     if not isinstance(subject, list | tuple):
         require_recording(registry, subject, method)
 
