@@ -84,7 +84,8 @@ class _Run:
         here = self.tried[first:]
         if self.met:
             return True
-        if here and sum(one.fell for one in here) >= self.rules.lost * len(here):
+        # a budget may end with the falls that it allows: so few gaits say nothing of the simulator
+        if over is None and sum(one.fell for one in here) >= self.rules.lost * len(here) > 0:
             self.disengage(number)
         else:
             self.adapt(number, [one for one in here if not one.fell])
@@ -194,7 +195,7 @@ class _Run:
             journal=self.journal(name, parent.simulator, gaits, real),
             progress=lambda done, total: self.world.progress(name, done, total),
         )
-        self.resumed += found.resumed
+        self.resumed += found.resumed * len(gaits)
         numbers = tuple(n for one in stood for n in one.trials)
         made = Adapted(found.unit, number, ADAPTED, len(self.versions) - 1, numbers, found.first, found.last)
         self.versions.append(made)

@@ -12,6 +12,7 @@ from dynreg.errors import LogError, UsageError
 from dynreg.evidence.accuracy import usual
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import Coordinates
+from dynreg.evidence.many import MANY
 from dynreg.evidence.model import Model
 from dynreg.replay.cut import windows
 from dynreg.replay.holes import hit, holes, sentence
@@ -94,9 +95,11 @@ def _begun_known(robot: Robot, cut: Windows, options: DiagnosisOptions) -> np.nd
     """(W,) whether it is known how a window begins.
 
     Where no log places a floating base it begins in its reset pose. So does the first rollout of an episode; one that
-    a short horizon cuts out of the middle of a walk does not.
+    a short horizon cuts out of the middle of a walk does not. With few parameters such rollouts are kept all the same:
+    the searches of these robots were measured with them.
     """
     free = robot.floating and robot.file.reset.base == "keyframe" and options.horizon is not None
+    free = free and len(robot.space) > MANY
     return cut.rows[:, 0] < cut.run.steps if free else np.full(len(cut), True)
 
 

@@ -70,7 +70,8 @@ class ByReality:
         door, robot = trying.robot, trying.robot.robot
         played = Played(robot, door.task, limits.seed, limits.threads)
         whole = len(played.times) / robot.rate
-        door.begin(whole)  # BudgetError before time is spent on a gait
+        if not trying.goes_on:
+            door.begin(whole)  # BudgetError before time is spent on a gait
         rules = (trying.rules or Rules()).within(limits.simulations)
         start = robot.space.nominal if question.start is None else question.start
         free = np.flatnonzero(np.isnan(nominal_known(robot)))

@@ -83,7 +83,12 @@ class ScoredRobot(Door):
         return replace(begun, score=score, seconds=seconds, lost=False)
 
     def again(self, outcome: Outcome) -> None:
-        """Count a trial of an interrupted run, on a robot that does not know of it, too."""
+        """Count a trial of an interrupted run, on a robot that does not know of it, too.
+
+        Raises UsageError where a folder has another answer to it by now.
+        """
+        if require_same := getattr(self.real, "require_same", None):
+            require_same(trial_name(outcome.number), outcome.score)
         self.spend(outcome.seconds, falls=int(outcome.fell))
         if isinstance(self.real, RealRobot) and self.real.spent.trials < outcome.ever:
             self.real.spend(outcome.seconds, falls=int(outcome.fell))
@@ -116,9 +121,10 @@ def _score(task: Task, trial: Any) -> float | None:
 class Trying:
     """A robot that is tried, gaits (n, G) to begin with, of which any may be known to stand, and how.
 
-    rules : None for the published sizes.
+    rules : None for the published sizes. goes_on : whether there are trials of an interrupted run.
     """
 
     robot: ScoredRobot
     gaits: np.ndarray
     rules: Rules | None = None
+    goes_on: bool = False

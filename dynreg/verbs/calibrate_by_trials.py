@@ -63,13 +63,15 @@ def calibrate_by_trials(
     registry.check_writable()
     asked = Built(registry, robot_to_try(registry, subject, settings.method, robot))
     task = task_of(asked.robot, settings.task)  # a mistake here makes no folder
-    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say)
+    rules = rules or Rules()
+    rules = rules if settings.goal is None else replace(rules, goal=settings.goal)
+    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules.goal)
     door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
-    gaits, rules = _gaits(registry, asked.robot, task, gait), rules or Rules()
+    gaits = _gaits(registry, asked.robot, task, gait)
     begin = begun_with(registry, settings.start, asked.robot)
     journals = _journals(asked, settings, task, begin and begin.id, gaits, rules, place_of(robot_door))
-    _require_kept(journals)
-    trying = Trying(door, gaits, rules if settings.goal is None else replace(rules, goal=settings.goal))
+    left = _left(journals, door)
+    trying = Trying(door, gaits, rules, goes_on=left is not None)
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
     with journals.held(KEPT):
         question = Question(None, values_of(begin, asked.robot))
@@ -100,15 +102,25 @@ def require_recordings(
         require_recording(registry, subject, method)
 
 
-def _require_kept(journals: Journals) -> None:
-    """UsageError where trials of an interrupted run would be lost: they cannot be had again, as simulations can."""
-    left = None if journals.resume else journals.left(KEPT)
-    if left is not None:
+def _left(journals: Journals, door: ScoredRobot) -> list[float] | None:
+    """The last trial of an interrupted run, to go on with; None where there is none.
+
+    Raises UsageError where trials would be lost, or be played again: they cannot be had again, as simulations can.
+    """
+    left = journals.left(KEPT)
+    if journals.resume and not (journals.begun(KEPT) or door.keeps):
+        raise UsageError(
+            "no trials of an interrupted run with these settings are kept",
+            expected="a run that was interrupted; one that ended has its result",
+            do="give its settings and seed, or leave out --resume to play all trials anew",
+        )
+    if left is not None and not journals.resume:
         raise UsageError(
             f"the trials of an interrupted run with these settings ({left[NUMBER]:.0f}) would be lost",
             expected="to go on with them, or another seed to begin anew",
             do="give --resume, or another --seed",
         )
+    return left
 
 
 def _journals(
@@ -127,8 +139,7 @@ def _journals(
         "start": begin,
         "budget": settings.budget,
         "gait": gaits.tolist(),
-        # a run that is continued may have another goal, as it may have another budget of trials
-        "rules": {name: value for name, value in asdict(rules).items() if name != "goal"},
+        "rules": asdict(rules),
         "trial": place,
     }
     return Journals(asked.registry, question, how, settings.resume)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dynreg.errors import UsageError
+from dynreg.errors import CorruptError, UsageError
 from dynreg.registry import Registry
 from dynreg.registry.files import LOCKS, try_lock
 from dynreg.search.journal import Journal, damage
@@ -40,10 +40,23 @@ class Journals:
             yield
 
     def left(self, stage: str) -> list[float] | None:
-        """What the last step of a stage found, in the journal that an interrupted run has left; None where none is."""
+        """What the last step of a stage found, in the journal that an interrupted run has left; None where none is.
+
+        Raises CorruptError for one with steps that is damaged.
+        """
         path = self._path(stage)
         lines = path.read_bytes().split(b"\n")[1:-1] if path.is_file() else []
-        return json.loads(lines[-1])["grades"][0] if lines and not damage(path) else None
+        if lines and (why := damage(path)):
+            raise CorruptError(
+                f"the journal of an interrupted run, {str(path)!r}: {why}",
+                expected="every line as it was written",
+                do="delete that line and all behind it and give --resume, or give another --seed",
+            )
+        return json.loads(lines[-1])["grades"][0] if lines else None
+
+    def begun(self, stage: str) -> bool:
+        """Whether a run that has not ended began with a stage."""
+        return self._path(stage).is_file()
 
     def end(self) -> None:
         """Take the journals away: the calibration has ended."""

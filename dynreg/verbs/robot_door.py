@@ -69,8 +69,9 @@ def door_of(
     settings: "CalibrateSettings",
     log_map: Any,
     say: Callable[[str], None],
+    goal: float | None,
 ) -> RealRobot | Played:
-    """The robot as it is tried: itself, a function, or a folder for its trials.
+    """The robot as it is tried: itself, a function, or a folder for its trials, which says of which goal they are.
 
     Raises UsageError for anything else, for a map where no log is read from a file, and as `ScoredFolder.begin`.
     """
@@ -81,7 +82,7 @@ def door_of(
     method = settings.method
     if isinstance(door, str | Path):
         given, path = None if log_map is None else read_map(log_map), folder_of(door)
-        told = {"method": method, "seed": settings.seed, "most": settings.trials or TRIALS}
+        told = {"method": method, "seed": settings.seed, "goal": goal, "most": settings.trials or TRIALS}
         folder = ScoredFolder(path, registry, robot, given, say, task=task, **told)
         folder.begin(settings.resume)
         return folder

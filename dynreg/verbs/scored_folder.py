@@ -30,13 +30,14 @@ class ScoredFolder(TrialFolder):
     """The trials of one calibration: `trial_N.csv` is to be played, and `trial_N_score.txt` or `trial_N_log.*` answers.
 
     The file of a score has one line: the score in the task's unit, or `fell`. `trials.json` says which robot, task,
-    method and seed the trials are of. most : trials that there may be. hinted : has something once it was said what to
-    measure.
+    method, seed and goal the trials are of. most : trials that there may be. hinted : has something once it was said
+    what to measure.
     """
 
     task: Task
     method: str
     seed: int
+    goal: float | None
     most: int
     hinted: list[str] = field(default_factory=list)
 
@@ -64,6 +65,18 @@ class ScoredFolder(TrialFolder):
     def __call__(self, actions: np.ndarray, rate: float, name: str) -> Recording | float | None:
         """`told`."""
         return self.told(actions, rate, name)
+
+    def require_same(self, name: str, score: float | None) -> None:
+        """UsageError where the file of a score says something else than what a run has gone on with."""
+        path = self.path / f"{name}_score.txt"
+        if not path.exists() or (now := read_score(path, self.task.unit)) == score:
+            return
+        was, now = (FELL if one is None else f"{one:.6g}" for one in (score, now))
+        raise UsageError(
+            f"{str(path)!r} says {now}, and the trials behind it were chosen when it said {was}",
+            expected="the answer that the run has gone on with",
+            do=f"write {was} there again, or begin anew in a new folder",
+        )
 
     def told(self, actions: np.ndarray, rate: float, name: str) -> Recording | float | None:
         """What a trial of commands (T, A) came to: its log, or the score that a person wrote, None for a fall.
@@ -94,13 +107,14 @@ class ScoredFolder(TrialFolder):
             return answer
 
     @property
-    def _question(self) -> dict[str, str | int]:
+    def _question(self) -> dict[str, str | float | None]:
         return {
             "robot": self.robot.name,
             "model": self.robot.hash[:12],
             "task": self.task.name,
             "method": self.method,
             "seed": self.seed,
+            "goal": self.goal,
         }
 
     def _require_mine(self, written: bool) -> None:

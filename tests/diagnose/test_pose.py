@@ -133,8 +133,12 @@ def test_it_is_no_unknown_cause(recording: Recording):
     assert found.noise.basis == "stated_noise" and found.noise.ratio < EXPLAINED
 
 
-def test_a_short_horizon_leaves_out_rollouts_whose_start_nobody_knows(recording: Recording):
+def test_a_short_horizon_leaves_out_rollouts_whose_start_nobody_knows_where_parameters_are_many(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+):
     short = replace(ASKED, horizon=1.5)
     begun = lambda base: pose(quadruped(base), recording, short)[1].windows.rows[:, 0]  # noqa: E731
+    assert len(begun("keyframe")) == len(begun("measured")), "with few they are kept"
+    monkeypatch.setattr("dynreg.diagnose.pose.MANY", len(quadruped("keyframe").space) - 1)
     assert (begun("keyframe") == 0).all(), "in the middle of a motion it is not in its reset pose"
     assert len(begun("measured")) == 2 * len(begun("keyframe")), "there the log has it"

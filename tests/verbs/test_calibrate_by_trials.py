@@ -10,7 +10,7 @@ import pytest
 
 import dynreg
 from dynreg.adapt.tried import Rules
-from dynreg.errors import BudgetError, LogError, NoMatchError, UsageError
+from dynreg.errors import BudgetError, CorruptError, LogError, NoMatchError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
 from dynreg.report.html import page
@@ -141,7 +141,7 @@ def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
     whole, first, second = calibrated(opened, brief, Door()), Door(breaks), Door()
     with pytest.raises(KeyboardInterrupt):
         calibrated(opened, brief, first)
-    with pytest.raises(UsageError, match="nothing to resume with seed 9"):
+    with pytest.raises(UsageError, match="no trials of an interrupted run.*give its settings and seed"):
         calibrated(opened, brief, Door(), seed=9, resume=True)
     found = calibrated(opened, brief, second, resume=True)
     assert found.on_robot.scores() == whole.on_robot.scores()
@@ -194,14 +194,35 @@ def test_a_calibration_that_runs_is_not_begun_beside_itself(opened: Session, bri
     assert calibrated(opened, brief, door, trials=1).cost.trials == 1
 
 
-def test_a_run_may_go_on_with_another_goal(opened: Session, brief: Robot) -> None:
+def test_a_run_goes_on_with_its_goal_alone_and_with_more_trials(opened: Session, brief: Robot) -> None:
+    aimed = Rules(**{**vars(TINY), "goal": 99.0})
     with pytest.raises(KeyboardInterrupt):
-        calibrated(opened, brief, Door(2), rules=Rules(**{**vars(TINY), "goal": 99.0}))
+        calibrated(opened, brief, Door(2), rules=aimed)
+    with pytest.raises(UsageError, match="no trials of an interrupted run"):
+        calibrated(opened, brief, Door(), rules=Rules(**{**vars(TINY), "goal": 98.0}), resume=True)
     door = Door()
-    found = calibrated(
-        opened, brief, door, rules=Rules(**{**vars(TINY), "goal": 98.0}), resume=True, trials=5
-    )
+    found = calibrated(opened, brief, door, rules=aimed, resume=True, trials=5)
     assert door.names[-1] == "trial_5" and found.cost.trials == 5
+
+
+def test_a_run_that_ended_is_not_played_again_by_resume(opened: Session, brief: Robot) -> None:
+    calibrated(opened, brief, Door(), trials=3)
+    door = Door()
+    with pytest.raises(UsageError, match="no trials of an interrupted run.*leave out --resume"):
+        calibrated(opened, brief, door, trials=6, resume=True)
+    assert door.names == []
+
+
+def test_a_damaged_journal_of_trials_is_kept(opened: Session, brief: Robot) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, Door(2))
+    (journal,) = [p for p in (opened.path / "searches").iterdir() if b'"trials"' in p.read_bytes()[:400]]
+    broken = journal.read_bytes().replace(b'"asked"', b'"akse"', 1)
+    journal.write_bytes(broken)
+    for resume in (False, True):
+        with pytest.raises(CorruptError, match="line 2 is damaged.*another --seed"):
+            calibrated(opened, brief, Door(), resume=resume)
+    assert journal.read_bytes() == broken
 
 
 def test_what_was_interrupted_in_a_new_registry_leaves_it_there(brief: Robot, tmp_path: Path) -> None:
@@ -289,7 +310,7 @@ def test_a_tape_measure_and_a_folder_will_do(
     assert found.cost.falls == 1 and found.cost.discarded == 2
     asked = [line for line in said if " on the robot (1 s)" in line]
     assert str(folder / "trial_1.csv") in asked[0] and len(asked) == 6
-    question = {"task": task_of(brief), "method": "btr", "seed": 3, "most": 6}
+    question = {"task": task_of(brief), "method": "btr", "seed": 3, "goal": None, "most": 6}
     quiet = ScoredFolder(folder, opened.registry, brief, say=said.append, **question)
     told = np.loadtxt(folder / "trial_1.csv", delimiter=",", skiprows=1)[:, 1:]
     assert quiet.told(told, brief.rate, "trial_1") == 0.11, "it is there already"

@@ -7,7 +7,7 @@ import pytest
 
 import dynreg
 from dynreg.adapt.tried import Rules
-from dynreg.errors import LogError
+from dynreg.errors import LogError, UsageError
 from dynreg.results import Calibration
 from dynreg.session import Session
 from dynreg.sim.robot import Robot
@@ -77,3 +77,24 @@ def test_the_gait_that_is_told_and_stored_is_the_one_that_was_tried_again(
     told = found.on_robot
     assert 9.0 in told.scores() and told.best == 1 and told.tried[0].score == pytest.approx(0.75)
     assert told.gait != {} and found.cost.trials == len(names) == 4 + 2 + 2
+
+
+def test_an_answer_that_the_run_has_gone_on_with_stays(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.0)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.01)
+    folder = tmp_path / "trials"
+
+    def person(line: str) -> None:
+        if asked := re.match(r"trial (\d+) of", line):
+            if asked[1] == "3":
+                raise KeyboardInterrupt
+            (folder / f"trial_{asked[1]}_score.txt").write_text("8.2", encoding="utf-8")
+
+    with dynreg.open(tmp_path / "registry") as opened:
+        with pytest.raises(KeyboardInterrupt):
+            calibrated(opened, brief, folder, say=person)
+        (folder / "trial_2_score.txt").write_text("0.82", encoding="utf-8")
+        with pytest.raises(UsageError, match=r"says 0.82, and .* said 8.2; .* write 8.2 there again"):
+            calibrated(opened, brief, folder, resume=True, say=person)

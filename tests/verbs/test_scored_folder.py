@@ -90,7 +90,11 @@ def test_an_answer_that_comes_before_its_trial_is_refused(
 def test_a_folder_of_another_question_is_refused(opened: Session, brief: Robot, tmp_path: Path) -> None:
     folder = tmp_path / "trials"
     calibrated(opened, brief, folder, Person(folder, measures))
-    for told, says in (({"task": "turn"}, "task 'forward'"), ({"seed": 4}, "seed 3")):
+    for told, says in (
+        ({"task": "turn"}, "task 'forward'"),
+        ({"seed": 4}, "seed 3"),
+        ({"goal": 9.0}, "goal None"),
+    ):
         for resume in (False, True):
             with pytest.raises(UsageError, match=f"are of {says}.* name a new folder"):
                 calibrated(opened, brief, folder, print, resume=resume, **told)
@@ -107,7 +111,7 @@ def test_answered_trials_are_taken_with_resume_alone_and_that_is_said_first(
     with pytest.raises(UsageError, match="has answers already, to 3 trials.* give --resume to take them"):
         calibrated(opened, brief, folder, print)
     person.lines.clear()
-    found = calibrated(opened, brief, folder, person, resume=True, trials=4, goal=99.0)
+    found = calibrated(opened, brief, folder, person, resume=True, trials=4)
     assert person.lines[0] == f"3 trials taken from {folder}, and not played again"
     assert len(person.asked) == 4 and found.on_robot.scores() == [0.2] * 4
 
