@@ -202,6 +202,14 @@ def test_a_simulator_that_was_spoilt_is_rolled_back_and_the_search_in_it_is_shor
     assert BACK not in {v.made for v in healthy.versions}
 
 
+def test_a_budget_that_ends_with_a_fall_says_nothing_of_the_simulator() -> None:
+    whole = spoilt(Robot(slips=0.25, tall=1.0))
+    first = next(t for t in whole.tried if t.iteration == 2 and t.fell)
+    cut = spoilt(Robot(slips=0.25, tall=1.0, most=first.trials[-1]))
+    assert cut.tried[-1].fell and cut.ended == "trials"
+    assert BACK not in {v.made for v in cut.versions}, "one gait that fell is no half of ten"
+
+
 def asked_by(rules: Rules, robot: Robot) -> dict[str, int]:
     """How many gaits each search asked for, by its name."""
     counts: dict[str, int] = {}
