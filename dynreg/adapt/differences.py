@@ -7,11 +7,6 @@ import numpy as np
 from scipy.stats import rankdata
 
 
-def differences(name: str, simulated: np.ndarray, real: np.ndarray) -> np.ndarray:
-    """(s,) of scores (s, m) in simulators and (m,) on the robot, by one of `DIFFERENCES`; lower is better."""
-    return DIFFERENCES[name](simulated, real)
-
-
 def absolute(simulated: np.ndarray, real: np.ndarray) -> np.ndarray:
     """(s,) mean |f_s - f_r|: what paper B's text and Figure 2 say."""
     return np.abs(simulated - real).mean(axis=1)

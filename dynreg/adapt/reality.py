@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynreg.adapt.differences import differences
+from dynreg.adapt.differences import DIFFERENCES
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
 from dynreg.adapt.tried import ADAPTED, BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
@@ -179,7 +179,7 @@ class _Run:
         gaits, real = np.array([one.gait for one in stood]), np.array([one.score for one in stood])
 
         def difference(simulators: np.ndarray) -> np.ndarray:
-            return differences(rules.difference, self.world.play(gaits, simulators), real)
+            return DIFFERENCES[rules.difference](self.world.play(gaits, simulators), real)
 
         first, name = float(difference(parent.simulator[None])[0]), f"simulators {number}"
         # a difference that may be negative has no share that is near enough

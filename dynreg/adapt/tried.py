@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dynreg.adapt.differences import DIFFERENCES
+from dynreg.adapt.scores import Scores
 from dynreg.errors import UsageError
 
 TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
@@ -88,7 +89,7 @@ def _refuse(problem: str, expected: str) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
+class Tried(Scores):
     """A gait (G,) on the robot: its trials by number from 1, and their scores, None for the fall that ended them.
 
     iteration : from 1. step : `TRANSFER` or `REFINE`. simulated : its fitness in the simulator that it comes from;
@@ -101,16 +102,6 @@ class Tried:
     trials: tuple[int, ...]
     scores: tuple[float | None, ...]
     simulated: float | None = None
-
-    @property
-    def fell(self) -> bool:
-        """Whether it is discarded."""
-        return None in self.scores
-
-    @property
-    def score(self) -> float:
-        """The mean over its trials; 0 after a fall."""
-        return 0.0 if self.fell else float(np.mean(self.scores))
 
 
 def best_of(tried: Iterable[Tried], repeats: int) -> Tried | None:

@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from dynreg.adapt.scores import Scores
 from dynreg.results.result import Cost, Result
 
 
@@ -54,7 +55,7 @@ class CalibrationVersion(Result):
     trials: tuple[str, ...] = ()
 
 
-class TriedGait(Result):
+class TriedGait(Scores, Result):
     """A gait on the robot.
 
     iteration : from 1. step : "transfer" where it came from the simulator, or is one to begin with; "refine" where it
@@ -68,16 +69,6 @@ class TriedGait(Result):
     trials: tuple[int, ...]
     scores: tuple[float | None, ...]
     simulated: float | None = None
-
-    @property
-    def fell(self) -> bool:
-        """Whether it was discarded."""
-        return None in self.scores
-
-    @property
-    def score(self) -> float:
-        """The mean over its trials; 0 after a fall."""
-        return 0.0 if None in self.scores else sum(self.scores) / len(self.scores)
 
 
 class OnRobot(Result):

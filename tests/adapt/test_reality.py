@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynreg.adapt.differences import differences, rank_correlation
+from dynreg.adapt.differences import DIFFERENCES, rank_correlation
 from dynreg.adapt.journalled import Journalled, Outcome, outcome_of
 from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import BACK, REFINE, TRANSFER, Reached, Rules
@@ -305,9 +305,9 @@ def test_a_door_that_falls_every_time_leaves_no_gait() -> None:
 
 def test_differences_are_what_the_paper_says() -> None:
     simulated, real = np.array([[5.0, 0.0], [3.0, 1.0]]), np.array([0.0, 5.0])
-    assert differences("absolute", simulated, real).tolist() == [5.0, 3.5]
-    assert differences("signed", simulated, real).tolist() == [0.0, -0.5], "+5 and -5 cancel"
-    assert differences("rank", simulated, real).tolist() == [2.0, 2.0]
+    assert DIFFERENCES["absolute"](simulated, real).tolist() == [5.0, 3.5]
+    assert DIFFERENCES["signed"](simulated, real).tolist() == [0.0, -0.5], "+5 and -5 cancel"
+    assert DIFFERENCES["rank"](simulated, real).tolist() == [2.0, 2.0]
     assert rank_correlation(np.array([[1.0, 1.0, 1.0], [1.0, 2.0, 9.0]]), np.arange(3.0)).tolist() == [
         0.0,
         pytest.approx(1.0),
@@ -372,3 +372,12 @@ def test_a_difference_that_is_negative_at_first_does_not_end_the_search_for_a_si
 def test_the_same_seed_gives_the_same_bytes_and_another_another() -> None:
     ends = lambda seed: [v.simulator.tobytes() for v in run(Robot(), seed=seed).versions]  # noqa: E731
     assert ends(4) == ends(4) != ends(5)
+
+
+def test_the_page_names_the_least_budget() -> None:
+    least = replace(Rules(), first=1, later=1, turns=1).rollouts
+    assert Rules().within(least).rollouts == least
+    with pytest.raises(UsageError, match=f"at least {least}"):
+        Rules().within(least - 1)
+    page = (Path(__file__).parents[2] / "docs" / "methods.md").read_text(encoding="utf-8")
+    assert f"`--budget {least}`, the least" in page
