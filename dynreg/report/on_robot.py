@@ -54,6 +54,8 @@ def next_steps(result: Calibration) -> tuple[str, ...]:
     )
     if len(told.tried[told.best - 1].trials) == 1:
         out.append("The best score is of one trial, the luckiest of many: try the gait again.")
+    if len(result.versions) > 1:
+        out.append("Its parameters make scores alike, and need not be the robot's: a recording tells these.")
     return tuple(out)
 
 
@@ -85,7 +87,8 @@ def charts(result: Calibration) -> list[Chart]:
         real += [0.0 if score is None else score for score in one.scores]
         simulated += [one.simulated] * len(one.trials)
     curves = {"nominal": simulated, "answer": real}
-    scores = chart(f"score [{told.unit}] on the robot, and simulated (dashed)", "trial", x, curves)
+    beside = ", and simulated (dashed)" if any(one is not None for one in simulated) else ""
+    scores = chart(f"score [{told.unit}] on the robot{beside}", "trial", x, curves)
     at: list[float] = []
     delta: list[float | None] = []
     for number_, one in enumerate((v for v in result.versions if v.before is not None), 1):
