@@ -4,8 +4,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
+import dynreg.errors as errors
+from dynreg.errors import DynregError
+
 Done = TypeVar("Done")
 Job = Mapping[str, Any]  # a function's arguments by name: numbers, texts, bytes, arrays, and lists of these
+
+Answer = tuple[str, Any]  # what a worker sends: what came of a job, or an error of ours, as plain data
+_DONE, _ERROR = "done", "error"
 
 
 class Executor(Protocol):
@@ -40,3 +46,21 @@ class Local:
     def map(self, function: Callable[..., Done], jobs: Iterable[Job]) -> Iterator[Done]:
         """See `Executor.map`."""
         return (function(**job) for job in jobs)
+
+
+def answer(function: Callable[..., Any], job: Job) -> Answer:
+    """What comes of a job, where a worker does it. An error of ours becomes data: its message is not all of it."""
+    try:
+        return _DONE, function(**job)
+    except DynregError as error:
+        kind = next(c.__name__ for c in type(error).__mro__ if c.__module__ == errors.__name__)
+        return _ERROR, (kind, vars(error))
+
+
+def result(answer: Answer) -> Any:
+    """What a worker's answer tells; raises the error that it tells."""
+    kind, told = answer
+    if kind == _ERROR:
+        name, says = told
+        raise getattr(errors, name)(**says)
+    return told

@@ -14,9 +14,8 @@ from importlib import import_module
 from typing import Any
 from urllib.parse import urlsplit
 
-import dynreg.errors as errors
 from dynreg.errors import ExecutorError, UsageError
-from dynreg.executor.executor import Done, Executor, Job
+from dynreg.executor.executor import Answer, Done, Executor, Job, result
 
 ADDRESS = "RAY_ADDRESS"
 OWN, ANY = "local", "auto"  # Ray's words for an instance of one's own, and for one that runs on this machine
@@ -51,7 +50,7 @@ class _Ray:
     def _answer(self, task: Any) -> Any:
         broken = self.ray.exceptions
         try:
-            kind, told = self.ray.get(task)
+            version, answer = self.ray.get(task)
         except broken.RayTaskError as error:  # no error of ours: a bug, or what the machine refuses
             raise error.cause from None
         except broken.RayError as error:
@@ -60,36 +59,30 @@ class _Ray:
                 expected="workers that live as long as a job takes",
                 do="look for the reason in Ray's logs (memory?), then run the same command: what is stored stays",
             ) from error
-        if kind == "error":
-            name, says = told
-            raise getattr(errors, name)(**says)
-        if kind == "version":
-            raise _differs(told)
-        return told
+        if version != _version():
+            raise _differs(version)
+        return result(answer)
 
 
-def _task() -> Callable[[str, str, Job], tuple[str, Any]]:
-    """What Ray sends: by value, so that a worker without dynreg can say so."""
+def _task() -> Callable[[str, str, Job], tuple[str | None, Answer | None]]:
+    """What Ray sends: by value, so that a worker without dynreg can say so.
 
-    def run(version: str, name: str, job: Job) -> tuple[str, Any]:
+    It gives the version that the worker has, None where it has none, and the answer where that is the right one.
+    """
+
+    def run(version: str, name: str, job: Job) -> tuple[str | None, Answer | None]:
         import os
         from importlib import import_module
 
         os.environ.setdefault("MUJOCO_GL", "disable")  # as the command has it: no job draws
         try:
-            ours, errors = import_module("dynreg"), import_module("dynreg.errors")
+            there, worker = import_module("dynreg").__version__, import_module("dynreg.executor.executor")
         except ImportError:
-            return "version", None
-        if ours.__version__ != version:
-            return "version", ours.__version__
+            return None, None
+        if there != version:
+            return there, None
         module, _, function = name.partition(":")
-        try:
-            return "done", getattr(import_module(module), function)(**job)
-        except (
-            errors.DynregError
-        ) as error:  # told as data: Ray would wrap it, and its message is not all of it
-            kind = next(c.__name__ for c in type(error).__mro__ if c.__module__ == errors.__name__)
-            return "error", (kind, vars(error))
+        return there, worker.answer(getattr(import_module(module), function), job)
 
     return run
 
