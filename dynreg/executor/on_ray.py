@@ -6,9 +6,10 @@ function of a few lines travel; what a worker stores it puts into the registry i
 
 import os
 import socket
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -95,20 +96,33 @@ def connected(address: str | None, threads: int) -> Iterator[Executor]:
     """
     ray = _imported()
     if ray.is_initialized():
-        yield _Ray(ray, threads or 1)
+        yield _on(ray, threads)
         return
     where = address or os.environ.get(ADDRESS) or OWN
     _require_answer(where)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # this machine tells nobody what it does
     own = {"include_dashboard": False} if where == OWN else {}
-    try:
-        ray.init(address=where, log_to_driver=False, logging_level="ERROR", **own)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise _no_cluster(where, error) from error
-    try:
-        yield _Ray(ray, threads or 1)
-    finally:
-        ray.shutdown()
+    with redirect_stdout(sys.stderr):  # Ray tells there of lost workers, where a command's document belongs
+        try:
+            ray.init(address=where, log_to_driver=False, logging_level="ERROR", **own)
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            raise _no_cluster(where, error) from error
+        try:
+            yield _on(ray, threads)
+        finally:
+            ray.shutdown()
+
+
+def _on(ray: Any, threads: int) -> _Ray:
+    """ExecutorError where no machine of the cluster has as many cores as a job takes: it would wait for ever."""
+    cores = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
+    if 0 < cores < threads:
+        raise ExecutorError(
+            f"jobs of {threads} threads on a cluster whose machines have {cores} cores",
+            expected=f"1 to {cores} threads",
+            do=f"add --threads {cores}, or leave --threads out for one",
+        )
+    return _Ray(ray, threads or 1)
 
 
 def _imported() -> Any:

@@ -3,11 +3,13 @@
 import os
 import signal
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
+from lossy import die_after
 
 from dynreg.errors import BudgetError, UsageError
+from dynreg.verbs.populations import fill_span
 
 
 def doubled(values: np.ndarray, name: str) -> tuple[str, np.ndarray]:
@@ -42,3 +44,11 @@ def lost(number: int) -> NoReturn:
     """A job that kills whoever does it."""
     os.kill(os.getpid(), signal.SIGKILL)
     raise AssertionError(number)
+
+
+def span_killed_once(span: tuple[int, int], mark: str, dies: str, **job: Any) -> tuple[int, dict[str, float]]:
+    """`fill_span`, whose process is killed the first time after it has called `dies`."""
+    if not Path(mark).exists():
+        Path(mark).touch()
+        die_after(dies)
+    return fill_span(span=span, **job)

@@ -12,8 +12,7 @@ from typing import Any
 from dynreg.executor.executor import Answer, Job, answer, result
 from dynreg.rng import stream
 
-PROCESSES = mp.get_context("forkserver")
-PROCESSES.set_forkserver_preload(["warm"])
+PROCESSES = mp.get_context("fork")  # so that nothing is loaded and compiled anew; jobs run on one thread
 
 
 @dataclass
@@ -54,11 +53,11 @@ class Lossy:
 
 def _work(tell: Connection, function: Callable[..., Any], job: dict[str, Any], dies: str | None) -> None:
     if dies:
-        _die_after(dies)
+        die_after(dies)
     tell.send(answer(function, job))
 
 
-def _die_after(name: str) -> None:
+def die_after(name: str) -> None:
     """Have this process killed where it has called a function."""
     module, _, place = name.partition(":")
     owner, _, attribute = place.rpartition(".")

@@ -1,7 +1,9 @@
 """Every executor: results in order, our own errors as they are, a lost worker loses nothing, the same bytes."""
 
+import shutil
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import jobs
@@ -9,10 +11,23 @@ import numpy as np
 import pytest
 from lossy import Lossy
 
+from dynreg import session
 from dynreg.cli.main import main
+from dynreg.diagnose.diagnose import posed
+from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.threshold import Threshold, threshold
+from dynreg.diagnose.trial import trial_threshold
 from dynreg.errors import UsageError
+from dynreg.evidence.lockstep import Search, run
 from dynreg.executor import Executor, Local, opened
-from dynreg.registry import verify
+from dynreg.registry import Registry, verify
+from dynreg.results.trials import TrialResult
+from dynreg.sim.robot import load_robot
+from dynreg.verbs.nulls import HandedOut, null_of_diagnosis, null_of_trials
+from dynreg.verbs.plain import plain_recording, plain_robot, recording_from, robot_from
+from dynreg.verbs.subjects import Recorded, recorded
+from dynreg.verbs.trial import TrialSettings, trials_of, tried_some
 
 PUT, MADE = "dynreg.registry.registry:Registry.put_shard", "dynreg.verbs.populations:make_entries"
 STAGED = "dynreg.registry.directory:Directory.stage"
@@ -72,7 +87,7 @@ def test_without_ray_a_command_says_what_to_install(line, monkeypatch: pytest.Mo
 
 def test_an_address_belongs_to_ray(line) -> None:
     status, said = line("--address", "127.0.0.1:6379")
-    assert status == 2 and "--address '127.0.0.1:6379' without" in said and "--executor ray" in said
+    assert status == 2 and "'127.0.0.1:6379' without executor 'ray'" in said and "--executor ray" in said
 
 
 def test_an_unknown_executor_is_refused(line) -> None:
@@ -83,3 +98,62 @@ def test_an_unknown_executor_is_refused(line) -> None:
 def test_local_is_the_usual_one() -> None:
     with opened("local", None, 3) as executor:
         assert executor == Local(3) and executor.workers == 1
+
+
+def test_the_robots_of_a_trial_are_diagnosed_elsewhere_with_the_same_numbers(tmp_path: Path) -> None:
+    """Those without an effect, which set the threshold, and those with one, each in a process of its own."""
+    settings = TrialSettings(count=2, seconds=15.0, threshold_runs=2, threads=1)
+    with session.open(tmp_path / "registry") as opened_here:
+        robot = load_robot("servo_pendulum")
+        usual = opened_here.trial(robot, **vars(settings))
+    executor, told = Lossy(), {"robot": plain_robot(robot), "settings": vars(settings), "threads": 1}
+    nulls = HandedOut(executor, null_of_trials, told)
+    needed = trial_threshold(trials_of(robot, settings, 1), None, None, nulls)
+    assert f"{needed.nats:.3g} nats" in usual.notes[0] and nulls.rollouts > 0
+    spans = [{"span": (number, number + 1), "needed": vars(needed)} for number in range(2)]
+    found = [one for (one,) in executor.map(tried_some, [told | span for span in spans])]
+    for one, other in zip(found, usual.trials, strict=True):
+        assert TrialResult(**one) == other.model_copy(
+            update={name: one[name] for name in ("seconds", "core_seconds")}
+        )
+
+
+def test_the_threshold_of_a_diagnosis_is_found_elsewhere_with_the_same_numbers(
+    tmp_path: Path, registry_folder: Path
+) -> None:
+    options = DiagnosisOptions(effects=("coulomb_friction",), windows=2, threshold_runs=2, threads=1)
+    with Registry.open(shutil.copytree(registry_folder, tmp_path / "copy")) as registry:
+        asked = recorded(registry, "bench", None, None, ingest=False)
+        job = {
+            "registry": str(registry.path),
+            "robot": plain_robot(asked.robot),
+            "recording": plain_recording(asked.recording),
+            "start": None,
+            "options": vars(options),
+            "threads": 1,
+        }
+        nulls = HandedOut(Lossy({1: "dynreg.diagnose.diagnose:pose"}), null_of_diagnosis, job)
+        (problem, here) = run(_threshold(asked, options, None))
+        (_, there) = run(_threshold(asked, options, nulls))
+    assert there == here and nulls.rollouts > 0 and problem.terms
+
+
+def _threshold(
+    asked: Recorded, options: DiagnosisOptions, nulls: HandedOut | None
+) -> Search[tuple[Problem, Threshold]]:
+    problem = yield from posed(asked.robot, asked.recording, options)
+    found = yield from threshold(problem, asked.recording, options, nulls=nulls)
+    return problem, found
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_robots_and_recordings_come_back_from_plain_data(narrow: bool, registry_folder: Path) -> None:
+    robot = load_robot("quadruped")
+    robot = replace(robot, space=robot.space.with_ranges({"friction": (0.4, 0.5)})) if narrow else robot
+    again = robot_from(plain_robot(robot))
+    assert again.hash == robot.hash and again.space == robot.space and again.file == robot.file
+    with Registry.open(registry_folder) as registry:
+        recording = registry.recording("bench")
+    other = recording_from(plain_recording(recording))
+    assert other.id == recording.id and other.provenance == recording.provenance
+    assert other.measured == recording.measured
