@@ -56,7 +56,7 @@ class _Ray:
             raise error.cause from None
         except broken.RayError as error:
             raise ExecutorError(
-                f"a job lost its worker each time that Ray tried it: {type(error).__name__}",
+                f"Ray lost the worker of a job each time that it tried: {type(error).__name__}",
                 expected="workers that live as long as a job takes",
                 do="look for the reason in Ray's logs (memory?), then run the same command: what is stored stays",
             ) from error

@@ -120,18 +120,21 @@ def with_effects(
 ) -> "PopulationSummary":
     """Extend a population of simulators that carry one effect or none to n entries; see `populate`."""
     from dynreg.diagnose.guided import keep
+    from dynreg.executor import opened
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
-    from dynreg.verbs.effect_populations import begin, fill, held, posed
+    from dynreg.verbs.effect_populations import begin, fill_span, held, hold, posed
+    from dynreg.verbs.populations import fill
     from dynreg.verbs.subjects import recorded
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
-    given = posed(
-        recorded(registry, settings.like, robot, None, ingest=True), settings.seed, settings.threads
-    )
-    identity = begin(registry, robot, given, n)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
-    added = fill(registry, given, settings.threads, watch, advance)
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        like = recorded(registry, settings.like, robot, None, ingest=True)
+        given = posed(like, settings.seed, settings.threads)
+        identity = begin(registry, robot, given, n)
+        hold(given, settings.threads)
+        added = fill(registry, identity, executor, watch, advance, fill_span)
     report("link", 0, 1)
     with watch.of("train"):
         population, _, _ = held(registry, identity)

@@ -112,16 +112,18 @@ def fill(
     executor: Executor,
     watch: Stopwatch,
     report: Callable[[int], None],
+    made_by: Callable[..., tuple[int, dict[str, float]]] | None = None,
 ) -> int:
     """Have the missing entries made and stored, a shard a job, and wait for other processes: how many were added.
 
-    A claim of another process ends with it. report : called with how many entries are there.
+    A claim of another process ends with it. report : called with how many entries are there. made_by : makes a shard,
+    as `fill_span`, the usual one, does.
     """
     told = {"registry": str(registry.path.resolve()), "population": identity, "threads": executor.threads}
     total = 0
     while spans := registry.missing_spans(identity):
         added = 0
-        for made, seconds in executor.map(fill_span, [told | {"span": span} for span in spans]):
+        for made, seconds in executor.map(made_by or fill_span, [told | {"span": span} for span in spans]):
             added += made
             watch.seconds.update(seconds)
             if made:

@@ -102,7 +102,7 @@ def test_local_is_the_usual_one() -> None:
 
 def test_the_robots_of_a_trial_are_diagnosed_elsewhere_with_the_same_numbers(tmp_path: Path) -> None:
     """Those without an effect, which set the threshold, and those with one, each in a process of its own."""
-    settings = TrialSettings(count=2, seconds=15.0, threshold_runs=2, threads=1)
+    settings = TrialSettings(hide="nothing", count=2, seconds=12.5, threshold_runs=2, threads=1)
     with session.open(tmp_path / "registry") as opened_here:
         robot = load_robot("servo_pendulum")
         usual = opened_here.trial(robot, **vars(settings))

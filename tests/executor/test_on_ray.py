@@ -77,7 +77,7 @@ def test_a_bug_is_what_it_was(on_ray: Executor) -> None:
 def test_a_job_whose_worker_is_lost_is_done_again_and_not_for_ever(on_ray: Executor, tmp_path: Path) -> None:
     every = [{"number": number, "folder": str(tmp_path)} for number in range(4)]
     assert list(on_ray.map(jobs.once_lost, every)) == [0, 1, 2, 3]
-    with pytest.raises(ExecutorError, match="lost its worker each time"):
+    with pytest.raises(ExecutorError, match="lost the worker of a job each time"):
         list(on_ray.map(jobs.lost, [{"number": 0}]))
 
 
