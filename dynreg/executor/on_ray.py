@@ -40,13 +40,10 @@ class _Ray:
         task = self.ray.remote(num_cpus=self.threads)(_task())
         name = f"{function.__module__}:{function.__qualname__}"
         waiting = deque(task.remote(_version(), name, dict(job)) for job in jobs)
-        try:
-            while waiting:
-                yield self._answer(waiting[0])
-                waiting.popleft()
-        finally:
-            for left in waiting:  # nobody asks for them any more
-                self.ray.cancel(left)
+        # Whose answers nobody asks for, after an error, Ray ends when it is left. `ray.cancel` would do so before, and
+        # takes this process down where a task is just then done (2.60: "an unexpected system state").
+        while waiting:
+            yield self._answer(waiting.popleft())
 
     def _answer(self, task: Any) -> Any:
         broken = self.ray.exceptions
