@@ -47,14 +47,26 @@ def fit_embedding(stack: MlpStack, base: MlpStack, probes: np.ndarray, dimension
     )
     flat = flat - reference
     mean = flat.mean(axis=0)
-    centred = (flat - mean).astype(np.float64)
-    # eigenvectors of the small Gram matrix: far cheaper than an SVD of (M, N S)
-    values, vectors = np.linalg.eigh(centred @ centred.T)
+    components = principal((flat - mean).astype(np.float64), dimensions)
+    return Embedding(probes, reference, mean, components.astype(np.float32))
+
+
+def principal(centred: np.ndarray, dimensions: int) -> np.ndarray:
+    """(D', F) directions in which M centred points (M, F) vary most, the most first, at most `dimensions`.
+
+    Of the M by M products of the points and the F by F ones of their columns, the smaller matrix is decomposed: both
+    tell the same directions.
+    """
+    points, columns = centred.shape
+    values, vectors = np.linalg.eigh(centred @ centred.T if points <= columns else centred.T @ centred)
     # M centred points span M - 1 dimensions at most; a direction without variance is rounding, blown up
     known = max(1, int((values > 1e-10 * values[-1]).sum()))
     keep = np.argsort(values)[::-1][: min(dimensions, known)]
-    scale = np.sqrt(np.maximum(values[keep], 1e-12))
-    components = (vectors[:, keep] / scale).T @ centred
+    if points <= columns:
+        scale = np.sqrt(np.maximum(values[keep], 1e-12))
+        components = (vectors[:, keep] / scale).T @ centred
+    else:
+        components = vectors[:, keep].T
     # the sign of an eigenvector is arbitrary: fix it, so that the same entries give the same bytes
     signs = np.sign(components[np.arange(len(keep)), np.abs(components).argmax(axis=1)])
-    return Embedding(probes, reference, mean, (components * signs[:, None]).astype(np.float32))
+    return components * signs[:, None]
