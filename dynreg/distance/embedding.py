@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.models.losses import predict
-from dynreg.models.mlp import MlpStack
+from dynreg.models.mlp import MlpStack, Models
+
+BATCH = 50  # models at once
 
 
 @dataclass(frozen=True)
@@ -22,13 +24,14 @@ class Embedding:
     mean: np.ndarray
     components: np.ndarray
 
-    def vectors(self, stack: MlpStack) -> np.ndarray:
+    def vectors(self, stack: Models) -> np.ndarray:
         """(M, D') embedding of models; Euclidean distance compares their predictions."""
         out = np.empty((len(stack), len(self.components)), dtype=np.float64)
-        for first in range(0, len(stack), 50):
-            part = stack[np.arange(first, min(first + 50, len(stack)))]
-            flat = predict(part, self.probes).reshape(len(part), -1) - self.base
-            out[first : first + len(part)] = (flat - self.mean) @ self.components.T
+        for first in range(0, len(stack), BATCH):
+            flat = predictions(stack, self.probes, first) - self.base
+            # one product each: a vector does not depend on which others are computed with it
+            for at, one in enumerate(flat - self.mean, start=first):
+                out[at] = self.components @ one
         return out
 
     def as_arrays(self) -> dict[str, np.ndarray]:
@@ -36,19 +39,20 @@ class Embedding:
         return dict(vars(self))
 
 
-def fit_embedding(stack: MlpStack, base: MlpStack, probes: np.ndarray, dimensions: int = 64) -> Embedding:
+def fit_embedding(stack: Models, base: MlpStack, probes: np.ndarray, dimensions: int = 64) -> Embedding:
     """Principal components of the predictions of M models on probes (N, D); as many as they vary in, at most."""
     reference = predict(base, probes)[0].reshape(-1)
-    flat = np.concatenate(
-        [
-            predict(stack[np.arange(i, min(i + 50, len(stack)))], probes).reshape(-1, reference.size)
-            for i in range(0, len(stack), 50)
-        ]
-    )
+    flat = np.concatenate([predictions(stack, probes, first) for first in range(0, len(stack), BATCH)])
     flat = flat - reference
     mean = flat.mean(axis=0)
     components = principal((flat - mean).astype(np.float64), dimensions)
     return Embedding(probes, reference, mean, components.astype(np.float32))
+
+
+def predictions(stack: Models, probes: np.ndarray, first: int) -> np.ndarray:
+    """(m, N S) of some models from `first` on, on probes (N, D)."""
+    part = stack[np.arange(first, min(first + BATCH, len(stack)))]
+    return predict(part, probes).reshape(len(part), -1)
 
 
 def principal(centred: np.ndarray, dimensions: int) -> np.ndarray:

@@ -36,7 +36,9 @@ class Found:
     evaluations: int
 
 
-def search(graph: Graph, to: To, k: int, rng: np.random.Generator, *, ef: int = EF) -> Found:
+def search(
+    graph: Graph, to: To, k: int, rng: np.random.Generator, *, ef: int = EF, among: Ids | None = None
+) -> Found:
     """The k nodes nearest to a query, by best-first search on the flat graph.
 
     Parameters
@@ -45,9 +47,29 @@ def search(graph: Graph, to: To, k: int, rng: np.random.Generator, *, ef: int = 
     rng : draws the nodes to start from.
     ef : how many of the best nodes are kept and expanded; at least k is used. With ef = len(graph) the
         search looks at every node.
+    among : the only nodes that are asked for; the walk passes through others to their neighbours.
     """
-    walk = best_first(graph.neighbours, draw_starts(len(graph), STARTS, rng), max(ef, k))
-    return lockstep([walk], lambda rows, ids: to(ids), k)[0]
+    if among is None or len(among) == len(graph):
+        neighbours, starts = graph.neighbours, draw_starts(len(graph), STARTS, rng)
+    else:
+        neighbours = Among(graph.neighbours, among)
+        starts = np.asarray(among)[draw_starts(len(among), STARTS, rng)].tolist()
+    return lockstep([best_first(neighbours, starts, max(ef, k))], lambda rows, ids: to(ids), k)[0]
+
+
+class Among:
+    """The neighbours of nodes among some: a neighbour that is none of these stands for its own neighbours."""
+
+    def __init__(self, neighbours: Sequence[np.ndarray], among: Ids):
+        self.neighbours = neighbours
+        self.among = np.zeros(len(neighbours), dtype=bool)
+        self.among[among] = True
+
+    def __getitem__(self, node: int) -> np.ndarray:
+        around = self.neighbours[node]
+        mine, others = around[self.among[around]], around[~self.among[around]]
+        beyond = np.concatenate([mine, *(self.neighbours[other] for other in others.tolist())])
+        return np.unique(beyond[self.among[beyond]])
 
 
 def search_many(graph: Graph, to: ToMany, queries: int, k: int, *, seed: int, ef: int = EF) -> list[Found]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy import ndarray
@@ -11,6 +12,19 @@ from dynreg.rng import stream
 
 HIDDEN = 128
 LAYERS = 4
+
+
+@runtime_checkable
+class Models(Protocol):
+    """Models of one shape, some of which can be taken out: an `MlpStack`, or models that are read when asked for."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        ...
+
+    def __getitem__(self, ids: ndarray) -> "MlpStack":
+        """The models `ids` (m,)."""
+        ...
 
 
 @dataclass(frozen=True)
