@@ -8,7 +8,7 @@ from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import Rows, thin
 from dynreg.errors import LogError
 from dynreg.index import search
-from dynreg.models.losses import predict
+from dynreg.models.losses import Predictor
 from dynreg.models.mlp import MlpStack, Models
 from dynreg.models.normaliser import Normaliser
 from dynreg.models.threads import available_threads, worker_pool
@@ -124,12 +124,13 @@ def _miss(
     """(M, N, S) error of the change over all H steps, in units of the spread of one step's."""
     channels = targets.shape[-1]
     spread = normaliser.input_std[:channels]
-    total = predict(stack, inputs[:, 0], threads=threads)
+    predict = Predictor(stack, threads=threads)
+    total = predict(inputs[:, 0])
     for step in range(1, inputs.shape[1]):
         moved = (total * normaliser.delta_std + step * normaliser.delta_mean) / spread
         rows = np.broadcast_to(inputs[:, step], (len(stack), *inputs[:, step].shape)).copy()
         rows[..., :channels] = inputs[:, 0, :channels] + moved
-        total = total + predict(stack, rows.astype(np.float32), threads=threads)
+        total = total + predict(rows.astype(np.float32))
     return total - targets.sum(axis=1)
 
 
