@@ -8,6 +8,7 @@ from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
 from dynreg.index import To, search, search_printed
 from dynreg.models.losses import losses
+from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
 REACHED = 60  # entries that a search of the graph keeps
@@ -59,10 +60,11 @@ def _rank(
 
 def _walked(asked: DistanceQuery, to: To, as_printed: bool) -> Ranked:
     graph, rng = asked.population.graph, stream(asked.population.shared.seed, "search")
-    if as_printed:
-        found = search_printed(graph, to, max(5, asked.wanted), rng, restarts=4)
-    else:
-        kept = min(max(REACHED, asked.wanted, asked.at_least), len(asked.allowed))
-        found = search(graph, to, kept, rng, ef=kept, among=asked.allowed)
+    with single_threaded():  # a step asks for too little to share among cores
+        if as_printed:
+            found = search_printed(graph, to, max(5, asked.wanted), rng, restarts=4)
+        else:
+            kept = min(max(REACHED, asked.wanted, asked.at_least), len(asked.allowed))
+            found = search(graph, to, kept, rng, ef=kept, among=asked.allowed)
     keep = np.isin(found.ids, asked.allowed)
     return Ranked(found.ids[keep], found.distances[keep], found.evaluations)

@@ -15,6 +15,7 @@ from dynreg.distance.linking import link_entries, new_graph
 from dynreg.distance.population import Shared, judged_entries
 from dynreg.index import Graph
 from dynreg.models.mlp import MlpStack
+from dynreg.models.threads import single_threaded
 from dynreg.registry import MappedModels, Registry
 
 FITTED = 500  # entries to which the embedding is fitted: the first ones, so that it stays when others come
@@ -82,11 +83,12 @@ def link(
     ids = tuple(registry.numbers(ref))
     held = None if anew else _linked(registry, ref, ids)
     stack = StoredModels(registry.models(ref))
-    embedded = embed(registry, ref, shared, stack, None if held is None else held.embedded)
-    judged = judge(registry, ref, shared, stack, None if held is None else held.judged)
-    distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
     before = new_graph(shared.seed) if held is None else held.graph
-    graph = link_entries(before, embedded.vectors, distance, threads)
+    with single_threaded():  # what is worth more cores asks for them itself
+        embedded = embed(registry, ref, shared, stack, None if held is None else held.embedded)
+        judged = judge(registry, ref, shared, stack, None if held is None else held.judged)
+        distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
+        graph = link_entries(before, embedded.vectors, distance, threads)
     for key, arrays in (("graph", graph.to_arrays()), ("embedding", embedded.as_arrays())):
         registry.put_index(ref, key, arrays, ids)
     registry.put_index(ref, "judged", judged.as_arrays(), ids)

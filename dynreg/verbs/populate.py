@@ -22,7 +22,8 @@ class PopulateSettings(Settings):
     seed: int = seed()
     ranges: str | None = option(None, "Named parameter ranges of robot.toml.")
     shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
-    link: bool = option(True, "Also build the search graph.")
+    link: bool = option(True, "Also link the new simulators in the search graph.")
+    relink: bool = option(False, "Build the search graph anew.", flag="--relink")
     effects: bool = option(
         False, "Give each simulator one effect, or none, under the commands of a recording."
     )
@@ -90,9 +91,9 @@ def with_models(
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)
-        if added or registry.index(identity, "graph") is None:
+        if added or settings.relink or registry.index(identity, "graph") is None:
             with watch.of("link"):
-                linked, evaluations = link(registry, identity, threads=settings.threads)
+                linked, evaluations = link(registry, identity, threads=settings.threads, anew=settings.relink)
         report("link", 1, 1)
     own = registry.load(identity, ()).own_loss
     return PopulationSummary(
